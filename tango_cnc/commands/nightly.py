@@ -32,6 +32,7 @@ PLACE = "Keep 10"
     "--history", "where", metavar="FILE|URL", help="Instead of the history of nightly.yaml [default: history.db in the cell]."
 )
 @click.option("--port", metavar="URL", help="Instead of controller.port.")
+@click.option("--simulated", is_flag=True, help="The control is a simulated one: message, pages and exports then say so.")
 @click.option(
     "--dry-run", is_flag=True, help="Say what this night would measure and whether it could begin; nothing moves or is kept."
 )
@@ -46,6 +47,7 @@ def command(
     folder: Path,
     where: str | None,
     port: str | None,
+    simulated: bool,
     dry_run: bool,
     status: bool,
     tell: bool,
@@ -89,7 +91,7 @@ def command(
         controller_of(cell)
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
-        control = RealControl(cell, settings, made, analysis.check, stamp, port)
+        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated)
         if dry_run:
             place = _looked_at(place)
         with opened(place) as history:

@@ -16,7 +16,7 @@ import click
 from .. import __version__
 from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
-from ..files.nightly import read_nightly
+from ..files.nightly import history_of, read_nightly
 from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
@@ -210,8 +210,14 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
+def _place(folder: Path) -> str | Path | None:
+    """cell → file or URL of the history that its nightly.yaml names; None where no night has been."""
+    place = history_of(folder, read_nightly(folder))
+    return None if isinstance(place, Path) and not place.exists() else place
+
+
 def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
-    """cell, its machine, units, texts → newest night and open alarms in its history.db; None where it has none."""
+    """cell, its machine, units, texts → newest night and open alarms in its history; None where it has none."""
     from ..history import compensations as recorded
     from ..history import opened
     from ..report.faults import answered, earlier, faults, still_open, unclosed
@@ -219,10 +225,10 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
     from ..report.pace import ahead
 
     machine = chain.name
-    file = folder / "history.db"
-    if not file.exists():
+    place = _place(folder)
+    if place is None:
         return None
-    with opened(file, create=False) as history:
+    with opened(place, create=False) as history:
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
             return None
@@ -254,14 +260,14 @@ def _measured_before(history: History, machine: str, newest: Night) -> Mapping[s
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
-    """cell, its machine, parameters → their values night by night in its history.db; None where it has none."""
+    """cell, its machine, parameters → their values night by night in its history; None where it has none."""
     from ..history import opened
 
-    file = folder / "history.db"
-    if not file.exists():
+    place = _place(folder)
+    if place is None:
         return None
     allowed = read_nightly(folder).limits
-    with opened(file, create=False) as history:
+    with opened(place, create=False) as history:
         if machine not in history.machines():
             return None
         known = history.parameters(machine)

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 from scipy import linalg
 
 from ..estimate import SIGMA_FLOOR, Estimate
@@ -49,6 +51,15 @@ class Whole:
     gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:
+        """→ each error motion in this fit, its coefficients (k,), the pseudo-inverse (k, k) of their covariance."""
+        motions, fitted = np.array(self.motions), np.diag(self.covariance) > 0
+        found = [(name, np.flatnonzero((motions == name) & fitted)) for name in dict.fromkeys(self.motions)]
+        return tuple(
+            (n, own, np.asarray(np.linalg.pinv(self.covariance[np.ix_(own, own)], rcond=1e-10))) for n, own in found if len(own)
+        )
 
 
 def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]) -> tuple[Whole, float]:
