@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
+from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
 from ..files.nightly import history_of, read_nightly
 from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
+from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
-from ..records import InputError, Machine
+from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.course import jumps_of
 from ..report.days import local_day
@@ -29,8 +31,10 @@ from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
+from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
+from .iso230 import thermal_of
 
 if TYPE_CHECKING:
     from ..history import History, Night
@@ -120,6 +124,7 @@ def command(
         made,
         result,
         judgement,
+        sheet=_sheet(folder, result),
         trend=past,
         compensations=compensations(folder),
         nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
@@ -137,6 +142,16 @@ def command(
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
     return status(judgement, despite) or int(crossed or (data["overall"] == "stop" and not despite))
+
+
+def _sheet(folder: Path, result: Estimate) -> Sheet | str:
+    """cell, estimate → the very figures of `tango iso230`, or why there are none."""
+    try:
+        return signed(result, None, thermal_of(folder), budget=budget_of(folder, result))
+    except TangoError as error:
+        if isinstance(error, InputError):
+            raise
+        return str(error)
 
 
 def overall(judgement: Judgement, found: Facts) -> Judgement:
