@@ -26,7 +26,7 @@ from ..uncertainty.inputs import Line, read_budget
 from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
-from ._common import cell_option, json_option, write_json
+from ._common import ahead, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 20"  # in the list of commands
@@ -151,6 +151,8 @@ def command(
             "and form are not; state them in uncertainty.yaml (docs/uncertainty.md)",
             err=True,
         )
+    if judgement.verdict == "trustworthy" and file is None and json_file != "-":
+        ahead(folder, "iso230", "report")
     return status(judgement, despite) if limits is None or conformity.all_conform(decisions) else 1
 
 
