@@ -91,6 +91,16 @@ def test_a_single_touch_that_only_a_resembling_name_leaves_apart_does_not_speak_
 
 
 @pytest.mark.long
+def test_an_event_that_takes_the_place_of_a_name_is_told_and_nothing_is_explained() -> None:
+    """A step of 30 touches gains nothing and is not named; what it took is then put down to one indexation."""
+    s = trials.stage("fork_head")
+    _, early, _ = judge.hidden("fork_head", "pumping_counterbalance", 0.008, 725080)
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
+    assert d.verdict == "unexplained" and "indexation" in [r.covariate for r in d.unexplained]
+    assert "indexation" in as_text(d)
+
+
+@pytest.mark.long
 def test_an_indexation_that_was_clamped_elsewhere_is_set_aside_and_feeds_no_name() -> None:
     d = told("moved_clamp", 0.005, 2)
     assert [m.kind for m in d.events] == ["indexation"] and not d.findings

@@ -271,6 +271,7 @@ def _told(
     if not remains and not findings:  # names that did not stand had taken what is there all the same
         picked = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in picked]
+    remains += _moments.left(means, found, outcome, weight, moments)
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
     if (findings or moments) and not remains and not outcome.picked:
         remains += _seen.left_over(tests_after)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -15,6 +15,7 @@ from ._candidates import pattern
 from ._catalogue import Chosen
 from ._contest import Outcome
 from ._explain import Explanation
+from ._records import Remainder
 from ._rows import Rows
 
 
@@ -50,6 +51,19 @@ def moments(means: Rows, found: Explanation, outcome: Outcome, weight: Array) ->
         kind = "window" if p.kernel.kind == "window" else "indexation"
         result.append(_moment(means, found, weight, kind, first, last, {"axis": axis} if axis else {}, p.score))
     return [*result, *_there_and_back(means, found, outcome.named, weight)]
+
+
+def left(means: Rows, found: Explanation, outcome: Outcome, weight: Array, aside: Sequence[Moment]) -> list[Remainder]:
+    """rows, explanation, what stands in the end, what was set aside → events that were not, as a matter without a name.
+
+    They come up where a name that had taken their place is not named after all.
+    """
+    known = [m.item for m in aside]
+    return [
+        Remainder("time" if m.kind == "window" else "indexation", "machine", m.kind, m.amplitude, 0.0, np.zeros(len(means.seen)))
+        for m in moments(means, found, replace(outcome, named=()), weight)
+        if m.item not in known
+    ]
 
 
 def _moment(
