@@ -140,7 +140,7 @@ def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other
     (tmp_path / "broken" / "machine.yaml").write_text("bad: [", encoding="utf-8")
     (tmp_path / "measured").symlink_to(folder)
     found = CliRunner().invoke(tango, ["fleet", "-C", str(tmp_path)], standalone_mode=False)
-    assert found.return_value == 1 and "broken: not in the list" in found.stderr and "machine.yaml:1" in found.stderr
+    assert found.return_value == 1 and "broken: not in the list" in found.stderr and "machine.yaml:2" in found.stderr
     assert any(line.startswith("trunnion") and "never" in line for line in found.stdout.splitlines())
     assert any(line.startswith(MACHINE) for line in found.stdout.splitlines())
 

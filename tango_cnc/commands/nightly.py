@@ -186,7 +186,7 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
-    from ..nightly.install import advice, units
+    from ..nightly.install import ENCODING, advice, units
 
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
@@ -194,9 +194,9 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     who = getpass.getuser()
     written = units(kind, cell.folder.resolve(), at, cell.machine.name, "" if who == "root" else who)
     for name, text in written.items():
-        write_text(target / name, text)
+        write_text(target / name, text, ENCODING.get(kind, "utf-8"))
     click.echo("\n".join(str(target / name) for name in written))
-    click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target)}")
+    click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target, who)}")
     return 0
 
 
