@@ -228,8 +228,12 @@ class Nights:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
         alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
         diagnosis: dict[str, Any] = {}
+        undiagnosed = ""
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
-            diagnosis = dict(self.diagnosed(self._cell(kind), readings))
+            try:
+                diagnosis = dict(self.diagnosed(self._cell(kind), readings))
+            except Exception as error:  # a check may have too few touches for it; what has changed is known without
+                undiagnosed = str(error) or type(error).__name__
         judged = believed(judged, diagnosis, alarms, first)
         unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
         alarms = [a for a in alarms if judged.believed and not unheard]
@@ -271,7 +275,7 @@ class Nights:
         }
         told |= {"standing": waiting} if waiting else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
-        told |= {"diagnosis": diagnosis} if diagnosis else {}
+        told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
         if not judged.believed:  # what is not believed must not teach the state anything

@@ -24,6 +24,7 @@ from ..touches import Touches
 from .data import Remark
 
 LEVEL = 5e-4  # chance of a false find for each kind of pattern
+AGREED = 1e-4  # the same where the touches are as was predicted before: with six kinds, one in some 1700 nights
 FAINT = 1e-3  # share of a pattern that the unknowns leave of it, below which they stand for it
 FEWEST = 3  # touches that a pattern acts on
 LARGEST = 1500  # touches of which patterns are looked for
@@ -59,9 +60,9 @@ class _Left:
     std: Array  # (p,)
 
 
-def lacking(result: Estimate) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a remark where the residuals show a pattern that moves parameters."""
-    found = patterns(result)
+def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
+    """estimate by the noise of its residuals, level → a remark where the residuals show a pattern that moves parameters."""
+    found = patterns(result, level)
     if not found:
         return
     p = len(result.model.coefficients)
@@ -80,15 +81,15 @@ def lacking(result: Estimate) -> Iterator[Remark]:
     yield Remark("doubtful", text, moves=tuple(names))
 
 
-def patterns(result: Estimate) -> list[Pattern]:
-    """estimate by the noise of its residuals → patterns that its residuals show, whatever they do to the parameters."""
+def patterns(result: Estimate, level: float = LEVEL) -> list[Pattern]:
+    """estimate by the noise of its residuals, level → patterns that its residuals show, whatever they do to the parameters."""
     touches = result.model.touches
     if result.noise is None or len(touches) > LARGEST:
         return []
     left = _left(result)
     if left is None or left.spare < SPARE:
         return []
-    return [*_steady(touches, left), *_moments(touches, left)]
+    return [*_steady(touches, left, level), *_moments(touches, left, level)]
 
 
 def _left(result: Estimate) -> _Left | None:
@@ -126,7 +127,7 @@ def _left(result: Estimate) -> _Left | None:
     )
 
 
-def _steady(touches: Touches, left: _Left) -> Iterator[Pattern]:
+def _steady(touches: Touches, left: _Left, level: float) -> Iterator[Pattern]:
     """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction."""
     tried = list(_candidates(touches))
     for what, axis, columns in tried:
@@ -135,13 +136,13 @@ def _steady(touches: Touches, left: _Left) -> Iterator[Pattern]:
         within = left.basis.T @ seen
         pull = seen.T @ left.gaps
         gain, free, beta = _gain(gram[None], (gram - within.T @ within)[None], pull[None])
-        score = _score(gain, free, left.spare, LEVEL / len(tried))
+        score = _score(gain, free, left.spare, level / len(tried))
         if score[0] > 0:
             moved = -(left.back.T @ (within @ beta[0])) / left.std
             yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved)
 
 
-def _moments(touches: Touches, left: _Left) -> Iterator[Pattern]:
+def _moments(touches: Touches, left: _Left, level: float) -> Iterator[Pattern]:
     """Patterns that begin at one touch, or last from one indexation to another: the best of each kind."""
     index = touches.indexation[left.rows]
     turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if len(index) else np.empty(0, dtype=np.int64)
@@ -167,7 +168,7 @@ def _moments(touches: Touches, left: _Left) -> Iterator[Pattern]:
         inside = within[begin] - within[end]
         gram = plain[begin] - plain[end]
         gain, free, beta = _gain(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
-        score = _score(gain, free, left.spare, LEVEL / len(kinds) / len(begin))
+        score = _score(gain, free, left.spare, level / len(kinds) / len(begin))
         best = int(np.argmax(score))
         if score[best] > 0:
             moved = -(left.back.T @ (inside[best] @ beta[best])) / left.std
