@@ -100,7 +100,7 @@ def test_a_temperature_that_no_sensor_tells_is_named(cell: Path) -> None:
 
 @pytest.mark.parametrize("name", ["EXOC", "volme"])
 def test_a_limit_of_what_no_night_follows_is_refused_as_it_would_never_be_crossed(name: str) -> None:
-    with pytest.raises(InputError, match=rf"nightly\.yaml: limits: found '{name}'.*allowed: volume, .*Did you mean"):
+    with pytest.raises(InputError, match=rf"nightly\.yaml: limits: found '{name}'.*allowed: volume"):
         nights_of(read_cell(GOLDEN), Nightly(limits={"volume": 30.0, name: 25.0}), golden(), deep=False)
 
 
