@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 from scipy.spatial import ConvexHull
+from support.designs import takes_the_plan
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order, region
@@ -338,25 +339,26 @@ def test_a_time_that_is_too_short_is_refused_with_one_that_does_and_a_cell_gets_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("goal", ["locations", "check"])
-def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(goal: str, tmp_path: Path) -> None:
-    folder = tmp_path / "cell"
+def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(tmp_path: Path) -> None:
+    folder, told = tmp_path / "cell", tmp_path / "told.json"
     assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
-    told = tmp_path / "told.json"
-    asked = ["design", "-C", str(folder), "--goal", goal, "--minutes", "5", "--within", "0.3", "-o", str(folder / "chosen.yaml")]
+    asked = [
+        "design",
+        "-C",
+        str(folder),
+        "--goal",
+        "locations",
+        "--minutes",
+        "5",
+        "--within",
+        "0.3",
+        "-o",
+        str(tmp_path / "chosen.yaml"),
+    ]
     assert guarded(tango.main, [*asked, "--json", str(told)], standalone_mode=False) == 0
     data = json.loads(told.read_text(encoding="utf-8"))
-    assert data["time_s"] <= 300 and 0 < data["certificate"]["efficiency"] <= 1
-    assert data["certificate"]["efficiency"] < data["certificate"]["efficiency_at_these_indexations"] <= 1
-    (folder / "tango.yaml").write_text(
-        (folder / "tango.yaml").read_text().replace("strategy.yaml", "chosen.yaml"), encoding="utf-8"
-    )
-    made = plan(read_cell(folder))
-    assert len(made.touches) == data["touches"] and not made.left_out
-    first, last = made.strategy.indexations[0], made.strategy.indexations[-1]
-    assert first.position == last.position and set(last.facets) <= set(first.facets)
-    # A check rests on the full run: alone it need not determine every parameter, which `tango check` says with status 1.
-    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) in ((0, 1) if goal == "check" else (0,))
+    takes_the_plan(folder, tmp_path / "chosen.yaml", data)
+    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) == 0
 
 
 def test_the_region_is_printed_with_the_spans_that_its_poses_have() -> None:

@@ -54,6 +54,10 @@ def test_what_shows_simulated_nights_says_so(cell: Path, words: tuple[str, ...])
     assert SAID in command("history", *words, "-C", cell)
 
 
+def test_the_cell_may_be_named_before_the_command_or_after_it(cell: Path) -> None:
+    assert command("history", "-C", cell, "list") == command("history", "list", "-C", cell)
+
+
 def test_status_and_fleet_say_so(cell: Path) -> None:
     assert SAID in command("nightly", "--status", "-C", cell)
     assert SAID in command("fleet", cell)

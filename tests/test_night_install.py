@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import codecs
+import getpass
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
+from click.testing import CliRunner
 
+from tango_cnc.cli import tango
 from tango_cnc.nightly.install import advice, units
 
 
@@ -67,6 +73,28 @@ def run_by(command: str, cell: Path) -> str:
     log.unlink(missing_ok=True)
     subprocess.run(["sh", "-c", command], env={"PATH": "/usr/bin:/bin"}, check=True)
     return log.read_text(encoding="utf-8")
+
+
+def test_a_task_of_windows_is_one_that_its_scheduler_takes(root: Path, tmp_path: Path) -> None:
+    """Facts of Microsoft's schema 1.2: what stands where, and how the file is encoded (schtasks cannot switch to UTF-8)."""
+    place = tmp_path / "Fräse & Co"
+    shutil.copytree(root / "examples" / "trunnion", place)
+    done = CliRunner().invoke(tango, ["nightly", "-C", str(place), "--install", "windows", "--at", "03:30"])
+    (file,) = (place / "nights" / "timer").glob("*.xml")
+    assert file.read_bytes()[:2] == codecs.BOM_UTF16_LE and 'encoding="UTF-16"' in file.read_text(encoding="utf-16")
+    task = ElementTree.fromstring(file.read_bytes())
+    space = "{http://schemas.microsoft.com/windows/2004/02/mit/task}"
+    assert task.tag == f"{space}Task" and {e.tag.removeprefix(space) for e in task} <= {"Triggers", "Settings", "Actions"}
+    trigger = task.find(f"{space}Triggers/{space}CalendarTrigger")
+    assert trigger is not None and [e.tag.removeprefix(space) for e in trigger] == ["StartBoundary", "ScheduleByDay"]  # a sequence
+    assert trigger[0].text == "2026-01-01T03:30:00"
+    known = (
+        "MultipleInstancesPolicy StartWhenAvailable DisallowStartIfOnBatteries StopIfGoingOnBatteries ExecutionTimeLimit WakeToRun"
+    )
+    settings = task.find(f"{space}Settings")
+    assert settings is not None and [e.tag.removeprefix(space) for e in settings] == known.split()
+    assert f'-C "{place}"' in (task.findtext(f".//{space}Arguments") or "")
+    assert f'/RU "{getpass.getuser()}" /RP *' in done.stdout  # without a password it runs only while somebody is logged on
 
 
 def test_units_of_a_cell_with_a_space_in_its_name_are_copied(tmp_path: Path) -> None:

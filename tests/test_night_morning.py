@@ -357,6 +357,19 @@ def test_the_headline_of_a_night_says_who_has_answered_since() -> None:
     assert as_decided({**record, "headline": "by hand"}, (by("repaired"),)) == "by hand"
 
 
+def test_the_headline_counts_only_alarms_that_are_still_open() -> None:
+    told = {"text": "it moved", "night": "2026-10-04", "now": "", "owner": "Ann", "decision": None}
+    standing_ones = [told | {"id": f"a-{n}"} for n in (1, 2, 3)]
+    record = night(standing=standing_ones, verdict="changed", end_utc="2026-10-05T02:04:00Z")
+
+    def said(*closed: str, action: str = "accept") -> str:
+        return as_decided(record, [Decision(alarm, action, "Bo", "", None, "2026-10-05T08:00:00Z") for alarm in closed])
+
+    assert said().endswith("more open alarms: 2") and said("a-1", "a-2").endswith("more open alarms: 1")
+    assert said("a-2").endswith("more open alarms: 1") and "more open" not in said("a-1", "a-2", "a-3")
+    assert said("a-2", action="acknowledge").endswith("more open alarms: 2")
+
+
 def test_what_stands_behind_a_limit_is_told_once() -> None:
     about: dict[str, Any] = {
         "text": "it moved",

@@ -17,14 +17,15 @@ from support.controls import GOLDEN, golden
 from support.runs import Result
 from test_bodies import YOKE, trunnion
 
+from sim_controller.simulate import simulate
 from tango_cnc.commands._night_warm import warm
 from tango_cnc.commands._night_world import RealControl
-from tango_cnc.files import read_cell
+from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.history import opened
 from tango_cnc.link._layout import read_layout
 from tango_cnc.plan import plan
-from tango_cnc.records import Cell, InputError, LinkError, Obstacle, Plan
+from tango_cnc.records import Cell, InputError, LinkError, Obstacle, Plan, World
 
 BED = '<Streams><Temperature dataItemId="t1" name="bed">{}</Temperature></Streams>'
 ASKED = Nightly(sensor="bed", temperature=(20.0, 24.0))
@@ -124,6 +125,24 @@ def test_a_cold_machine_runs_its_program_until_it_is_warm_and_is_measured_then(c
     with pytest.raises(LinkError, match="far enough"):
         control.measure("full", ())
     assert control.runs == ["warm-up-1.csv", "warm-up-2.csv", "readings.csv"] and agent.bed == 21.0
+
+
+@dataclass
+class Measuring(RealControl):
+    """A control whose run leaves a file of readings."""
+
+    def _run(self, own: object, made: Plan, target: Path) -> dict[str, Any]:
+        of = self.cell
+        touched = simulate(of.machine, of.artefact, of.strategy, World(noise=0.0007), seed=1)
+        target.write_text(readings_text(touched), encoding="utf-8")
+        return {}
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_night_on_a_simulated_control_says_so(cell: Path, simulated: bool) -> None:
+    assert (
+        Measuring(read_cell(cell), Nightly(), golden(), None, "now", "none:", simulated).measure("full", ()).simulated == simulated
+    )
 
 
 def test_a_machine_that_stays_cold_is_not_measured(cell: Path, agent: Agent) -> None:

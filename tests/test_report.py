@@ -19,6 +19,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_readings, read_world, readings_text, write_text
+from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings
@@ -88,7 +89,7 @@ def report(folder: Path, *options: str) -> Result:
 
 def gathered(cell: Cell, readings: Readings, wishes: Wishes, paper: Paper) -> Facts:
     result = estimate(cell.machine, cell.artefact, readings, wishes.terms)
-    return gather(cell, readings, wishes, paper, result, judge(cell, readings, result))
+    return gather(cell, readings, wishes, paper, result, judge(cell, readings, result), sheet=signed(result))
 
 
 @pytest.fixture(scope="module")
@@ -486,3 +487,18 @@ def test_a_machine_beyond_its_limit_ends_with_a_status_of_its_own(limit: str, st
     """The numbers can be used, the machine cannot: a script sees it."""
     found = report(folder, "--no-diagnosis", "--no-pictures", "-o", str(folder / "limit.html"), "--limit-um", limit)
     assert found.exception is None and found.return_value == status
+
+
+def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
+    sheet = facts.sheet
+    assert not isinstance(sheet, str)
+    shown = {f["name"]: f for f in page.as_json(facts)["iso230"] if not f["fitted_alone"]}
+    assert {name: f["value"] for name, f in shown.items()} == {f.name: f.value for f in sheet.figures}
+    assert any(f["value"] is None for f in shown.values())
+    rows = {r["name"]: r for r in page.context(facts, texts())["iso"]}
+    for f in sheet.figures:
+        if f.value is None:
+            assert rows[f.name]["value"] == "–"
+            assert all(motion in rows[f.name]["note"] for motion in f.mixed)
+    alone = [r for r in rows.values() if texts()("iso.alone") in r["note"]]
+    assert {r["name"] for r in alone} >= {"C to B", "C to X"}

@@ -17,6 +17,8 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
+from tango_cnc.commands.report import nights
+from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.words import changed
 from tango_cnc.report import morning
@@ -385,6 +387,18 @@ def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) 
         assert ("Until " in alarms.partition("Decisions so far")[0]) == (decision.action == "ignore")
         for text in (fleet, machine):
             assert "Yes, but" in text and ("Bob has it." in text) == bool(mark) and "nobody has answered" not in text
+
+
+def test_the_history_is_the_one_that_the_nights_write_to(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])
+    (place / "history.db").rename(place / "nights.db")
+    (place / "nightly.yaml").write_text("nightly: 1\nhistory: nights.db\n", encoding="utf-8")
+    other = cell(tmp_path / "other", "Another", records=[])
+    (other / "history.db").write_bytes(b"no database" * 99)
+    with TestClient(create(Settings((place, other))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        fleet = client.get("/").text
+    assert "24 Oct 2026" in fleet and "Another" in fleet and "history.db" in fleet  # the broken one is named and hides nothing
+    assert nights(place, read_cell(place).machine, Units(), texts()) is not None
 
 
 @pytest.mark.long

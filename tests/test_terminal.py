@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from support.histories import record as kept
 from support.nights import into, thirty
 from support.server import cell
 
@@ -105,6 +107,42 @@ def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
     line = called("fleet", str(folder)).stdout.splitlines()[-1]
     drawn = [c for c in line if c in characters.BLOCKS]
     assert len(drawn) == 14 and line.startswith(MACHINE)
+
+
+@pytest.mark.parametrize(
+    ("verdict", "late", "open_alarms", "status"),
+    [
+        ("good", False, 0, 0),
+        ("good", True, 0, 1),
+        ("changed", False, 1, 1),
+        ("changed", False, 0, 0),  # somebody has answered its alarm
+        ("out_of_limits", False, 0, 1),
+        ("doubtful", False, 0, 1),
+        ("not_measured", False, 0, 1),
+    ],
+)
+def test_a_fleet_ends_with_1_when_a_machine_needs_somebody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verdict: str, late: bool, open_alarms: int, status: int
+) -> None:
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(1))
+        (known,) = history.fleet("2026-10-01T06:00:00+00:00")
+    assert known.last is not None
+    now = replace(known, last=replace(known.last, verdict=verdict), late=late, alarms_open=open_alarms)
+    monkeypatch.setattr("tango_cnc.history.History.fleet", lambda self, now_utc, late_hours: (now,))
+    found = CliRunner().invoke(tango, ["fleet", "--history", str(tmp_path / "history.db")], standalone_mode=False)
+    assert found.return_value == status
+
+
+def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other(folder: Path, tmp_path: Path) -> None:
+    for name in ("never", "broken"):
+        assert called("init", str(tmp_path / name), "--example", "trunnion").exit_code == 0
+    (tmp_path / "broken" / "machine.yaml").write_text("bad: [", encoding="utf-8")
+    (tmp_path / "measured").symlink_to(folder)
+    found = CliRunner().invoke(tango, ["fleet", "-C", str(tmp_path)], standalone_mode=False)
+    assert found.return_value == 1 and "broken: not in the list" in found.stderr and "machine.yaml:2" in found.stderr
+    assert any(line.startswith("trunnion") and "never" in line for line in found.stdout.splitlines())
+    assert any(line.startswith(MACHINE) for line in found.stdout.splitlines())
 
 
 def test_bars_of_uncertainty_have_zero_in_the_middle() -> None:

@@ -20,6 +20,7 @@ from tango_cnc.cli import tango
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.history import opened
+from tango_cnc.iso230.signed import signed
 from tango_cnc.nightly.words import message
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, Readings
@@ -74,7 +75,9 @@ def cell_of(name: str) -> tuple[Cell, Readings]:
 def report(cell: Cell, readings: Readings, shop: Path, diagnosis: bool) -> str:
     result = estimate(cell.machine, cell.artefact, readings, cell.terms)
     paper = Paper(datetime(2026, 11, 22, tzinfo=UTC), "0.1", simulated=True)
-    facts = gather(cell, readings, Wishes(cell.terms, diagnosis=diagnosis), paper, result, judge(cell, readings, result))
+    facts = gather(
+        cell, readings, Wishes(cell.terms, diagnosis=diagnosis), paper, result, judge(cell, readings, result), sheet=signed(result)
+    )
     return render(facts, shop)
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 
-from ..files.checked import FURTHEST, Node, Scalar, load
+from ..files.checked import FURTHEST, Node, load
+from ..files.composed import Scalar
 
 PEOPLE = (
     *("laboratory", "address", "location", "customer", "contact", "number", "item", "method", "specification"),

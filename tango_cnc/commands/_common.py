@@ -108,6 +108,13 @@ def ahead(folder: Path, *commands: str) -> None:
     click.echo(f"Next: {', then '.join(f'tango {command}{where}' for command in commands)}", err=True)
 
 
+def cells_in(folder: Path) -> list[Path]:
+    """folder → itself when it is a cell, else the cells in it."""
+    if (folder / "tango.yaml").is_file():
+        return [folder]
+    return sorted(sub for sub in folder.glob("*") if (sub / "tango.yaml").is_file()) if folder.is_dir() else []
+
+
 def dialect(cell: Cell) -> Post:
     """cell with a controller → its post; one that is a file stands in the cell. Raises InputError when there is none."""
     from postprocessors import _base as posts

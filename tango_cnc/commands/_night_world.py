@@ -129,6 +129,7 @@ class RealControl:
     check: Cell | None
     stamp: str
     port: str | None = None
+    simulated: bool = False  # the control stands in for a machine that does not exist
     _points: list[Finding] = field(default_factory=list)
     _cold: bool = False  # what the preflight found: the machine warms up first
 
@@ -241,7 +242,7 @@ class RealControl:
             *(("cell", _cell_hash(self.cell.folder)), ("plan", plan_hash(made))),
             *(("program", str(origin.get("program_hash", ""))), ("readings", hashlib.sha256(text.encode()).hexdigest())),
         )
-        return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches))
+        return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches), self.simulated)
 
     def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
@@ -252,7 +253,9 @@ class RealControl:
         assert self.cell.controller is not None
         post = dialect(self.cell)
         with Live(None) as live:
-            wanted = Wanted(self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None)
+            wanted = Wanted(
+                self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None, simulated=self.simulated
+            )
             return measure(
                 own,
                 made,

@@ -23,7 +23,7 @@ from ..files.origin import current
 from ..records import InputError, Readings
 from ..report.pictures import needed
 from ..terms import causes
-from ._common import Output, cell_option, json_option, write_json
+from ._common import Output, ahead, cell_option, json_option, write_json
 from ._progress import Progress
 from ._trust import despite_option, judged, members, status, told
 
@@ -134,6 +134,8 @@ def command(
     data |= {"trust" if key == "verdict" else key: value for key, value in members(judgement).items()}
     if not write_json(json_file, data):
         click.echo("\n".join([*told(judgement), as_text(found)]))
+    if judgement.verdict == "trustworthy" and found.verdict == "adequate" and file is None and json_file != "-":
+        ahead(folder, "uncertainty", "report")
     return status(judgement, despite)
 
 

@@ -34,11 +34,15 @@ DATED = ("season", "wear")  # causes with a date
 
 
 @click.group()
-def command() -> None:
+@click.option("-C", "folder", type=click.Path(path_type=Path), metavar="DIR", help="The cell; may also follow the command.")
+@click.pass_context
+def command(context: click.Context, folder: Path | None) -> None:
     """Lists, shows, plots, compares and exports what the nights of a machine found, and keeps what was decided.
 
     The history is that of the cell (-C, default: here) or a FILE or URL with --history.
     """
+    if folder is not None:
+        context.default_map = {name: {"folder": folder} for name in command.commands}
 
 
 def _options(machine: bool = True) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

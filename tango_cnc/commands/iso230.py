@@ -16,7 +16,7 @@ from ..iso230.seen import WORTH
 from ..iso230.signed import Sheet, signed
 from ..iso230.temperature import Known, Thermal, read_thermal, scale
 from ._budget import absent, budget_of
-from ._common import cell_option, json_option, table, write_json
+from ._common import ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 50"  # in the list of commands
@@ -66,6 +66,8 @@ def command(
     sheet = signed(result, tool_length, thermal, not as_found, budget_of(folder, result))
     if not write_json(json_file, sheet_json(sheet) | members(judgement) | {"fitted": _fitted_json(result, longer)}):
         click.echo("\n".join([*told(judgement), *sheet_text(sheet)]))
+        if judgement.verdict == "trustworthy" and file is None:
+            ahead(folder, "compensate --list", "report")
     return status(judgement, despite)
 
 

@@ -32,6 +32,7 @@ PLACE = "Keep 10"
     "--history", "where", metavar="FILE|URL", help="Instead of the history of nightly.yaml [default: history.db in the cell]."
 )
 @click.option("--port", metavar="URL", help="Instead of controller.port.")
+@click.option("--simulated", is_flag=True, help="The control is a simulated one: message, pages and exports then say so.")
 @click.option(
     "--dry-run", is_flag=True, help="Say what this night would measure and whether it could begin; nothing moves or is kept."
 )
@@ -46,6 +47,7 @@ def command(
     folder: Path,
     where: str | None,
     port: str | None,
+    simulated: bool,
     dry_run: bool,
     status: bool,
     tell: bool,
@@ -89,7 +91,7 @@ def command(
         controller_of(cell)
         made = plan(cell)
         analysis = nights_of(cell, settings, made)
-        control = RealControl(cell, settings, made, analysis.check, stamp, port)
+        control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated)
         if dry_run:
             place = _looked_at(place)
         with opened(place) as history:
@@ -184,7 +186,7 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
-    from ..nightly.install import advice, units
+    from ..nightly.install import ENCODING, advice, units
 
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
@@ -192,9 +194,9 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     who = getpass.getuser()
     written = units(kind, cell.folder.resolve(), at, cell.machine.name, "" if who == "root" else who)
     for name, text in written.items():
-        write_text(target / name, text)
+        write_text(target / name, text, ENCODING.get(kind, "utf-8"))
     click.echo("\n".join(str(target / name) for name in written))
-    click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target)}")
+    click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target, who)}")
     return 0
 
 

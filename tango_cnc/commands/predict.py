@@ -14,7 +14,7 @@ from ..nc import features, predict
 from ..records import InputError, TangoError
 from ..report import pictures
 from . import _program, _test
-from ._common import Output, cell_option, json_option, table, write_json
+from ._common import Output, ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, made_up, usable
 
 SIMULATED = "PREDICTED FROM SIMULATED READINGS: it says nothing of a machine"
@@ -77,6 +77,8 @@ def command(**options: Any) -> int:
         _draw(options["picture"], way)
     if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
         click.echo("\n".join([*first, _text(data)]))
+        if options["file"] is None:
+            ahead(cell.folder, "compensate --list", "report")
     limit = options["limit_um"]
     return 1 if limit is not None and way.largest > limit else 0
 

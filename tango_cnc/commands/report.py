@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .. import __version__
+from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
-from ..files.nightly import read_nightly
+from ..files.nightly import history_of, read_nightly
 from ..files.origin import current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
+from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
-from ..records import InputError, Machine
+from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.course import jumps_of
 from ..report.days import local_day
@@ -29,8 +31,10 @@ from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
+from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
+from .iso230 import thermal_of
 
 if TYPE_CHECKING:
     from ..history import History, Night
@@ -120,6 +124,7 @@ def command(
         made,
         result,
         judgement,
+        sheet=_sheet(folder, result),
         trend=past,
         compensations=compensations(folder),
         nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
@@ -137,6 +142,16 @@ def command(
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
     return status(judgement, despite) or int(crossed or (data["overall"] == "stop" and not despite))
+
+
+def _sheet(folder: Path, result: Estimate) -> Sheet | str:
+    """cell, estimate → the very figures of `tango iso230`, or why there are none."""
+    try:
+        return signed(result, None, thermal_of(folder), budget=budget_of(folder, result))
+    except TangoError as error:
+        if isinstance(error, InputError):
+            raise
+        return str(error)
 
 
 def overall(judgement: Judgement, found: Facts) -> Judgement:
@@ -195,8 +210,14 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
+def _place(folder: Path) -> str | Path | None:
+    """cell → file or URL of the history that its nightly.yaml names; None where no night has been."""
+    place = history_of(folder, read_nightly(folder))
+    return None if isinstance(place, Path) and not place.exists() else place
+
+
 def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
-    """cell, its machine, units, texts → newest night and open alarms in its history.db; None where it has none."""
+    """cell, its machine, units, texts → newest night and open alarms in its history; None where it has none."""
     from ..history import compensations as recorded
     from ..history import opened
     from ..report.faults import answered, earlier, faults, still_open, unclosed
@@ -204,10 +225,10 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
     from ..report.pace import ahead
 
     machine = chain.name
-    file = folder / "history.db"
-    if not file.exists():
+    place = _place(folder)
+    if place is None:
         return None
-    with opened(file, create=False) as history:
+    with opened(place, create=False) as history:
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
             return None
@@ -239,14 +260,14 @@ def _measured_before(history: History, machine: str, newest: Night) -> Mapping[s
 
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
-    """cell, its machine, parameters → their values night by night in its history.db; None where it has none."""
+    """cell, its machine, parameters → their values night by night in its history; None where it has none."""
     from ..history import opened
 
-    file = folder / "history.db"
-    if not file.exists():
+    place = _place(folder)
+    if place is None:
         return None
     allowed = read_nightly(folder).limits
-    with opened(file, create=False) as history:
+    with opened(place, create=False) as history:
         if machine not in history.machines():
             return None
         known = history.parameters(machine)

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from ..records import InputError
+from ._common import cells_in
 
 PLACE = "Keep 60"  # in the list of commands
 
@@ -22,7 +23,9 @@ PLACE = "Keep 60"  # in the list of commands
     metavar="DIR",
     help="Folder of a cell, or a folder of cells; may be given several times [default: here].",
 )
-@click.option("--history", metavar="FILE|URL", help="One history for all machines [default: history.db in each cell].")
+@click.option(
+    "--history", metavar="FILE|URL", help="One history for all machines [default: that of each cell: history of nightly.yaml]."
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), default=8026, show_default=True, help="Port to listen on.")
 @click.option("--name", "names", multiple=True, help="Name that browsers call this server by, e.g. calibration.shop.local.")
@@ -96,7 +99,7 @@ def command(
             raise InputError(f"{file}: no such file; allowed: a PEM file")
     if certificate is not None and key is not None:
         checked(certificate, key)
-    cells = tuple(cell for folder in folders or (Path("."),) for cell in _cells(folder))
+    cells = tuple(cell for folder in folders or (Path("."),) for cell in cells_in(folder))
     if not cells and history is None:
         raise InputError(
             f"{', '.join(map(str, folders)) or '.'}: found no cell; allowed: a folder with tango.yaml, or one of such folders"
@@ -141,13 +144,6 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _cells(folder: Path) -> list[Path]:
-    """folder → itself when it is a cell, else the cells in it."""
-    if (folder / "tango.yaml").is_file():
-        return [folder]
-    return sorted(sub for sub in folder.glob("*") if (sub / "tango.yaml").is_file()) if folder.is_dir() else []
 
 
 def _hidden(history: str) -> str:

@@ -26,7 +26,7 @@ from ..uncertainty.inputs import Line, read_budget
 from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
-from ._common import cell_option, json_option, write_json
+from ._common import ahead, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 20"  # in the list of commands
@@ -100,7 +100,7 @@ def command(
     json_file: str | None,
     **chosen: Any,
 ) -> int:
-    """Gives every parameter an interval that can be relied on.
+    """Gives every parameter an interval, which holds as far as budget and model are complete.
 
     Readings of one run: the budget (docs/uncertainty.md) says what disturbs them. Repeated cycles or days: the readings say it
     themselves, pooled by cycles or by days, and the budget adds what no repetition shows.
@@ -151,6 +151,8 @@ def command(
             "and form are not; state them in uncertainty.yaml (docs/uncertainty.md)",
             err=True,
         )
+    if judgement.verdict == "trustworthy" and file is None and json_file != "-":
+        ahead(folder, "iso230", "report")
     return status(judgement, despite) if limits is None or conformity.all_conform(decisions) else 1
 
 

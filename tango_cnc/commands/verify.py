@@ -11,7 +11,7 @@ from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..records import InputError
 from ..report import pictures
-from ._common import Output, cell_option, json_option
+from ._common import Output, ahead, cell_option, json_option
 from ._trust import despite_option, judged, status
 from ._verify import Options, Verification, write_sphere
 
@@ -76,4 +76,7 @@ def command(**given: Any) -> int:
         job.sphere()
     if options.volumetric:
         job.volume()
-    return job.finish() or status(judgement, options.despite)
+    failed = job.finish()
+    if not failed and judgement.verdict == "trustworthy" and options.file is None and options.json_file != "-":
+        ahead(folder, "uncertainty", "iso230")
+    return failed or status(judgement, options.despite)

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import yaml
 
@@ -18,13 +18,13 @@ from ..nearest import nearest as nearest
 from ..nearest import printable as printable
 from ..nearest import suggestion as suggestion
 from ..records import Id, InputError, Vector
+from .composed import DEEPEST, Composer, Pairs, Raw, Scalar, Series
 
 NUMERAL = re.compile(r"-?\d+")
 WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")  # which YAML and Python read alike
 LARGEST = 1 << 28  # bytes of a file that is read whole
 SMALL = 1 << 16  # bytes asked for of a file that does not state its size, as in /proc; what is asked for is reserved in memory
 LONGEST = 400_000  # characters of YAML: what can be read in about a second
-DEEPEST = 50  # levels of nesting
 MOST_VALUES = 1_000_000  # that a YAML file stands for
 SHOWN = 200  # characters of a wrong value
 DIGITS = 40  # of a whole number
@@ -54,104 +54,6 @@ def there(file: Path) -> bool:
         return file.exists()
     except (OSError, ValueError):
         return False
-
-
-@dataclass(slots=True)
-class Scalar:
-    """One word of a YAML file, the line (from 0) where it stands, and the marks of quotation around it."""
-
-    tag: str
-    line: int
-    value: str
-    style: str | None
-
-
-@dataclass(slots=True)
-class Series:
-    """A list of a YAML file; `line` from 0."""
-
-    tag: str
-    line: int
-    value: list[Raw]
-
-
-@dataclass(slots=True)
-class Pairs:
-    """A mapping of a YAML file, keys as often as they are given; `line` from 0."""
-
-    tag: str
-    line: int
-    value: list[tuple[Raw, Raw]]
-
-
-Raw = Scalar | Series | Pairs
-R = TypeVar("R", Scalar, Series, Pairs)
-
-
-# Words and brackets of a YAML text by libyaml, where it is there: yaml's own parser takes a minute for a megabyte.
-EVENTS: type[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-
-
-class _Composer:
-    """Composes `Raw` in place of yaml's own nodes, whose marks take ten times the memory of what they mark."""
-
-    def __init__(self, text: str) -> None:
-        self._events: Any = EVENTS(text)
-        self._anchors: dict[str, Raw] = {}
-        self._words: dict[str, str] = {}  # the same word again and again is kept once
-        self._kinds: dict[tuple[str, bool], str] = {}  # plain word → its tag
-
-    def document(self) -> Raw | None:
-        """→ the one document of the text, None where there is none. Raises yaml.YAMLError, RecursionError."""
-        take = self._events.get_event
-        take()
-        if isinstance(take(), yaml.StreamEndEvent):
-            return None
-        raw = self._node(take(), 0)
-        take()
-        event = take()
-        if not isinstance(event, yaml.StreamEndEvent):
-            raise yaml.MarkedYAMLError(problem="a second document begins here", problem_mark=event.start_mark)
-        return raw
-
-    def _node(self, event: Any, depth: int) -> Raw:
-        if depth > DEEPEST:
-            raise RecursionError
-        if isinstance(event, yaml.AliasEvent):
-            if event.anchor not in self._anchors:
-                where: Any = event.start_mark  # libyaml's own kind of mark
-                raise yaml.MarkedYAMLError(problem=f"the alias {event.anchor!r} is defined nowhere", problem_mark=where)
-            return self._anchors[event.anchor]
-        line = event.start_mark.line
-        if isinstance(event, yaml.ScalarEvent):
-            tag = self._plain(event) if event.tag in (None, "!") else str(event.tag)
-            return self._anchored(event.anchor, Scalar(tag, line, self._words.setdefault(event.value, event.value), event.style))
-        take = self._events.get_event
-        if isinstance(event, yaml.SequenceStartEvent):
-            series = self._anchored(event.anchor, Series(_tagged(event, "seq"), line, []))
-            while not isinstance(inner := take(), yaml.SequenceEndEvent):
-                series.value.append(self._node(inner, depth + 1))
-            return series
-        pairs = self._anchored(event.anchor, Pairs(_tagged(event, "map"), line, []))
-        while not isinstance(inner := take(), yaml.MappingEndEvent):
-            key = self._node(inner, depth + 1)
-            pairs.value.append((key, self._node(take(), depth + 1)))
-        return pairs
-
-    def _plain(self, event: Any) -> str:
-        known = (event.value, event.implicit[0])
-        if known not in self._kinds:
-            self._kinds[known] = str(self._events.resolve(yaml.ScalarNode, event.value, event.implicit))
-        return self._kinds[known]
-
-    def _anchored(self, anchor: str | None, node: R) -> R:
-        if anchor is not None:
-            self._anchors[anchor] = node
-        return node
-
-
-def _tagged(event: Any, kind: str) -> str:
-    return f"tag:yaml.org,2002:{kind}" if event.tag in (None, "!") else str(event.tag)
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,7 +246,7 @@ def parse(file: Path, text: str) -> Node:
     try:
         if len(text) > LONGEST:
             raise complaint(file, None, "", f"{len(text)} characters of YAML", f"at most {LONGEST}; is it another kind of file?")
-        raw = _Composer(text).document()
+        raw = Composer(text).document()
         _limited(file, raw)
     except RecursionError:
         raise complaint(file, None, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys") from None

@@ -24,12 +24,12 @@ def dump(data: Any) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
 
 
-def write_text(file: Path, text: str) -> None:
-    """text → file, durable and never half written: a temporary file in the same folder takes its place."""
+def write_text(file: Path, text: str, encoding: str = "utf-8") -> None:
+    """text, encoding → file, durable and never half written: a temporary file in the same folder takes its place."""
     file.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as out:
+        with os.fdopen(handle, "w", encoding=encoding, newline="\n") as out:
             out.write(text)
             out.flush()
             os.fsync(out.fileno())

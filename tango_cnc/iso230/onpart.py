@@ -15,6 +15,7 @@ import numpy as np
 
 from ..records import COMPONENTS, Array, Machine
 from ..terms import Coefficient
+from ..texts import say
 from ._line import Line, Motion, across, line_of, motions
 from .trajectory import Reference, Trajectory, relative, trajectory
 
@@ -76,8 +77,8 @@ def _total(name: str, line: Line, moves: Mapping[str, Motion], over: tuple[float
         first, second = (np.asarray(m.curve)[::3] for m in pair if m is not None)
         curve = np.cos(angle) * first + np.sin(angle) * second
         own = f"E{letters[j]}{name}"
-        note = "rotating sensitive direction, about the least-squares circle"
-        found.append(Ask(kind, f"{name} rotating", pair[0].unit, pair[0].factor, curve, own, over, note))
+        note = say("iso_said.onpart.rotating")
+        found.append(Ask(kind, say("iso_said.onpart.turning", axis=name), pair[0].unit, pair[0].factor, curve, own, over, note))
     return found
 
 
@@ -96,8 +97,8 @@ def _volumetric(
         lever[:, :, 3 + i] = np.cross(np.eye(3)[i], arm)
     flat, moved = lever.reshape(-1, 6), seen.shift.reshape(len(grid) * 3, -1)
     rest = (moved - flat @ np.linalg.lstsq(flat, moved, rcond=None)[0]).reshape(seen.shift.shape)
-    over_what = f"range over {LEVELS} × {LEVELS} × {LEVELS} poses of the touched ranges of X Y Z"
-    aligned = f"{over_what}, workpiece aligned by least squares"
+    over_what = say("iso_said.onpart.poses", count=LEVELS)
+    aligned = say("iso_said.onpart.aligned", count=LEVELS)
     found = [Ask("volumetric", f"V{c}", "µm", 1e3, rest[:, i], "", None, aligned) for i, c in enumerate("XYZ")]
     return found + [Ask("volumetric", f"V{c}", "µrad", 1e6, seen.turn[:, i], "", None, over_what) for i, c in enumerate("ABC")]
 
@@ -115,13 +116,25 @@ def _of_axis(t: Trajectory) -> list[Ask]:
     slope, rest = _slope(t.command, ahead)
     motion = f"E{name}{name}"
     found = [
-        Ask("positioning", f"{motion} M", "µm", 1e3, ahead, motion, over, "mean bidirectional range", command=t.command),
-        Ask("positioning gain", motion, "µm/m", 1e6, slope, motion, over, "positive: the tool goes farther than commanded"),
-        Ask("linearity", motion, "µm", 1e3, rest, motion, over, "positioning about its own least-squares line"),
+        Ask(
+            "positioning",
+            f"{motion} M",
+            "µm",
+            1e3,
+            ahead,
+            motion,
+            over,
+            say("iso_said.line.mean_bidirectional_range"),
+            command=t.command,
+        ),
+        Ask("positioning gain", motion, "µm/m", 1e6, slope, motion, over, say("iso_said.onpart.farther")),
+        Ask("linearity", motion, "µm", 1e3, rest, motion, over, say("iso_said.onpart.own_line")),
     ]
     back = t.way @ t.reversal
     if back.any():
-        found.append(Ask("reversal", f"{motion} B", "µm", 1e3, 2 * back, f"{motion}b", over, "negative: lost motion"))
+        found.append(
+            Ask("reversal", f"{motion} B", "µm", 1e3, 2 * back, f"{motion}b", over, say("iso_said.motions.negative_lost_motion"))
+        )
     for i in range(3):
         if i == own:
             continue
@@ -130,13 +143,27 @@ def _of_axis(t: Trajectory) -> list[Ask]:
         part = np.linspace(0, 1, len(curve))[:, None]
         ends = curve - (1 - part) * curve[0] - part * curve[-1]
         about = _slope(t.command, curve)[1]
-        found.append(Ask("straightness", motion, "µm", 1e3, about, motion, over, "about the least-squares line"))
-        found.append(Ask("straightness", f"{motion} ends", "µm", 1e3, ends, motion, over, "about the line through the end points"))
+        found.append(Ask("straightness", motion, "µm", 1e3, about, motion, over, say("iso_said.line.about_least_squares_line")))
+        found.append(Ask("straightness", f"{motion} ends", "µm", 1e3, ends, motion, over, say("iso_said.onpart.ends")))
         found.append(
-            Ask("straightness", f"{motion} zone", "µm", 1e3, about, motion, over, "minimum zone", zone=True, command=t.command)
+            Ask(
+                "straightness",
+                f"{motion} zone",
+                "µm",
+                1e3,
+                about,
+                motion,
+                over,
+                say("iso_said.onpart.zone"),
+                zone=True,
+                command=t.command,
+            )
         )
     for i in range(3):
-        motion, note = f"E{COMPONENTS[3 + i]}{name}", "roll" if i == own else f"tilt about {'XYZ'[i]}"
+        motion, note = (
+            f"E{COMPONENTS[3 + i]}{name}",
+            say("iso_said.line.roll") if i == own else say("iso_said.line.tilt_about", value="XYZ"[i]),
+        )
         found.append(Ask("angular", motion, "µrad", 1e6, t.turn[:, i, :], motion, over, note))
     return found
 
@@ -153,7 +180,7 @@ def _square(one: Trajectory, two: Trajectory) -> list[Ask]:
     turned = [np.cross(b, w * (t.way @ b), axisb=0, axisc=0) for b, w, t in zip(base, (first, second), (one, two), strict=True)]
     turn = (turned[1] - turned[0])[about]
     symbol = f"E{'ABC'[about]}(0{a}){b}"
-    text = "angle on the part between the ways of the tool for positive commands, less 90°"
+    text = say("iso_said.onpart.on_part")
     return [
         Ask("squareness", f"{b} to {a}", "µm/m", 1e6, angle, symbol, None, text),
         Ask(
@@ -164,7 +191,7 @@ def _square(one: Trajectory, two: Trajectory) -> list[Ask]:
             turn,
             symbol,
             None,
-            f"turn about +{'ABC'[about]} from the perpendicular of {a} to {b}",
+            say("iso_said.onpart.turn", about="ABC"[about], one=a, two=b),
         ),
     ]
 

@@ -216,15 +216,8 @@ def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
     """→ error motions that explain most of what is undecided in a figure, the strongest first."""
     along = w.covariance @ weights
     total = float(weights @ along)
-    found = {}
-    for motion in dict.fromkeys(w.motions):
-        own = [j for j, m in enumerate(w.motions) if m == motion and w.covariance[j, j] > 0]
-        if motion == ask.own or not own:
-            continue
-        block = w.covariance[np.ix_(own, own)]
-        share = float(along[own] @ np.linalg.lstsq(block, along[own], rcond=1e-10)[0]) / total
-        if share > SHARE:
-            found[motion] = share
+    shares = {name: float(along[own] @ inverse @ along[own]) / total for name, own, inverse in w.blocks if name != ask.own}
+    found = {name: share for name, share in shares.items() if share > SHARE}
     return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 

@@ -14,6 +14,7 @@ from .. import kinematics
 from ..kinematics import Slot
 from ..records import Array, Axis, Machine
 from ..terms import Coefficient
+from ..texts import say
 from .poses import all_steady, at_poses
 
 POINTS = 61
@@ -34,7 +35,7 @@ class Reference:
         turned = {n: v if n in "XYZ" else np.degrees(v) for n, v in self.pose.items()}
         pose = ", ".join(f"{n} {v + 0.0:.4g}{'' if n in 'XYZ' else '°'}" for n, v in turned.items())
         at = ", ".join(f"{v + 0.0:.4g}" for v in self.point)
-        return f"other axes at {pose}; tool length {self.length:g} mm; functional point [{at}] in the table frame"
+        return say("iso_said.onpart.reference", pose=pose, length=f"{self.length:g}", point=at)
 
 
 def reference(machine: Machine, over: Mapping[str, tuple[float, float]], length: float | None = None) -> Reference:

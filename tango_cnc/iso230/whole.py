@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
+from numpy.typing import NDArray
 from scipy import linalg
 
 from ..estimate import SIGMA_FLOOR, Estimate
@@ -28,7 +30,8 @@ DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
 ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmonics that are compared
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
-ROUNDS = (4, 2, 2)  # steps with one weight of the touches
+ROUNDS = (4, 2, 2)  # most steps with one weight of the touches
+STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 
 
@@ -48,6 +51,15 @@ class Whole:
     gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:
+        """→ each error motion in this fit, its coefficients (k,), the pseudo-inverse (k, k) of their covariance."""
+        motions, fitted = np.array(self.motions), np.diag(self.covariance) > 0
+        found = [(name, np.flatnonzero((motions == name) & fitted)) for name in dict.fromkeys(self.motions)]
+        return tuple(
+            (n, own, np.asarray(np.linalg.pinv(self.covariance[np.ix_(own, own)], rcond=1e-10))) for n, own in found if len(own)
+        )
 
 
 def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]) -> tuple[Whole, float]:
@@ -96,21 +108,21 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     width = widths(model)
     seen = width > 0
     n, values = len(touches), start
-    prior = np.diag(1 / width[seen])
     sigma = result.sigma
     for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
         for _ in range(steps):
             gaps, jacobian = linearise(model, values)
             offsets, rows, uncertainty = known(model, values)
-            matrix = np.vstack([jacobian / sigma, rows / uncertainty[:, None]])[:, seen]
+            matrix = np.vstack([jacobian / sigma, rows / uncertainty[:, None]])[:, seen] * width[seen]
             right = np.concatenate([gaps / sigma, offsets / uncertainty])
-            root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
-            inverse = linalg.solve_triangular(root, np.eye(len(root)))
-            change = inverse @ (inverse.T @ (matrix.T @ right + prior.T @ (values[seen] / width[seen])))
+            normal = matrix.T @ matrix + np.eye(matrix.shape[1])
+            change = linalg.solve(normal, matrix.T @ right + values[seen] / width[seen], assume_a="pos")
             values = values.copy()
-            values[seen] -= change
+            values[seen] -= width[seen] * change
+            if change @ normal @ change < STILL**2:
+                break
         gaps = linearise(model, values)[0]
-        decided = float(np.sum((matrix @ inverse) ** 2))
+        decided = len(normal) - float(np.trace(linalg.inv(normal)))
         freedom = n + len(uncertainty) - decided
         if freedom < 3:
             raise TangoError(
@@ -121,18 +133,18 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
         if abs(np.log(sigma / weighed)) < 1e-3:
             break
     matrix[:n] *= weighed / sigma
-    root = np.linalg.qr(np.vstack([matrix, prior]), mode="r")
-    inverse = linalg.solve_triangular(root, np.eye(len(root)))
+    inverse = linalg.inv(matrix.T @ matrix + np.eye(len(normal)))
+    scales = np.outer(width[seen], width[seen])
     covariance = np.zeros((len(values), len(values)))
-    covariance[np.ix_(seen, seen)] = inverse @ inverse.T
+    covariance[np.ix_(seen, seen)] = scales * (inverse + inverse.T) / 2
     found = model.coefficients[:p]
     names, few = tuple(motion_of(c) for c in found), max(n - decided - 1, 1.0)
     criterion = n * np.log(gaps @ gaps / n) + 2 * decided + 2 * decided * (decided + 1) / few
     inputs = np.append(np.full(n, 1 / sigma), 1 / uncertainty)
-    ways, own = inverse @ (inverse.T @ matrix.T) * inputs, int(seen[:p].sum())
+    ways, own = width[seen, None] * (inverse @ matrix.T) * inputs, int(seen[:p].sum())
     gain = np.zeros((p, ways.shape[1]))
     gain[seen[:p]] = ways[:own]
-    leave = np.eye(n, ways.shape[1]) - sigma * matrix[:n] @ ways
+    leave = np.eye(n, ways.shape[1]) - sigma * matrix[:n] @ (ways / width[seen, None])
     covariance = covariance[:p, :p]
     return Whole(
         touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave, width[:p]

@@ -8,7 +8,8 @@ from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 
-from ..files.checked import Node, Pairs, load
+from ..files.checked import Node, load
+from ..files.composed import Pairs
 from ..records import InputError
 
 PATTERN, ORDER = 0x1234, 0x01020304

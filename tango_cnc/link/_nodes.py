@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files.checked import Node, Pairs, load
+from ..files.checked import Node, load
+from ..files.composed import Pairs
 from ..records import InputError
 
 STANDARD = Path(__file__).with_name("opcua.yaml")

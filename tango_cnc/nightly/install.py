@@ -8,6 +8,7 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 KINDS = ("systemd", "cron", "windows")
+ENCODING = {"windows": "utf-16-le"}  # the only one that schtasks takes with names beyond ASCII, with its mark at the beginning
 ENVIRONMENT = Path("nights", "timer", "environment")  # of a cell: lines NAME=value, for ${NAME} in nightly.yaml
 
 
@@ -38,14 +39,17 @@ def units(kind: str, cell: Path, at: str, machine: str, user: str = "") -> dict[
     return {f"{name}.service": service, f"{name}.timer": _TIMER.format(machine=machine, at=at)}
 
 
-def advice(kind: str, names: list[str], folder: Path) -> str:
-    """kind, names of the files, where they are → what to do with them."""
+def advice(kind: str, names: list[str], folder: Path, user: str = "") -> str:
+    """kind, names of the files, where they are, who the nights run as → what to do with them.
+
+    Windows asks for a password: without one a task runs only while its user is logged on, and at night nobody is.
+    """
     if kind == "cron":
         lines = _cron(shlex.join(["nightly", "-C", str(folder.resolve().parents[1])])) + " "  # as they stand, and no longer name
         known = f"crontab -l 2>/dev/null | grep -vF {shlex.quote(lines)}"
         return f"({known}; cat {shlex.quote(str(folder / names[0]))}) | crontab -    # in place of earlier lines of this cell"
     if kind == "windows":
-        return f'schtasks /Create /TN "{Path(names[0]).stem}" /XML "{folder / names[0]}"'
+        return f'schtasks /Create /F /TN "{Path(names[0]).stem}" /XML "{folder / names[0]}" /RU "{user}" /RP *'
     timer = next(name for name in names if name.endswith(".timer"))
     return (
         f"sudo cp {shlex.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
@@ -98,12 +102,11 @@ AccuracySec=1min
 WantedBy=timers.target
 """
 _WINDOWS = """\
-<?xml version="1.0" encoding="UTF-8"?>
+\ufeff<?xml version="1.0" encoding="UTF-16"?>
 <Task version="1.2" xmlns="http://schemas.microsoft.com/windows/2004/02/mit/task">
   <Triggers>
     <CalendarTrigger>
       <StartBoundary>2026-01-01T{at}:00</StartBoundary>
-      <Enabled>true</Enabled>
       <ScheduleByDay><DaysInterval>1</DaysInterval></ScheduleByDay>
     </CalendarTrigger>
   </Triggers>

@@ -15,8 +15,8 @@ from ..diagnose import Diagnosis, diagnose
 from ..diagnose.sentences import covariate
 from ..estimate import Estimate, fit
 from ..identify import select
-from ..iso230 import Figure, figures
-from ..iso230.signed import withheld
+from ..iso230 import figures
+from ..iso230.signed import OnPart, Sheet
 from ..judgement import Judgement
 from ..model import linearise
 from ..records import Array, Cell, Machine, Readings, TangoError, TermItem
@@ -129,8 +129,8 @@ class Facts:
     before: Array  # (n,) mm, what remains when only stylus and facets are adjusted
     std: Array  # (p,) standard uncertainties of the unknowns: of the budget where there is one
     factor: float  # of the intervals
-    iso: tuple[Figure, ...]
-    withheld: tuple[str, ...]  # sentences: ISO figures that other error motions of the machine could have made
+    sheet: Sheet | str  # ISO figures beside every error motion of the machine; or why there are none
+    angles: tuple[OnPart, ...]  # between rotary axes and others, of the fitted terms alone
     tip: Volume | None  # over every corner of the touched ranges, as nights have it; None: nothing is known
     chart: VolumeMap | None
     cuts: tuple[slices.Slice, ...]
@@ -179,11 +179,12 @@ def gather(
     result: Estimate,
     judgement: Judgement,
     *,
+    sheet: Sheet | str,
     trend: Mapping[str, Any] | None = None,
     compensations: Sequence[Mapping[str, Any]] = (),
     nights: Nights | None = None,
 ) -> Facts:
-    """cell, readings, wishes, what is on record, estimate and what is thought of it → facts."""
+    """cell, readings, wishes, what is on record, estimate and what is thought of it, ISO figures or why none → facts."""
     chart, cuts = _volume(cell, result)
     held, why = None, ""
     try:
@@ -210,8 +211,8 @@ def gather(
         fit(select(result.model.touches, ("S1",))).residuals,
         std,
         factor,
-        figures(result),
-        withheld(result),
+        sheet,
+        _angles(result, factor),
         of_estimate(result),
         chart,
         cuts,
@@ -224,6 +225,17 @@ def gather(
         tuple(compensations),
         nights,
     )
+
+
+def _angles(result: Estimate, factor: float) -> tuple[OnPart, ...]:
+    """estimate, factor of the intervals → figures of rotary axes that the sheet does not have."""
+    linear, found = set(result.model.touches.machine.linear), []
+    for f in figures(result):
+        axes = {f.name[1]} if f.kind == "reversal" else set(f.name.split(" to "))
+        if f.kind in ("parallelism", "squareness", "angle", "offset", "reversal") and not axes <= linear:
+            ends = (f.value - factor * f.std, f.value + factor * f.std)
+            found.append(OnPart(f.kind, f.name, f.unit, f.value, ends, f.range, f.note))
+    return tuple(found)
 
 
 def _volume(cell: Cell, result: Estimate) -> tuple[VolumeMap | None, tuple[slices.Slice, ...]]:

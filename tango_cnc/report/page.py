@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning, said, unexplained
+from ..iso230.signed import OnPart
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
@@ -83,6 +84,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "diagnosis": _diagnosis(f, t),
         "motions": [_safe(s) for s in charts.motions(f, t)],
         "iso": _iso(f, t),
+        "iso_at": _iso_at(f, t),
         "unseen": [t.of(c.text) for c in f.result.selection.unseen],
         "uncertainty": _uncertainty(f, t),
         "trend": _trend(f, t),
@@ -315,26 +317,37 @@ def _over(f: Facts, name: str, ends: tuple[float, float]) -> str:
 
 
 def _iso(f: Facts, t: Texts) -> list[dict[str, Any]]:
-    rows = []
-    for g in f.iso:
-        factor, unit = f.wishes.units.of(g.unit)
-        over = "" if g.range is None else _over(f, g.name, g.range)
-        value, half = g.value * factor, f.factor * g.std * factor
-        places = digits(g.std * factor)
-        text = f"{value_text(value, g.std * factor)} ± {half:.{places}f}"
-        weak = abs(value) < half
-        if g.interval is not None:
-            low, high = (v * factor for v in g.interval)
-            text, weak = f"{value_text(value, g.std * factor)}, {low:.{places}f} … {high:.{places}f}", low <= 0
-        second = "" if g.arcseconds is None else f"{g.arcseconds:.2f} ″".replace("-", "−")
-        key = f"iso_kind.{g.kind.replace(' ', '_')}"
-        kind = t(key) if key in t else g.kind
-        row = {"kind": kind, "name": t.of(g.name), "value": text, "unit": unit, "arc": second, "over": over, "note": t.of(g.note)}
-        symbol = g.name.removesuffix(" M").removesuffix(" B").removesuffix(" E")
-        if any(w.startswith(f"{symbol} ") for w in f.withheld):
-            row |= {"value": "–", "arc": "", "note": t("iso.withheld")}
-        rows.append({**row, "weak": weak})
-    return rows
+    """facts, texts → rows: figures beside every error motion of the machine, then angles of rotary axes of the fitted terms."""
+    sheet = () if isinstance(f.sheet, str) else f.sheet.figures
+    rows = [_iso_row(f, t, g, t.of(g.note)) for g in sheet if not g.name.endswith((" ends", " zone"))]
+    return rows + [_iso_row(f, t, g, f"{t.of(g.note)}; {t('iso.alone')}".removeprefix("; ")) for g in f.angles]
+
+
+def _iso_at(f: Facts, t: Texts) -> str:
+    """facts, texts → where the figures hold, or why there are none."""
+    if isinstance(f.sheet, str):
+        return f"{f.sheet}."
+    state = {"not stated": t("iso.temperature_none"), "as found": t("iso.temperature_found")}.get(
+        f.sheet.temperature, f.sheet.temperature
+    )
+    text = f.wishes.units.sentence(t("iso.at", reference=t.of(f.sheet.reference.text), state=state))
+    return text[0].upper() + text[1:]
+
+
+def _iso_row(f: Facts, t: Texts, g: OnPart, note: str) -> dict[str, Any]:
+    factor, unit = f.wishes.units.of(g.unit)
+    key = f"iso_kind.{g.kind.replace(' ', '_')}"
+    row: dict[str, Any] = {"kind": t(key) if key in t else g.kind, "name": t.of(g.name), "unit": unit, "note": note}
+    row |= {"over": "" if g.range is None else _over(f, g.name, g.range), "arc": "", "weak": True}
+    if g.value is None or g.interval is None:
+        mixed = t("iso.withheld_from", motions=", ".join(g.mixed)) if g.mixed else t("iso.withheld")
+        return {**row, "value": "–", "note": mixed}
+    low, high = (v * factor for v in g.interval)
+    std = (high - low) / 4
+    places = digits(std)
+    text = f"{value_text(g.value * factor, std)}, {low:.{places}f} … {high:.{places}f}".replace("-", "−")
+    arc = "" if g.unit not in ("µrad", "µm/m") or g.kind == "positioning gain" else f"{np.degrees(g.value * 1e-6) * 3600:.2f} ″"
+    return {**row, "value": text, "arc": arc.replace("-", "−"), "weak": low <= 0 <= high}
 
 
 def _uncertainty(f: Facts, t: Texts) -> list[str]:
@@ -399,17 +412,19 @@ def as_json(f: Facts) -> dict[str, Any]:
     """facts → plain data of the format tango-report/1."""
     found = verdict(f, texts())
     told, within = may(f, texts()).answer, f.within
-    iso: Sequence[dict[str, Any]] = [
+    sheet = () if isinstance(f.sheet, str) else f.sheet.figures
+    iso = [
         {
             "kind": g.kind,
             "name": g.name,
             "value": g.value,
-            "std": g.std,
+            "interval": None if g.interval is None else list(g.interval),
             "unit": g.unit,
             "range": None if g.range is None else list(g.range),
-            "note": g.note,
+            "note": texts().of(g.note),
+            "fitted_alone": g in f.angles,
         }
-        for g in f.iso
+        for g in (*sheet, *f.angles)
     ]
     return {
         "format": "tango-report/1",
@@ -417,13 +432,13 @@ def as_json(f: Facts) -> dict[str, Any]:
         "sentence": sentence(found, texts()),
         "checks": [{"name": c.name, "level": c.level, "value": c.value, "text": c.text, "todo": c.todo} for c in found.checks],
         "effects_um": effects(f.result),
-        "iso230": list(iso),
+        "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,
         "outliers": [int(i) for i in f.result.outliers],
         "not_identifiable": [c.text for c in f.result.selection.unseen],
-        "not_identifiable_figures": list(f.withheld),
+        "not_identifiable_figures": [f.sheet] if isinstance(f.sheet, str) else list(f.sheet.not_identifiable),
         "files": [{"file": name, "bytes": size, "sha256": digest} for name, size, digest in f.paper.files],
     }

@@ -15,6 +15,7 @@ DECIDED = {
     "repaired": "night.words.has_repaired",
     "ignore": "night.words.ignores",
 }
+CLOSED = ("accept", "repaired")
 
 
 def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
@@ -24,11 +25,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said) or headline.key != STANDING:
         return str(headline)
-    own = [
-        d
-        for d in decisions
-        if d.alarm == record["standing"][0]["id"] and d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED
-    ]
+    since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED]
+    closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
+    others = sum(not closed.get(alarm["id"], False) for alarm in record["standing"][1:])
+    headline = headline.but(more=say("night.words.more_wait", count=others) if others else "")
+    own = [d for d in since if d.alarm == record["standing"][0]["id"]]
     if not own:
         return headline
     last = own[-1]

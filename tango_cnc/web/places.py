@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..files import read_cell
-from ..files.nightly import read_nightly
+from ..files.nightly import Nightly, history_of, read_nightly
 from ..history import History, Night, Standing, opened
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
@@ -104,11 +104,11 @@ class Places:
         for folder in self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
-            own = shared or self._history(str(folder / "history.db"), must=False)
+            own, why = (shared, "") if shared is not None else self._own(folder)
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
-            found[slug] = Machine(slug, name, folder, own, cell if isinstance(cell, str) else "")
+            found[slug] = Machine(slug, name, folder, own, cell if isinstance(cell, str) else why)
         if shared is not None:
             for name in shared.machines():
                 found.setdefault(slug_of(name), Machine(slug_of(name), name, None, shared))
@@ -158,10 +158,21 @@ class Places:
         self._cells[folder] = (stamp, cell)
         return cell
 
+    def _own(self, folder: Path) -> tuple[History | None, str]:
+        """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, else ''."""
+        try:
+            settings = read_nightly(folder)
+        except TangoError:  # the night itself tells what is wrong with the file
+            settings = Nightly()
+        try:
+            return self._history(str(history_of(folder, settings)), must=False), ""
+        except TangoError as error:  # one history that cannot be read hides no other machine
+            return None, str(error)
+
     def _history(self, where: str, must: bool = True) -> History | None:
         if where in self._histories:
             return self._histories[where]
-        if not must and not Path(where).exists():
+        if not must and "://" not in where and not Path(where).exists():
             return None
         history = self._stack.enter_context(opened(where, create=False))
         self._histories[where] = history
