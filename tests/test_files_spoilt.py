@@ -215,6 +215,15 @@ def test_an_argument_with_two_signs_of_equality_is_no_line_of_okuma(tmp_path: Pa
         reader.read(tmp_path)
 
 
+def test_a_record_without_a_text_is_an_alarm_of_the_simulated_siemens(tmp_path: Path) -> None:
+    cell(tmp_path)
+    reader = READERS["taken-siemens"]
+    text = reader.text(tmp_path).decode()
+    (tmp_path / reader.name).write_text(re.sub(r'(WRITE\(TG_ERROR,"/dev/ext/1"),.*(?=\))', r"\1", text, count=1))
+    with pytest.raises(InputError, match=r"12090|WRITE"):
+        reader.read(tmp_path)
+
+
 @pytest.mark.parametrize("axis", ["X0", "Q", "XY", ""])
 def test_the_position_of_an_axis_that_is_none_has_no_value_for_okuma(tmp_path: Path, axis: str) -> None:
     cell(tmp_path)
