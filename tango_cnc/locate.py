@@ -20,11 +20,15 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
+from .duration import duration
 from .plan import plan as planned
 from .plan import refuse
 from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
 
 TOUCHES = 9
+MOST = 11  # where several facets have an edge near, and the time allows
+LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
+PACE = 3000.0  # mm/min between touches
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
 TURNED = 3.0  # deg by which it may be turned then
 LEAST_TURNED = 1.0  # deg, however near it is known to be
@@ -62,12 +66,25 @@ def turned(within: float) -> float:
     return max(TURNED * within / FARTHEST, LEAST_TURNED)
 
 
-def strategy(cell: Cell, count: int = TOUCHES, within: float = FARTHEST) -> Plan:
+def strategy(cell: Cell, count: int | None = None, within: float = FARTHEST) -> Plan:
     """cell, touches, mm by which the table may stand elsewhere → plan of the locating cycle.
 
-    It touches facets of one indexation that together tell all six freedoms, searched from far. Raises InputError where no
+    It touches facets of one indexation that together tell all six freedoms, searched from far. Without a count there are nine, or
+    up to eleven where several may show the ball something else: eight that agree are left more often. Raises InputError where no
     indexation has facets that tell them.
     """
+    found = _cycle(cell, count or TOUCHES, within)
+    for more in range(TOUCHES + 1, MOST + 1 if count is None else 0):
+        if len(beside(found)[0]) <= ASTRAY:
+            break
+        other = _cycle(cell, more, within)
+        if len(other.touches) == more and sum(duration(other, PACE).values()) <= LONGEST:
+            found = other
+    return found
+
+
+def _cycle(cell: Cell, count: int, within: float) -> Plan:
+    """cell, touches, mm by which the table may stand elsewhere → plan of the locating cycle. Raises InputError as `strategy`."""
     off = _off(cell.artefact, within)
     approach = Approach(off + CLEAR, off, FEED)
     best: tuple[float, Indexation] | None = None

@@ -232,3 +232,14 @@ def test_a_limit_on_an_axis_alone_is_answered_with_the_figures_of_that_axis(tmp_
         signed(tmp_path, replace(shown, figures=more), limits={"EXX": 10, "EYY": 10})
     said = str(raised.value)
     assert "found 'EXX', 'EYY'; allowed: positioning EXX, reversal EXX, 'parameter NAME'" in said and "straightness" not in said
+
+
+def test_pages_are_counted_and_where_no_interval_stands_no_statement_is_made(tmp_path: Path) -> None:
+    doubtful = replace(sheet(1.0), budget=None, expected=None)
+    assert "No statement of conformity is made" in page.typst(signed(tmp_path, doubtful), repr)
+    assert "page 1 of 1" not in page.typst(signed(tmp_path, sheet(1.0)), repr)
+
+
+def test_a_withheld_figure_says_why_where_nothing_stands(tmp_path: Path) -> None:
+    found = signed(tmp_path, sheet(None), replace(GOOD, verdict="doubtful", reasons=("why",)))
+    assert "EXZ cannot be told from EBZ" in page.typst(found, repr)

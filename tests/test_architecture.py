@@ -30,7 +30,7 @@ INTERNAL: dict[str, str | None] = {
     "duration": "records gate",
     "gate": "records",
     "commission": "records gate plan kinematics duration",
-    "locate": "records kinematics plan",
+    "locate": "records kinematics plan duration",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate nearest",
     "program": "records files plan readback",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import blind, trials
+from support import blind, judge, trials
 from support.outside import KINDS, NULLS
 
 from tango_cnc.diagnose import Diagnosis, as_term, diagnose
@@ -67,6 +67,27 @@ def test_a_face_that_cools_is_a_course_of_this_facet_and_neither_roughness_nor_h
     assert d.verdict == "unexplained" and not d.findings
     assert [r.covariate for r in d.unexplained] == ["facet 13 × time"]
     assert "facet 13 together with time" in as_text(d)
+
+
+@pytest.mark.long
+def test_what_a_rotary_axis_wound_up_is_a_shape_of_its_path() -> None:
+    s = trials.stage()
+    _, early, _ = judge.hidden("hu40t", "wind_up", 0.005, 1)
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
+    assert d.verdict == "unexplained" and not d.findings
+    assert [r.covariate for r in d.unexplained] == ["path of C 120"]
+    assert "the path of C, how far it has turned since it turned back (up to 120°)" in " ".join(as_text(d).split())
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_single_touch_that_only_a_resembling_name_leaves_apart_does_not_speak_for_the_name(seed: int) -> None:
+    """A backlash that falls along X looks like an error motion of X but for one touch."""
+    s = trials.stage("fork_head")
+    _, early, _ = judge.hidden("fork_head", "falling_backlash", 0.005, seed)
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
+    assert d.verdict == "unexplained" and not d.findings and not d.outliers
+    assert [r.covariate for r in d.unexplained] == ["dX × X"]
 
 
 @pytest.mark.long

@@ -215,6 +215,25 @@ def test_an_argument_with_two_signs_of_equality_is_no_line_of_okuma(tmp_path: Pa
         reader.read(tmp_path)
 
 
+def test_a_record_without_a_text_is_an_alarm_of_the_simulated_siemens(tmp_path: Path) -> None:
+    cell(tmp_path)
+    reader = READERS["taken-siemens"]
+    text = reader.text(tmp_path).decode()
+    (tmp_path / reader.name).write_text(re.sub(r'(WRITE\(TG_ERROR,"/dev/ext/1"),.*(?=\))', r"\1", text, count=1))
+    with pytest.raises(InputError, match=r"12090|WRITE"):
+        reader.read(tmp_path)
+
+
+@pytest.mark.parametrize("axis", ["X0", "Q", "XY", ""])
+def test_the_position_of_an_axis_that_is_none_has_no_value_for_okuma(tmp_path: Path, axis: str) -> None:
+    cell(tmp_path)
+    reader = READERS["program-okuma"]
+    text = reader.text(tmp_path).decode()
+    (tmp_path / reader.name).write_bytes(marked(text.replace("X=VAPAX-", f"X=VAPA{axis}-", 1)))
+    with pytest.raises(InputError, match=r"program line \d+ 'G1 X=VAPA"):
+        reader.read(tmp_path)
+
+
 @pytest.mark.parametrize("line", ["2 L X+\x0b40", "2 L Z+50 F" + "9" * 400, "1 TOOL CALL " + "9" * 5000 + " Z", "M" + "9" * 5000])
 def test_a_number_that_no_control_takes_is_refused_in_klartext(line: str) -> None:
     with pytest.raises(InputError, match=r"line 7: found .*no (number that a control takes|control reads|machine goes there)"):

@@ -60,6 +60,18 @@ def test_a_record_file_is_followed_as_it_grows(server):
     assert opened(server).read(0.0) == b""  # a file that is not there yet
 
 
+def test_a_folder_that_does_not_exist_is_refused_before_a_program_is_put(server):
+    """Else the person starts the program, which writes nowhere, and the run waits for a file that never comes."""
+    (server.folder / "records").mkdir()
+    program = place(server, "O8700.NC")
+    line = open_port(parse(server.url("records/TANGO.TXT", program=program), remote.OPTIONS))
+    assert looked(line) == b""
+    line.close()
+    with pytest.raises(LinkError, match=r"there is no folder \S*/record at the control.*Correct the path"):
+        open_port(parse(server.url("record/TANGO.TXT", program=program), remote.OPTIONS))
+    assert [file.name for file in server.folder.iterdir()] == ["records"]
+
+
 @pytest.mark.parametrize("text", [b"my measurements of last year\n", b"x" * 9000, b"P1\nTANGO\n"])
 def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(text, server):
     (server.folder / "TANGO.TXT").write_bytes(text)

@@ -88,7 +88,7 @@ def test_tables_are_found(draws: int) -> None:
 def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
     """On the three-axis example the touches of facets 3 and 7 alone tell Y: 7 mm wrong, either of them could be the one."""
     small = read_cell(Path(__file__).parent.parent / "examples" / "three_axis")
-    planned = locate.strategy(small)
+    planned = locate.strategy(small, 9)
     names = planned.machine.names
     position = np.array([touch.contact for touch in planned.touches])
     alone = [row for row, touch in enumerate(planned.touches) if small.artefact.facets[touch.facet].normal[1] == 1]
@@ -111,20 +111,22 @@ def test_a_table_whose_place_is_known_better_is_searched_over_less() -> None:
 
 def test_it_takes_less_than_three_minutes() -> None:
     assert sum(duration(made(), 3000.0).values()) < 180
-    assert 6 <= len(made().touches) <= 10
+    assert len(made().touches) == 9
 
 
-@pytest.mark.parametrize("example", ["hu40t", "split", "three_axis", "three_axis_calibrated"])
-def test_every_example_takes_less_than_three_minutes(example: str) -> None:
-    cell = read_cell(Path(__file__).parent.parent / "examples" / example)
-    assert sum(duration(locate.strategy(cell), 3000.0).values()) < 180
+@pytest.mark.parametrize(("example", "count"), {"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items())
+def test_every_example_takes_less_than_three_minutes(example: str, count: int) -> None:
+    """Eight touches have to agree: where several facets have an edge near, and time is left, more are made. Split has no ninth."""
+    cycle = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / example))
+    assert sum(duration(cycle, 3000.0).values()) < 180
+    assert len(cycle.touches) == count
 
 
 def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_table_has_to_be_known() -> None:
     """On the stepped block a wall is 20 mm deep, and its facets may be 36 mm elsewhere; on the HU40T one facet only is so near."""
     assert locate.beside(made()) == (("11",), 20)
     block = read_cell(Path(__file__).parent.parent / "examples" / "three_axis_calibrated")
-    far = locate.strategy(block)
+    far = locate.strategy(block, 9)
     near, most = locate.beside(far)
     assert set(near) == {touch.facet for touch in far.touches} and most == 10
     assert locate._off(block.artefact, most) <= 20.0 < locate._off(block.artefact, most + 2)

@@ -18,6 +18,7 @@ from support.runs import Result
 from test_bodies import YOKE, trunnion
 
 from sim_controller.simulate import simulate
+from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._night_warm import warm
 from tango_cnc.commands._night_world import RealControl
 from tango_cnc.files import read_cell, readings_text
@@ -95,6 +96,12 @@ def test_a_temperature_that_no_sensor_tells_is_named(cell: Path) -> None:
         warm(cell, ASKED)
     found = RealControl(read_cell(cell), ASKED, golden(), None, "now", "socket://127.0.0.1:9").preflight("full", ())
     assert [p.passed for p in found if p.check == "warm"] == [False]
+
+
+@pytest.mark.parametrize("name", ["EXOC", "volme"])
+def test_a_limit_of_what_no_night_follows_is_refused_as_it_would_never_be_crossed(name: str) -> None:
+    with pytest.raises(InputError, match=rf"nightly\.yaml: limits: found '{name}'.*allowed: volume"):
+        nights_of(read_cell(GOLDEN), Nightly(limits={"volume": 30.0, name: 25.0}), golden(), deep=False)
 
 
 def test_a_warm_up_without_a_temperature_is_refused(cell: Path) -> None:

@@ -11,6 +11,7 @@ from support.coverage import judged, pushed
 
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.kinematics import chain, tip
 from tango_cnc.records import Array, Cell, Readings
 
 
@@ -63,3 +64,65 @@ def test_an_axis_that_always_comes_from_one_side_is_no_contradiction(cell: Cell,
     direction = np.array(readings.direction)
     direction[:, cell.machine.column("A")] = 1.0
     assert not any("contradict" in reason for reason in judged(cell, replace(readings, direction=direction)).reasons)
+
+
+def doubted(cell: Cell, readings: Readings) -> str:
+    found = judged(cell, readings)
+    assert found.verdict == "doubtful"
+    return " ".join(found.reasons)
+
+
+def along(cell: Cell, readings: Readings, axis: str, way: Array) -> Readings:
+    """Readings of a machine whose axis goes `way` mm or rad further than it says, as touches along the normals show it."""
+    c = chain(cell.machine)
+    normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
+    further = np.array(readings.position)
+    further[:, cell.machine.column(axis)] += way
+    moved = tip(c, further) - tip(c, np.array(readings.position))
+    return pushed(cell, readings, -np.sum(normal * moved, axis=1))
+
+
+def test_readings_that_were_filtered_are_said(cell: Cell, readings: Readings) -> None:
+    normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
+    point = np.array([cell.artefact.facets[f].point for f in readings.facet])
+    off = np.sum((tip(chain(cell.machine), readings.position) - point) * normal, axis=1) - cell.machine.probe.tip_radius
+    before = np.concatenate([off[:1], off[:-1]])
+    assert "a part of the touch before or after it" in doubted(cell, pushed(cell, readings, 0.03 * (before - off)))
+
+
+def test_a_clamp_that_lets_go_in_a_band_is_said(cell: Cell, readings: Readings) -> None:
+    at = readings.position[:, cell.machine.column("C")]
+    loose = 3e-5 * ((at > -1.3) & (at < 0.4))
+    assert "C stood elsewhere than the readings say wherever it was from" in doubted(cell, along(cell, readings, "C", loose))
+
+
+def test_a_column_that_gives_way_far_out_is_said(cell: Cell, readings: Readings) -> None:
+    z = readings.position[:, cell.machine.column("Z")]
+    over = (z - z.min()) / np.ptp(z)
+    eps = along(cell, readings, "Y", np.full(len(readings), 1e-3))
+    toward = np.linalg.norm(tip(chain(cell.machine), eps.position) - tip(chain(cell.machine), readings.position), axis=1) / 1e-3
+    assert "gave way to the touch" in doubted(cell, pushed(cell, readings, -0.009 * toward**2 * over))
+
+
+def test_a_scale_that_grows_during_the_run_is_said(cell: Cell, readings: Readings) -> None:
+    x = readings.position[:, cell.machine.column("X")]
+    assert "the scale of X had changed" in doubted(cell, along(cell, readings, "X", 6e-5 * x * np.linspace(0, 1, len(x))))
+
+
+def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readings) -> None:
+    on = np.arange(len(readings)) >= 0.6 * len(readings)
+    x, y = (readings.position[:, cell.machine.column(a)] for a in "XY")
+    switched = along(cell, along(cell, readings, "Y", on * 4e-5 * x), "Z", on * -3e-5 * y)
+    assert "a compensation of the control had been switched" in doubted(cell, switched)
+
+
+def test_what_three_axes_cannot_show_of_a_bend_is_noted(root: Path) -> None:
+    folder = root / "examples" / "three_axis_calibrated"
+    plain = read_cell(folder)
+    readings = simulate(plain.machine, plain.artefact, plain.strategy, read_world(folder / "world.yaml"), seed=3)
+    notes = " ".join(judged(plain, readings).remarks)
+    assert "cannot show whether X, Y, Z are bent" in notes and "EB0Z" in notes
+
+
+def test_five_axes_show_a_bend_and_note_nothing(cell: Cell, readings: Readings) -> None:
+    assert "bent" not in " ".join(judged(cell, readings).remarks)

@@ -97,6 +97,16 @@ def test_honest_digits_are_not_taken_for_rounded_ones(example: str, digit: float
     )
 
 
+@pytest.mark.parametrize(("share", "digits"), [(0.3, 6), (0.1, 6), (0.3, 3)])
+def test_positions_rounded_here_and_there_are_named(cell: Cell, twice: Readings, share: float, digits: int) -> None:
+    position = np.round(twice.position, digits)
+    position[:, 3:] = twice.position[:, 3:]
+    some = np.random.default_rng(2).random(len(twice)) < share
+    position[some, :3] = np.round(position[some, :3], 2)
+    (said,) = doubts(cell, replace(twice, position=position), "rounded_positions")
+    assert "0.01 mm" in said.text and set(said.touches) & set(twice.touch[some].tolist())
+
+
 @pytest.mark.parametrize("step", [1 / 80, 5 / 2048, 0.0031])
 def test_positions_of_a_drive_that_counts_in_steps_are_named(cell: Cell, twice: Readings, step: float) -> None:
     """80 steps a millimetre, 2048 a turn of a screw of 5 mm; zero lies anywhere; six decimals, as in readings.csv."""

@@ -32,6 +32,8 @@ WAVES = [
     {"covariate": "X", "kind": "polynomial", "low": -300.0, "high": 300.0, "count": 1},
     {"covariate": "C", "kind": "turn", "low": -1000.0, "high": 1000.0, "count": 2},
 ]
+# What the path of a rotary axis leaves wound up.
+WOUND = [{"covariate": "path of C 120", "kind": "polynomial", "low": -1.0, "high": 1.0, "count": 2}]
 PATTERNS = sorted(terms.patterns())
 # Settings for causes of which this plan's touches offer none, or not the one that has to be looked at.
 SETTINGS: dict[str, list[dict[str, Any]]] = {
@@ -48,6 +50,7 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
     "learned": [
         dict(terms.causes()["learned"].example),
         {"name": "face", "factors": COURSE, "weight": "none", "values": [1.0, -0.5, 0.2]},
+        {"name": "hoses", "factors": WOUND, "weight": "axis C", "values": [1.0, 0.3]},
         {"name": "wound", "factors": WAVES, "weight": "machine z", "values": [0.3, 1.0, -0.5, 0.2, 0.6]},
     ],
     "ambient_cycle": [{"period": 600.0}],

@@ -80,6 +80,8 @@ def _covariate(h: History, name: str) -> Array:
         return h.direction[:, h.column(name[1])]
     if first == "way" and rest[3:] in letters:
         return _way(h, rest[3:])
+    if first == "path":
+        return _ahead(h, rest[3:])
     if name == "since indexation":
         begins: list[float] = []
         for row, (number, time) in enumerate(zip(h.indexation, h.time, strict=True)):
@@ -108,6 +110,23 @@ def _way(h: History, letter: str) -> Array:
         last = abs(float(step)) if abs(step) > 1e-4 else last
         found.append(last)
     return np.array(found)
+
+
+def _ahead(h: History, what: str) -> Array:
+    """axis and play in degrees → how far it is ahead of what lies loosely in its play, and stays where nothing pushes it."""
+    letter, _, play = what.partition(" ")
+    if letter not in h.machine.names or not play.isdigit():
+        raise InputError(
+            f"factors: found the covariate 'path of {what}'; allowed: the letter of an axis and a play in whole degrees"
+        )
+    q = h.position[:, h.column(letter)]
+    half = np.pi * int(play) / 360
+    behind = np.empty(len(q))
+    loose = float(q[0]) if len(q) else 0.0
+    for row, place in enumerate(q):
+        loose += max(place - half - loose, 0.0) - max(loose - place - half, 0.0)
+        behind[row] = loose
+    return np.asarray(q - behind)
 
 
 def _directions(weight: str) -> Sequence[str]:

@@ -11,6 +11,7 @@ RULE = (
     "ISO 14253-1:2017: a figure conforms when it lies inside its limit by the guard band g = 1.65 u or more (95 %), does not "
     "conform when it lies outside by g or more, and is undecided between. It is applied to every figure of the table"
 )
+RISK = "a figure at or beyond its limit is said to conform in at most 5 of 100 cases; one inside it not to conform, likewise"
 NOT_IN_IT = "not in U: setting up a tool or workpiece, and whatever changes after the measurement"
 
 
@@ -49,6 +50,9 @@ def checklist(
         "7.8.4.1 b) conditions": _conditions(order.conditions, sheet),
         "7.8.4.1 c) traceability": "; ".join(c.text for c in order.certificates) if traced else "",
         "7.8.4.1 d) before and after adjustment": p.get("adjustment", ""),
+        "7.8.4.1 f) opinions": "none: the sheet has results and decisions only (7.8.7)",
+        "7.8.4.3 calibration interval": "no recommendation is made",
+        "7.8.6.1 level of risk": RISK,
         "7.8.6.2 a) results it applies to": "every figure of the table",
         "7.8.6.2 b) specification": p.get("specification", ""),
         "7.8.6.2 c) decision rule": RULE,

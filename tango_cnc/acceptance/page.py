@@ -51,14 +51,17 @@ HEAD = ["figure", "value", "95 % interval", "U (k = 2)", "guard band", "limit", 
 def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     """sheet, what makes a string literal of typst → source of one page."""
     overall = "All figures conform." if found.conforms else "Not all figures conform."
+    if found.stands:
+        overall = "No statement of conformity is made."
     body = ", ".join(f"text({quoted(c)})" for row in [HEAD, *(cells(r) for r in found.rows)] for c in row)
     missing = {clause: f"missing: {found.lacks[clause]}" if clause in found.lacks else "missing" for clause in found.missing}
     answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or missing[clause]))
-    why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and not found.stands)
+    why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and r.why != found.stands)
     person = found.checklist["7.8.2.1 o) authorised by"]
     number = found.order.people.get("number", "")
-    foot = quoted(f"Acceptance sheet {number}, page 1 of 1, end of the sheet")
-    return f"""#set page(paper: "a4", margin: 14mm, footer: [#text(7pt, {foot})])
+    foot = quoted(f"Acceptance sheet {number}, page ")
+    counted = f'context [#text(7pt, {foot} + counter(page).display("1 of 1", both: true))]'
+    return f"""#set page(paper: "a4", margin: 14mm, footer: {counted})
 #set text(size: 7.5pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
 #set par(leading: 0.45em)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
@@ -71,4 +74,6 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
 
 #v(8mm) #line(length: 70mm, stroke: 0.5pt)
 #text({quoted(f"{person} (date, signature)")})
+
+#align(center, text(7pt, "End of the sheet"))
 """

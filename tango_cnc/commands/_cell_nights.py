@@ -16,7 +16,8 @@ from postprocessors import _base as posts
 from ..duration import duration
 from ..estimate import Estimate
 from ..files import read_readings_text, read_strategy
-from ..files.nightly import Nightly
+from ..files.checked import suggestion
+from ..files.nightly import NAME, Nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
 from ..link._rest import durations
@@ -24,7 +25,7 @@ from ..nightly.analysis import Nights, Timed
 from ..nightly.doubt import Judged
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
-from ..state import frame
+from ..state import Frame, frame
 from ..touches import of_facets
 from ._common import dialect, json_text
 from .estimate import as_json as estimate_json
@@ -38,6 +39,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
     position = np.array([touch.contact for touch in made.touches])
     touches = of_facets(cell.machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
     followed = frame(touches, cell.terms)
+    _limited(cell, settings, followed)
     check = None
     if (cell.folder / CHECK).exists():
         check = replace(cell, strategy=read_strategy(cell.folder / CHECK, cell.machine, cell.artefact))
@@ -52,6 +54,17 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
     )
+
+
+def _limited(cell: Cell, settings: Nightly, followed: Frame) -> None:
+    """A limit of what no night follows would never be crossed: raises InputError for one."""
+    known = ["volume", *(followed.selection.label(followed.names[i]) for i in followed.machine)]
+    for name in settings.limits:
+        if name not in known:
+            raise InputError(
+                f"{cell.folder / NAME}: limits: found {name!r}, which the nights of this machine do not follow; "
+                f"allowed: {', '.join(known)}.{suggestion(name, known)}"
+            )
 
 
 def _begins(cell: Cell, made: Plan) -> tuple[int, ...]:

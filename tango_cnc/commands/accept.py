@@ -80,7 +80,7 @@ def command(
     if not write_json(json_file, page.as_json(found) | members(judgement)):
         lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
-        lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and not found.stands]
+        lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and r.why != found.stands]
         if judgement.verdict == "doubtful" and found.stands and "S4" not in (terms or "".join(map(str, cell.terms))):
             lines.append(
                 "the figures come from a fit with every error motion; --terms S4 judges the touches by a fit that has them, too"

@@ -48,7 +48,7 @@ def command(
 ) -> None:
     """Finds where the table stands, when its file is right to 20 mm and 3 degrees only.
 
-    Eight or nine slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
+    Eight to eleven slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
     cell's own file stays as it is: look at the numbers, then copy it.
     """
     from .. import locate

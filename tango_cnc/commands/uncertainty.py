@@ -100,7 +100,7 @@ def command(
     json_file: str | None,
     **chosen: Any,
 ) -> int:
-    """Gives every parameter an interval that can be relied on.
+    """Gives every parameter an interval, which holds as far as budget and model are complete.
 
     Readings of one run: the budget (docs/uncertainty.md) says what disturbs them. Repeated cycles or days: the readings say it
     themselves, pooled by cycles or by days, and the budget adds what no repetition shows.

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
 from .. import terms as families
 from ..records import Array
@@ -265,6 +266,7 @@ class Outcome:
     nothing: float  # evidence of nothing at all
     by_names: float  # with the names that were found, and noises
     by_shapes: float  # without any name
+    needless: tuple[Chosen, ...] = ()  # single touches that stood apart only beside a name that did not stand
 
     @property
     def shapes(self) -> tuple[Picked, ...]:
@@ -284,15 +286,21 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     """
     cheaper = discounts(y, [*fixed, *names], names)
 
-    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...]]:
-        known = asked(field, y, fixed, kept).grown
+    def beside(kept: Sequence[Chosen], noises: bool, apart: Sequence[Chosen]) -> tuple[float, tuple[Picked, ...]]:
+        known = asked(field, y, apart, kept).grown
         if noises not in known:
-            s = grown(field, y, fixed, kept, noises)
-            known[noises] = evidence(field, s, kept), s.picked
-        value, picked = known[noises]
+            s = grown(field, y, apart, kept, noises)
+            known[noises] = evidence(field, s, kept) - sum(c.price for c in apart), s.picked
+        return known[noises]
+
+    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...]]:
+        value, picked = beside(kept, noises, fixed)
+        apart = needed(y, fixed, kept, picked)
+        if len(apart) < len(fixed):
+            value, picked = max((value, picked), beside(kept, noises, apart), key=lambda both: both[0])
         return value + sum(cheaper[id(c)] for c in kept), picked
 
-    nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ())
+    nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ()) - sum(c.price for c in fixed)
     only_shapes, shapes = of(())
     if not names:
         return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes)
@@ -318,7 +326,33 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         if len(still) < len(kept):
             kept, picked = still, of(still)[1]
     lost = tuple(c for c in names if c not in kept)
-    return Outcome(tuple(kept), lost, picked, nothing, by_names, only_shapes)
+    apart = needed(y, fixed, kept, picked) if lost else fixed
+    return Outcome(tuple(kept), lost, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
+
+
+def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
+    """data (m,), single touches that were set aside beside some names, names and shapes that explain the rest → those of them
+    that are worth their price even so.
+
+    A name that only resembles what is there leaves single touches far away; set aside for nothing, they would speak for it.
+    """
+    if not fixed:
+        return []
+    m = len(y)
+    lower = np.linalg.cholesky(np.eye(m) + sum((p.tau * p.columns @ p.columns.T for p in picked), np.zeros((m, m))))
+    white, own, names = np.split(
+        linalg.solve_triangular(lower, np.hstack([y[:, None], _columns(m, fixed), _columns(m, kept)]), lower=True),
+        [1, 1 + len(fixed)],
+        axis=1,
+    )
+    found = []
+    for i, c in enumerate(fixed):
+        basis = orthonormal(np.hstack([names, np.delete(own, i, axis=1)]))
+        left, column = (x - basis @ (basis.T @ x) for x in (white[:, 0], own[:, i]))
+        part = float(column @ left) ** 2 / max(float(column @ column) * float(left @ left), 1e-300)
+        if -m * float(np.log(max(1 - part, 1e-9))) > c.price:
+            found.append(c)
+    return found
 
 
 def _patterns(picked: Sequence[Picked]) -> bool:
@@ -402,4 +436,4 @@ def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) ->
     return result
 
 
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "posterior", "refinement", "shortlist"]
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "needed", "posterior", "refinement", "shortlist"]

@@ -142,6 +142,7 @@ def explained(
             every = [c for c in every if _where(c) not in absurd]
         found = _with_learned(found)
         field, outcome = _contested(means, found, weight, what.kernels)
+        found = replace(found, chosen=tuple(c for c in found.chosen if not any(c is o for o in outcome.needless)))
         # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
         broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
         smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))

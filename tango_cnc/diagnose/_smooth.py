@@ -26,9 +26,10 @@ CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, o
 KEPT = (0.4, 0.6, 0.8, 0.9)  # correlation of neighbouring touches
 REMEMBERED = 160  # waves of a noise with memory
 WHOLE = 4.0  # rad: what an axis turns beyond this is a wave, and no polynomial of four functions
+PLAIN = 1  # function of each covariate of a pair that is a product; two beside a side from which an axis came
 HALF = 2.0  # rad: what waves of an axis can do with a name, they can do without one
 OFTEN = 6  # touches of a facet that show a course
-LEAST = {"way": 1e-3, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
+LEAST = {"way": 1e-3, "path": 0.05, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
 def forms(touches: Touches) -> Iterator[Form]:
@@ -60,7 +61,7 @@ def forms(touches: Touches) -> Iterator[Form]:
 
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
     for name in known:
-        if name.startswith(("probe", "normal")):
+        if name.startswith(("probe", "normal", "path")):
             continue
         for weight in (*felt, "machine"):
             yield from single(name, weight)
@@ -77,6 +78,9 @@ def forms(touches: Touches) -> Iterator[Form]:
                 for c in "ABC":
                     if Slot(axis, "intra", 3 + "ABC".index(c)) in touches.seen.slots and (name == axis or name in linear):
                         yield from single(name, f"tilt {c} of {axis}")
+    for name in (p for p in known if p.startswith("path")):
+        for weight in (*felt, "machine", "table"):
+            yield from (Form((line(name, LEGENDRE, count),), weight) for count in (1, 3))
     if "probe direction" in known:
         for count in (6, 12):
             yield Form((Factor("probe direction", TURN, -1e3, 1e3, count),), "across")
@@ -94,11 +98,13 @@ def forms(touches: Touches) -> Iterator[Form]:
             pair = (slow(one), slow(other))
             for weight in felt:
                 yield Form(pair, weight)
+                yield Form((line(one, LEGENDRE, PLAIN), line(other, LEGENDRE, PLAIN)), weight)
     for name in (d for d in known if d[0] == "d"):
         for other in places:
             if other != name[1:] or other in linear:
                 for weight in (f"axis {name[1:]}", *(f"machine {c}" for c in "xyz")):
                     yield Form((Factor(name, SIDE, -1.0, 1.0, 1), slow(other)), weight)
+                    yield Form((Factor(name, SIDE, -1.0, 1.0, 1), line(other, LEGENDRE, 2 * PLAIN)), weight)
     if "time" in known:  # a face that is warm, or wears: its offset is known already, and no facet once touched tells a course
         for facet, often in Counter(touches.facet).items():
             if often >= OFTEN:

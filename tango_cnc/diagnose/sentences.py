@@ -150,6 +150,9 @@ def _covariate(name: str) -> str:
         return say("diagnosis_said.probe_direction_along_stylus")
     if kind == "way":
         return say("diagnosis_said.length_last_move", name=name[-1])
+    if kind == "path":
+        _, axis, play = rest.split(" ")
+        return say("diagnosis_said.path_of_turning_axis", name=axis, play=play)
     if kind == "shift":
         letter, _, frame = rest.partition(", ")
         return say("diagnosis_said.time_shift_along_frame", upper=letter.upper(), frame=_frame(frame))

@@ -18,7 +18,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy import linalg
 
-from ..estimate import SIGMA_FLOOR, Estimate
+from ..estimate import Estimate
 from ..identify import Selection
 from ..kinematics import Slot, slot_name
 from ..model import Model, known, linearise
@@ -30,6 +30,7 @@ DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
 ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmonics that are compared
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
+FINEST = 1e-5  # mm: beside a finer scatter the widths of all error motions leave the matrix without an inverse
 ROUNDS = (4, 2, 2)  # most steps with one weight of the touches
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
@@ -108,7 +109,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     width = widths(model)
     seen = width > 0
     n, values = len(touches), start
-    sigma = result.sigma
+    sigma = max(result.sigma, FINEST)
     for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
         for _ in range(steps):
             gaps, jacobian = linearise(model, values)
@@ -129,7 +130,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
                 f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
                 "allowed: 3 or more; touch more indexations"
             )
-        weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), SIGMA_FLOOR)
+        weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), FINEST)
         if abs(np.log(sigma / weighed)) < 1e-3:
             break
     matrix[:n] *= weighed / sigma
@@ -154,7 +155,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
 def foreseen(selection: Selection) -> Whole:
     """selection for touches that nobody has made yet → what they will leave undecided, at the stated repeatability of the probe."""
     model, p = _with_all(selection.model)
-    sigma = max(model.touches.machine.probe.repeatability, SIGMA_FLOOR)
+    sigma = max(model.touches.machine.probe.repeatability, FINEST)
     values, width = np.zeros(len(model.names)), widths(model)
     seen = width > 0
     _, jacobian = linearise(model, values)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ..files.checked import printable
+from ..nearest import suggestion
 from ..records import InputError
 from ._secrets import SECRET, revealed, shown
 from .protocols import schemes
@@ -101,7 +102,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             raise InputError(f"port {url!r}: found {printable(repr(name), 80)} more than once; allowed: each setting once")
         value = text or "yes" if name == "exclusive" else text
         if name not in known:
-            raise InputError(f"port {url!r}: found the unknown setting {printable(repr(name), 80)}; allowed: {', '.join(known)}")
+            found, other = printable(repr(name), 80), suggestion(name[:80], known)
+            raise InputError(f"port {url!r}: found the unknown setting {found}; allowed: {', '.join(known)}{other and '.' + other}")
         if known[name] and value not in known[name] and not (name == "baud" and re.fullmatch("[1-9][0-9]{0,7}", value)):
             raise InputError(f"port {url!r}: {name}: found {printable(repr(value), 80)}; allowed: {', '.join(known[name])}")
         if name in LINE:

@@ -40,7 +40,7 @@ from ..texts import say
 from ..touches import from_readings
 from . import parts
 from .alarms import Known, after_repair, alarm_of, ignored, since, standing
-from .doubt import Judged, believed
+from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
 from .trend import SLOPE, as_alarm, behind, drift, slopes
 
@@ -227,9 +227,9 @@ class Nights:
         if self.judged is not None and result is not None:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
         alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
-        diagnosis: dict[str, Any] = {}
+        diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
-            diagnosis = dict(self.diagnosed(self._cell(kind), readings))
+            diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         judged = believed(judged, diagnosis, alarms, first)
         unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
         alarms = [a for a in alarms if judged.believed and not unheard]
@@ -271,7 +271,7 @@ class Nights:
         }
         told |= {"standing": waiting} if waiting else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
-        told |= {"diagnosis": diagnosis} if diagnosis else {}
+        told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
         if not judged.believed:  # what is not believed must not teach the state anything

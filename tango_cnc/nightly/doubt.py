@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..records import Cell, Readings
 from ..report.texts import texts
 from ..state.changes import change
 from ..terms import serving
@@ -22,6 +23,19 @@ class Judged:
     wandered: str = ""  # why the machine counts as on the move while it was measured, as a sentence; empty: it does not
     walk: float = 0.0  # of the touches in time, over their white scatter
     believed: bool = True  # whether tonight teaches the state anything
+
+
+def attempted(
+    diagnosed: Callable[[Cell, Readings], Mapping[str, Any]], cell: Cell, readings: Readings
+) -> tuple[dict[str, Any], str]:
+    """how to diagnose, cell, readings → diagnosis and '', or {} and why it could not be made: what has changed is known without it.
+
+    A check may have too few touches for it.
+    """
+    try:
+        return dict(diagnosed(cell, readings)), ""
+    except Exception as error:
+        return {}, str(error) or type(error).__name__
 
 
 def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool) -> Judged:

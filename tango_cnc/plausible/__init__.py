@@ -28,9 +28,11 @@ from .search import less, place, suspects
 from .setup import stylus
 from .spare import spare
 from .spindle import still
+from .unseen import unseen
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
+TINY = 0.01  # of what was left before: a mistake that leaves no more of all touches explains every one of them
 EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
@@ -102,11 +104,14 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     # Where every touch is centimetres off, or another mistake explains a bar, that is a symptom like any other.
     gross = bool(tried) and tried[0].before > GROSS
     other = bool(tried) and tried[0].kind != "scale_bar" and tried[0].fits is not False
-    sure = {r.text for r in found if r.sure and not gross and not (other and r.kind == "scale_bar")}
+    # One mistake that leaves nothing of all touches explains what a step or late touches explain of a part of them.
+    whole = bool(tried) and tried[0].fits is not False and tried[0].after < min(TINY * tried[0].before, EXPLAINED)
+    sure = {r.text for r in found if r.sure and not gross and not whole and not (other and r.kind == "scale_bar")}
     direct = [s for s in own if s.kind in DIRECT and (not s.touches or len(s.touches) > len(readings) / 2)]
     alike = len(readings) > 1 and not np.ptp(readings.position, axis=0).any()  # such readings fit anything
-    if tried and tried[0].before < coarse(readings):  # no more is to be explained than the rounding makes
-        first = [s for s in own if s.kind == "rounded_positions"]
+    rounded: list[Suspicion] = []
+    if coarse(readings) and (not tried or tried[0].before < coarse(readings)):  # no more is to be explained than the rounding makes
+        first = rounded = [s for s in own if s.kind == "rounded_positions"]
     elif not tried or alike or (direct and tried[0].after > EXPLAINED):
         first = direct
     else:
@@ -115,8 +120,9 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     copied = [s for s in own if s.kind == "copied_positions" and not s.touches]
     first = [
         *copied,
+        *rounded,
         *(s for s in own if s.text in sure and s not in copied),
-        *(s for s in first if s.text not in sure and s not in copied),
+        *(s for s in first if s.text not in sure and s not in copied and s not in rounded),
     ]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
@@ -155,7 +161,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
         )
     found += _noise(result)
     found += [*late(result), *common(result), *still(result), *alike_backlashes(result), *by_direction(result)]
-    found += [*lacking(result), *stylus(cell, told)]
+    found += [*lacking(result), *unseen(result), *stylus(cell, told)]
     return found
 
 

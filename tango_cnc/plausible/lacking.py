@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, special
 
+from .. import kinematics
 from ..estimate import Estimate
 from ..model import known
 from ..records import Array
 from ..texts import joined, say
-from ..touches import Touches
+from ..touches import FAR, Touches
 from .data import Remark
 
 LEVEL = 5e-4  # chance of a false find for each kind of pattern
@@ -31,6 +32,8 @@ SPARE = 20.0  # touches to spare, at least
 MOVED = 2.0  # standard deviations by which a pattern moves a parameter before the result is doubtful
 TOUCHED = 1.0  # the same before the parameter is not to be trusted
 RIDGE = 1e-10
+NEAR_ANGLE, NEAR_PLACE = 1e-3, 0.01  # rad, mm between two places of an axis
+MOST = 60  # places of an axis of which every stretch is tried
 SHOWN = 4  # parameters that a sentence names
 
 
@@ -47,7 +50,7 @@ class Pattern:
 
 
 @dataclass(frozen=True)
-class _Left:
+class Left:
     """Touches that count, over their scatter, and what the unknowns leave of them."""
 
     rows: NDArray[np.int64]  # (n,) which touches
@@ -71,13 +74,24 @@ def lacking(result: Estimate) -> Iterator[Remark]:
     best = max(found, key=lambda f: (round(f.score), f.what == "position"))  # an error motion of its own can stand for it
     names = [result.model.names[int(j)] for j in np.argsort(-moved) if moved[j] > TOUCHED]
     number = result.model.touches.number
+    between = _between(result.model.touches, best)
     text = say(
         "plausible.lacking.found",
-        what=say(f"plausible.lacking.{best.what}", axis=best.axis, first=number[best.first], last=number[best.last]),
+        what=say(f"plausible.lacking.{best.what}", axis=best.axis, first=number[best.first], last=number[best.last], **between),
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(moved.max()):.0f}",
     )
     yield Remark("doubtful", text, moves=tuple(names))
+
+
+def _between(touches: Touches, found: Pattern) -> dict[str, str]:
+    """→ the places of its axis between which a pattern lies, for its words; none where it has no axis of its own."""
+    if found.axis not in touches.machine.names:
+        return {}
+    at = touches.axis(found.axis)[[found.first, found.last]]
+    low, high = np.degrees(at) if found.axis in touches.machine.rotary else at
+    unit = "°" if found.axis in touches.machine.rotary else " mm"
+    return {"low": f"{low:.6g}{unit}", "high": f"{high:.6g}{unit}"}
 
 
 def patterns(result: Estimate) -> list[Pattern]:
@@ -85,13 +99,14 @@ def patterns(result: Estimate) -> list[Pattern]:
     touches = result.model.touches
     if result.noise is None or len(touches) > LARGEST:
         return []
-    left = _left(result)
+    left = left_over(result)
     if left is None or left.spare < SPARE:
         return []
-    return [*_steady(touches, left), *_moments(touches, left)]
+    return [*_steady(touches, left), *_moments(touches, left), *_bands(touches, left)]
 
 
-def _left(result: Estimate) -> _Left | None:
+def left_over(result: Estimate) -> Left | None:
+    """estimate by the noise of its residuals → what the unknowns leave of its touches; None where nothing scatters."""
     noise, n = result.noise, len(result.residuals)
     assert noise is not None
     rows = np.flatnonzero(~result.unused)
@@ -121,12 +136,12 @@ def _left(result: Estimate) -> _Left | None:
     back = linalg.solve_triangular(root, np.eye(len(root)), lower=True, check_finite=False)[:, :p] / size
     gaps = right - basis @ (basis.T @ right)
     touched = basis[: len(rows)]
-    return _Left(
+    return Left(
         rows, 1 / scatter, touched, back, gaps[: len(rows)], len(rows) - float(np.sum(touched**2)), np.linalg.norm(back, axis=0)
     )
 
 
-def _steady(touches: Touches, left: _Left) -> Iterator[Pattern]:
+def _steady(touches: Touches, left: Left) -> Iterator[Pattern]:
     """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction."""
     tried = list(_candidates(touches))
     for what, axis, columns in tried:
@@ -141,38 +156,67 @@ def _steady(touches: Touches, left: _Left) -> Iterator[Pattern]:
             yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved)
 
 
-def _moments(touches: Touches, left: _Left) -> Iterator[Pattern]:
+def _moments(touches: Touches, left: Left) -> Iterator[Pattern]:
     """Patterns that begin at one touch, or last from one indexation to another: the best of each kind."""
     index = touches.indexation[left.rows]
-    turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if len(index) else np.empty(0, dtype=np.int64)
-    edges = np.unique(np.concatenate([[0], turns, [len(index)]])).astype(np.int64)
+    n = len(index)
+    turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if n else np.empty(0, dtype=np.int64)
+    edges = np.unique(np.concatenate([[0], turns, [n]])).astype(np.int64)
+    i, j = np.triu_indices(len(edges), 1)
+    later = np.arange(FEWEST, n - FEWEST + 1)
+    begin, end = np.concatenate([later, edges[i]]), np.concatenate([np.full(len(later), n), edges[j]])
     kinds = list(_movable(touches))
     for what, axis, columns in kinds:
-        seen = columns[left.rows] * left.weight[:, None]
+        found = _stretch(left, np.arange(n), columns, begin, end, LEVEL / len(kinds))
+        if found is not None:
+            rows, score, moved = found
+            last = int(rows[-1]) == int(left.rows[-1])
+            yield Pattern(what if last else f"{what}_while", axis, int(rows[0]), int(rows[-1]), score, moved)
 
-        def after(rows: Array) -> Array:
-            return np.asarray(np.concatenate([np.cumsum(rows[::-1], axis=0)[::-1], np.zeros((1, *rows.shape[1:]))]))
 
-        within = after(np.einsum("ij,ik->ijk", left.basis, seen))
-        plain = after(np.einsum("ij,ik->ijk", seen, seen))
-        pull = after(seen * left.gaps[:, None])
-        n = len(index)
-        begin, end = np.arange(FEWEST, n - FEWEST + 1), np.full(max(n - 2 * FEWEST + 1, 0), n)
+def _bands(touches: Touches, left: Left) -> Iterator[Pattern]:
+    """An axis that is elsewhere in a part of its travel: a clamp that lets go there, a joint of its scale, a damaged tooth."""
+    axes = (*touches.machine.rotary, *touches.machine.linear)
+    for axis in axes:
+        at = touches.axis(axis)[left.rows]
+        order = np.argsort(at, kind="stable")
+        apart = np.diff(at[order]) > (NEAR_ANGLE if axis in touches.machine.rotary else NEAR_PLACE)
+        edges = np.concatenate([[0], np.flatnonzero(apart) + 1, [len(at)]]).astype(np.int64)
         i, j = np.triu_indices(len(edges), 1)
-        begin, end = np.concatenate([begin, edges[i]]), np.concatenate([end, edges[j]])
-        keep = (end - begin >= FEWEST) & (end - begin <= n - FEWEST)
-        begin, end = begin[keep], end[keep]
-        if not len(begin):
-            continue
-        inside = within[begin] - within[end]
-        gram = plain[begin] - plain[end]
-        gain, free, beta = _gain(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
-        score = _score(gain, free, left.spare, LEVEL / len(kinds) / len(begin))
-        best = int(np.argmax(score))
-        if score[best] > 0:
-            moved = -(left.back.T @ (inside[best] @ beta[best])) / left.std
-            rows = left.rows[begin[best]], left.rows[end[best] - 1]
-            yield Pattern(what if end[best] == n else f"{what}_while", axis, int(rows[0]), int(rows[1]), float(score[best]), moved)
+        if len(edges) > MOST:  # places of a linear axis: from one on only
+            i, j = np.arange(len(edges) - 1), np.full(len(edges) - 1, len(edges) - 1)
+        found = _stretch(left, order, touches.lever(axis)[:, None], edges[i], edges[j], LEVEL / len(axes))
+        if found is not None:
+            rows, score, moved = found
+            yield Pattern("band", axis, int(rows[0]), int(rows[-1]), score, moved)
+
+
+def _stretch(
+    left: Left, order: NDArray[np.int64], columns: Array, begin: NDArray[np.int64], end: NDArray[np.int64], level: float
+) -> tuple[NDArray[np.int64], float, Array] | None:
+    """rows in an order, (touches, k) mm a unit, first and one past the last of stretches of that order → the rows of the stretch in
+    which the pattern explains most, its score, by how much it moves each unknown; None where it explains no more than chance."""
+    n = len(order)
+    keep = (end - begin >= FEWEST) & (end - begin <= n - FEWEST)
+    begin, end = begin[keep], end[keep]
+    if not len(begin):
+        return None
+    basis, seen = left.basis[order], columns[left.rows[order]] * left.weight[order][:, None]
+
+    def after(rows: Array) -> Array:
+        return np.asarray(np.concatenate([np.cumsum(rows[::-1], axis=0)[::-1], np.zeros((1, *rows.shape[1:]))]))
+
+    within = after(np.einsum("ij,ik->ijk", basis, seen))
+    plain = after(np.einsum("ij,ik->ijk", seen, seen))
+    pull = after(seen * left.gaps[order][:, None])
+    inside = within[begin] - within[end]
+    gram = plain[begin] - plain[end]
+    gain, free, beta = _gain(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
+    score = _score(gain, free, left.spare, level / len(begin))
+    best = int(np.argmax(score))
+    if not score[best] > 0:
+        return None
+    return left.rows[order[begin[best] : end[best]]], float(score[best]), -(left.back.T @ (inside[best] @ beta[best])) / left.std
 
 
 def _gain(plain: Array, gram: Array, pull: Array) -> tuple[Array, Array, Array]:
@@ -227,6 +271,30 @@ def _candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     yield "probe", "", np.abs(touches.spindle_normal[:, [2]])
     yield "probe", "", np.abs(up)[:, None]
     yield "radius", "", np.ones((len(touches), 1))
+    at = places(touches)
+    for i, axis in enumerate("XYZ"):
+        if axis in machine.linear:
+            squared = touches.machine_normal[:, [i]] ** 2  # whichever side is touched, it gives way
+            yield "yields", axis, squared * np.column_stack([np.ones(len(t)), at])
+    for column, axis in zip(at.T, machine.linear, strict=True):
+        yield "grows", axis, (touches.lever(axis) * column)[:, None] * np.stack([t, t**2], axis=1)
+    yield "memory", "", _remembered(touches)
+
+
+def places(touches: Touches) -> Array:
+    """→ (n, linear axes) positions from −1 to 1 of the travel that was used; 0 of an axis that stood still."""
+    at = np.stack([touches.axis(name) for name in touches.machine.linear], axis=1)
+    low, high = at.min(axis=0), at.max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    return np.asarray((2 * at - low - high) / span)
+
+
+def _remembered(touches: Touches) -> Array:
+    """→ (n, 2) mm, how far from its nominal place the touch before was, and the one after: readings that were filtered have a part
+    of it. One that is far off says nothing of the others."""
+    away = kinematics.tip(touches.chain, touches.position) - touches.point
+    off = np.clip(np.sum(away * touches.normal, axis=1) - touches.radius, -FAR, FAR)
+    return np.stack([np.concatenate([[0.0], off[:-1]]), np.concatenate([off[1:], [0.0]])], axis=1)
 
 
 def _movable(touches: Touches) -> Iterator[tuple[str, str, Array]]:
@@ -236,3 +304,6 @@ def _movable(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     yield "offset", "", touches.machine_normal
     for axis in touches.machine.rotary:
         yield "turned", axis, touches.lever(axis)[:, None]
+    at = np.column_stack([np.ones(len(touches)), places(touches)])
+    normal = touches.machine_normal
+    yield "compensation", "", (normal[:, :, None] * at[:, None, :]).reshape(len(touches), -1)

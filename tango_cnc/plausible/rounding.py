@@ -13,6 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from ..kinematics import chain, inverse
 from ..records import Array, Cell, Readings
@@ -20,6 +21,10 @@ from ..records import Array, Cell, Readings
 STEPS = (0.1, 0.05, 0.0254, 0.01, 0.005, 0.00254)  # mm; 0.001 and 0.0001 inch too
 SHARE = 0.05  # of a search that an axis makes: with less, it may stand at the round number of the program
 FEWEST = 20  # positions in a row that are all whole multiples: by chance with steps of 1 µm, one in 10^13
+SOME = 5  # positions here and there that are whole multiples, at least
+FINE = (1e-3, 5e-4, 1e-4, 1e-5, 0.0)  # mm, digits that a control writes
+OFTEN = 3  # times that another remainder has to come before it says how often one does by chance
+LEVEL = 1e-8  # chance that so many of them are
 SWAMPS = 3.0  # times the stated repeatability: a step makes a scatter of its length over √12
 FINEST = 0.002  # mm
 DIFFERENT = 8  # positions that have to lie on one lattice: by chance, one in 10^15
@@ -34,6 +39,10 @@ def partly(cell: Cell, readings: Readings) -> Iterator[tuple[str, float, tuple[i
         for step in STEPS:
             rows = moved[_longest(_whole(values, step))]
             if len(rows) >= FEWEST:
+                yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
+                break
+            rows = moved[_scattered(values, step)]
+            if len(rows):
                 yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
                 break
 
@@ -79,11 +88,28 @@ def _lattice(values: Array, least: float) -> float:
     return 0.0
 
 
-def _whole(values: Array, step: float) -> Array:
+def _whole(values: Array, step: float) -> NDArray[np.bool_]:
+    if not step:
+        return np.ones(len(values), dtype=np.bool_)
     return np.asarray(np.abs(values / step - np.round(values / step)) < 1e-6 / step)
 
 
-def _longest(flags: Array) -> slice:
+def _scattered(values: Array, step: float) -> NDArray[np.bool_]:
+    """positions, mm → (n,) which are whole multiples of the step, where far more of them are than of any other remainder.
+
+    Positions in steps of their own have a few remainders, all alike frequent. Equal positions count once.
+    """
+    whole = _whole(values, step)
+    rest = np.round(np.mod(np.unique(values), step) / DIGIT).astype(np.int64) % round(step / DIGIT)
+    _, others = np.unique(rest[rest != 0], return_counts=True)
+    count, n, most = int((rest == 0).sum()), len(rest), int(others.max(initial=0))
+    chance = max(next(d for d in FINE if _whole(values, d).all()) / step, most / n if most >= OFTEN else 0.0)
+    if count < SOME or chance >= 1 or special.bdtrc(count - 1, n, chance) > LEVEL:
+        whole[:] = False
+    return whole
+
+
+def _longest(flags: NDArray[np.bool_]) -> slice:
     """→ the longest stretch that is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     begins, ends = edges[::2], edges[1::2]

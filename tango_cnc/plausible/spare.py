@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from ..estimate import Estimate
 from ..texts import say
 from .data import Remark, listed
@@ -32,6 +34,8 @@ def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
             text = say("plausible.judge.touches_without_weight", text=text, idle=idle, more=idle - len(out))
         most = idle > MOST * n
         yield Remark("implausible" if most else "doubtful", text, moves=everything)
+    else:
+        yield from _gross(result)
     unused = (idle + lost) / max(n + lost, 1)
     if alone and (result.dof < FEWEST or (result.dof < FEW and unused > LARGE)):
         yield Remark(
@@ -40,3 +44,13 @@ def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
             incomplete=True,
             moves=everything,
         )
+
+
+def _gross(result: Estimate) -> Iterator[Remark]:
+    """A few touches that are far off moved nothing, but somebody should look why: a chip, a slip in a row, a hand."""
+    touches, n = result.model.touches, len(result.residuals)
+    allowed = touches.machine.tolerances.scatter
+    numbers = tuple(int(i) for i in touches.number[result.out & (np.abs(result.residuals) > allowed)])
+    if numbers:
+        text = say("plausible.judge.gross_touches", count=len(numbers), count2=n, allowed=f"{allowed:g}", numbers=listed(numbers))
+        yield Remark("doubtful", text, numbers, "single_touches", "touch", say("mistake.single_touches.look_for_chips_there_for"))

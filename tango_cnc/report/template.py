@@ -7,12 +7,38 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from jinja2.bccache import Bucket
 from jinja2.sandbox import SandboxedEnvironment
 
 from ..nearest import printable
 from ..records import InputError, TangoError
 
 TEMPLATES = "templates"
+
+
+class _Compiled(jinja2.BytecodeCache):
+    """Templates of the program that have been compiled. Every page, with a shop's templates or without, takes them from here."""
+
+    def __init__(self) -> None:
+        self.found: dict[tuple[str, str], bytes] = {}
+
+    def get_cache_key(self, name: str, filename: str | None = None) -> str:
+        """→ the file of a template, so that a shop's template of the same name is another one."""
+        return str(filename)
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """bucket of a template → with its code, where its text has been compiled."""
+        if code := self.found.get((bucket.key, bucket.checksum)):
+            bucket.bytecode_from_string(code)
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """bucket of a template with its code → kept, where it is a page of the program; a shop's change, a PDF adds filters."""
+        if Path(bucket.key).is_relative_to(OURS) and bucket.key.endswith(".html"):
+            self.found[bucket.key, bucket.checksum] = bucket.bytecode_to_string()
+
+
+OURS = Path(__file__).parent / TEMPLATES
+COMPILED = _Compiled()
 
 
 def environment(folder: Path | None = None) -> jinja2.Environment:
@@ -23,7 +49,12 @@ def environment(folder: Path | None = None) -> jinja2.Environment:
             raise InputError(f"--templates: found {folder}, which is no folder; allowed: a folder with templates or texts.toml")
         places.insert(0, jinja2.FileSystemLoader(folder))
     return SandboxedEnvironment(  # a cell from elsewhere may name templates: they compute nothing beyond the page
-        loader=jinja2.ChoiceLoader(places), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=jinja2.ChoiceLoader(places),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=COMPILED,
     )
 
 

@@ -18,6 +18,7 @@ from ..touches import Touches
 
 LEGENDRE, WAVES, TURN, CYCLE, SIDE = "polynomial", "waves", "turn", "cycle", "side"
 ONE = "none"
+PLAYS = (30, 120)  # °: how far a rotary axis turns back before all that was wound up is wound up the other way
 SHORT = 20.0  # mm of a way: what is shorter is told apart by its size, what is longer by the logarithm of it
 
 
@@ -122,6 +123,7 @@ def values(touches: Touches) -> Mapping[str, Array]:
         if axis in machine.rotary:
             latest = np.maximum.accumulate(np.where(np.abs(moved) > 1e-4, np.arange(n), 0))
             result[f"way of {axis}"] = np.abs(moved[latest])
+            result |= {f"path of {axis} {play}": wound(touches.axis(axis), np.radians(play)) for play in PLAYS}
         result[f"d{axis}"] = touches.sign(axis)
     first = np.flatnonzero(np.diff(touches.indexation, prepend=-1))
     begin = touches.time[first][np.searchsorted(first, np.arange(n), side="right") - 1]
@@ -137,6 +139,18 @@ def values(touches: Touches) -> Mapping[str, Array]:
     if np.isfinite(touches.feed).all():
         result["feed"] = touches.feed
     return result
+
+
+def wound(path: Array, play: float) -> Array:
+    """(n,) places of an axis in their order, play → (n,) how far it is ahead of what it drags along behind a play, rad.
+
+    This is the simplest hysteresis: it depends on the path alone, and from ±play/2 on it does not grow (Prandtl 1928).
+    """
+    ahead, found = 0.0, []
+    for step in np.diff(path, prepend=path[:1]):
+        ahead = min(max(ahead + float(step), -play / 2), play / 2)
+        found.append(ahead)
+    return np.array(found)
 
 
 def spec(form: Form) -> dict[str, Any]:

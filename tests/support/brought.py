@@ -7,6 +7,7 @@ import random
 import re
 import shutil
 import warnings
+import zlib
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
@@ -19,13 +20,14 @@ import click
 
 from postprocessors import _base as posts
 from sim_controller.languages import Alarm, Silence
-from sim_controller.probing import rig
+from sim_controller.probing import Rig, rig
 from sim_controller.session import Session, Setup, tape
-from support.databases import REFUSES, _engine, damaged, good, rewritten
+from support.databases import REFUSES, _engine, damaged, good, migrated, rewritten
 from support.dialects import OWN, usual
 from support.linkparts import MARK, job
 from support.mutants import Reader
 from support.nights import knock, night
+from support.remembered import remembered
 from support.shopfiles import whole
 from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.commands.capability import _merge
@@ -49,6 +51,11 @@ RECORDS = "".join(
 NIGHTLY = 'nightly: 1\nhistory: history.db\nowner: Ann  # of the hall\nnotify: ["mailto:ann@example.org", "file:///tmp/x"]\n'
 
 
+def _schema(backup: Path) -> Callable[[Any], None]:
+    """backup → what sees to the schema of a history: one file in ten, the one whose bytes say so, has it from Alembic."""
+    return _database._migrate if zlib.crc32(backup.read_bytes()) % 10 == 0 else migrated
+
+
 def _restored(folder: Path) -> Any:
     """A backup becomes the history of a cell that has one: either it does, or that one stays what it is."""
     there, before = folder / "restored", b"the history of today"
@@ -61,6 +68,7 @@ def _restored(folder: Path) -> Any:
         with (
             click.Context(restore),
             patch.object(_database, "create_engine", _engine),
+            patch.object(_database, "_migrate", _schema(folder / "backup.db")),
             redirect_stdout(StringIO()),
             redirect_stderr(StringIO()),
         ):
@@ -132,6 +140,12 @@ def _loop() -> asyncio.AbstractEventLoop:
     return asyncio.new_event_loop()
 
 
+@cache
+def _rig(folder: Path) -> Rig:
+    cell = whole(folder)[0]
+    return rig(cell.machine, cell.artefact, World(), None)
+
+
 def _run(post: str) -> Reader:
     """→ the program of a post, as the simulated control of its language takes it."""
     spoken = OWN.get(post, usual(post))
@@ -142,11 +156,10 @@ def _run(post: str) -> Reader:
         return "\n".join([*lines, ""]).encode()
 
     def read(folder: Path) -> None:
-        cell = whole(folder)[0]
-        truth = rig(cell.machine, cell.artefact, World(), None)
-        session = Session(truth, Setup(family=spoken.family, library=spoken.library))
+        session = Session(_rig(folder), Setup(family=spoken.family, library=spoken.library))
         try:
-            session.run(session.control(lambda data: None), tape(folder / f"taken-{post}.nc"))
+            with remembered():
+                session.run(session.control(lambda data: None), tape(folder / f"taken-{post}.nc"))
         except Alarm as alarm:
             raise InputError(str(alarm)[:3000]) from None
         except Silence:

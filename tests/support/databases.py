@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from unittest.mock import patch
 
@@ -20,6 +21,7 @@ from tango_cnc.history import Decision, History, _database, add_compensations, c
 from tango_cnc.records import InputError, LinkError
 
 ANEW = 0.1  # part of the files that are read as the first one of a process
+MIGRATE = _database._migrate
 ENGINES: dict[str, Engine] = {}
 ODD = [None, 0, -1, 1 << 62, 2.5, 9e999, "", "x", b"", b"x", "2026-10-01", "{}", "[]", "null", "9" * 400, "\x00"]
 
@@ -108,8 +110,31 @@ def rewritten(data: bytes, rng: random.Random) -> bytes:
 def _engine(url: Any, **more: Any) -> Engine:
     """As SQLAlchemy's, but one for the same name: what it has compiled is most of the time of a small file. The pool is new."""
     if str(url) not in ENGINES:
+        if len(ENGINES) > 20:  # names drawn by chance
+            ENGINES.clear()
         ENGINES[str(url)] = create_engine(url, **more)
     return ENGINES[str(url)]
+
+
+@cache
+def _empty() -> bytes:
+    """→ a history in which nothing is, of the schema of today."""
+    with TemporaryDirectory() as place:
+        file = Path(place, "empty.db")
+        with patch.object(_database, "_migrate", MIGRATE), opened(file):
+            pass
+        plain = sqlite3.connect(file)
+        plain.execute("PRAGMA journal_mode=DELETE")
+        plain.close()
+        return file.read_bytes()
+
+
+def migrated(engine: Engine) -> None:
+    """As the history's own, but a new file gets its schema at once: Alembic takes ten times as long as the rest of a small file."""
+    file = Path(str(engine.url.database))
+    if not file.exists():
+        file.write_bytes(_empty())
+    MIGRATE(engine)
 
 
 def read(folder: Path) -> Any:

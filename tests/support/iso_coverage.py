@@ -24,9 +24,9 @@ FIRST = 1000  # seed; lower ones served to set the upper end of the intervals of
 TOPOLOGIES = ("hu40t", "huron", "trunnion", "split", "fork_head", "three_axis", "three_axis_calibrated")
 
 
-def measured(name: str, seed: int, longer: float | None = None) -> tuple[Truth, Estimate]:
+def measured(name: str, seed: int, longer: float | None = None, drawn: type[Truth] = Truth) -> tuple[Truth, Estimate]:
     """example, seed, how much longer a second stylus is (mm; None: there is none) → random machine, what is estimated of it."""
-    truth = Truth(EXAMPLES / name, seed, longer=longer)
+    truth = drawn(EXAMPLES / name, seed, longer=longer)
     return truth, estimated(truth, EXAMPLES / name)
 
 
@@ -56,10 +56,10 @@ def estimated(truth: Truth, folder: Path) -> Estimate:
 
 
 def one(
-    name: str, seed: int, longer: float | None = None
+    name: str, seed: int, longer: float | None = None, drawn: type[Truth] = Truth
 ) -> list[tuple[str, str, float | None, tuple[float, float] | None, float]]:
     """example, seed, as `measured` → kind, name, value, interval and truth of every figure; None where it was withheld."""
-    truth, result = measured(name, seed, longer)
+    truth, result = measured(name, seed, longer, drawn)
     sheet = signed(result)
     known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
     found = []
@@ -74,17 +74,17 @@ def one(
     return found
 
 
-def main(count: int, names: tuple[str, ...], longer: float | None = None) -> None:
-    """count of machines, examples, how much longer a second stylus is (mm) → a table."""
+def main(count: int, names: tuple[str, ...], longer: float | None = None, drawn: type[Truth] = Truth, first: int = FIRST) -> None:
+    """count of machines, examples, how much longer a second stylus is (mm), how machines are drawn, first seed → a table."""
     print(f"{'example':22} {'machines':>8} {'figures':>8} {'withheld':>8} {'inside':>8} {'%':>6}")
     total = [0, 0]
     kinds: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     for name in names:
         inside = given = withheld = failed = 0
         bad: dict[str, list[int]] = defaultdict(lambda: [0, 0])
-        for seed in range(FIRST, FIRST + count):
+        for seed in range(first, first + count):
             try:
-                rows = one(name, seed, longer)
+                rows = one(name, seed, longer, drawn)
             except TangoError as error:
                 failed += 1
                 if failed == 1:

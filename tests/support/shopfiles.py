@@ -14,6 +14,7 @@ from typing import Any
 from postprocessors import _base as posts
 from support.histories import knowledge, record
 from support.mutants import Reader, spoilt
+from support.remembered import remembered
 from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.commands._trusted import digest, parts
 from tango_cnc.files import read_cell
@@ -94,7 +95,8 @@ def _program(post: str) -> Reader:
         return "\n".join([*posts.program(_post(post), made, {}, plan_hash(made))[2](), ""]).encode()
 
     def read(folder: Path) -> Any:
-        return from_file(folder / f"{post}.nc", _post(post), whole(folder)[1], {}) and None
+        with remembered():
+            return from_file(folder / f"{post}.nc", _post(post), whole(folder)[1], {}) and None
 
     return Reader(f"{post}.nc", good, read, remarked)
 

@@ -203,7 +203,7 @@ class Control:
         if match is None or self._types.get(match[1].upper()) != "INT":
             raise alarm("12080", block.raw)
         given = self._given(f"({match[2]})", block)
-        if not given or not all(isinstance(value, str) for value in given):
+        if len(given) < (2 if word == "WRITE" else 1) or not all(isinstance(value, str) for value in given):
             raise alarm("12090", block.raw)
         self._variables[match[1].upper()] = self._file(word, [str(value) for value in given])
 

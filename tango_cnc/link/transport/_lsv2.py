@@ -36,7 +36,7 @@ LONGEST = 1000  # characters of a reason; each may need three
 
 
 class Lsv2:
-    """One connection: the four verbs of a store, and what the control is doing. Every error is an OSError or LinkError."""
+    """One connection: the verbs of a store, and what the control is doing. Every error is an OSError or LinkError."""
 
     def __init__(self, host: str, port: int, password: str = "") -> None:
         """host, port, password of the logins where the control asks for one → connected and logged in."""
@@ -150,6 +150,10 @@ class Lsv2:
             if found is None and self._line.last_error.e_code.name != "T_ER_NO_FILE":
                 raise self._refused(path)
             return None if found is None else int(found.size)
+
+    def lacks(self, folder: str) -> bool:
+        """folder → False: the control itself refuses a path through a folder that it has not."""
+        return False
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file; the protocol knows whole files alone."""

@@ -53,7 +53,13 @@ class Remote:
     def _begin(self) -> None:
         """Notes where the record file ends now, or where its last start mark is."""
         there = self._open()
-        size = there.size(self._path) or 0
+        size, folder = there.size(self._path), posixpath.dirname(self._path)
+        if size is None and folder.strip("/") and there.lacks(folder):
+            raise LinkError(
+                f"port {self._address.url}: there is no folder {folder} at the control; no program can write its records there. "
+                "Correct the path. Nothing was put at the control"
+            )
+        size = size or 0
         if size and foreign(there.read(self._path, 0, HEAD), there.read(self._path, max(0, size - HEAD), HEAD)):
             raise LinkError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
         old = size

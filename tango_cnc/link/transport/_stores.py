@@ -1,4 +1,4 @@
-"""Disks of controls that are reached over the network: four verbs whatever the protocol; libraries are imported at need."""
+"""Disks of controls that are reached over the network: five verbs whatever the protocol; libraries are imported at need."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ class Store(Protocol):
 
     def size(self, path: str) -> int | None:
         """path → bytes of the file, None when there is none."""
+
+    def lacks(self, folder: str) -> bool:
+        """folder → whether it is certain that it does not exist there."""
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file."""
@@ -59,6 +62,17 @@ class Ftp:
                 return None
             return len(self._whole(path) or b"")
 
+    def lacks(self, folder: str) -> bool:
+        """folder → whether it is certain that it does not exist there."""
+        with contextlib.suppress(ftplib.Error):
+            before = self._ftp.pwd()
+            try:
+                self._ftp.cwd(folder)
+            except ftplib.error_perm as error:
+                return str(error).startswith("550")
+            self._ftp.cwd(before)
+        return False
+
     def _whole(self, path: str, offset: int = 0, most: int = 1 << 28) -> bytes | None:
         pieces: list[bytes] = []
         with self._ftp.transfercmd(f"RETR {path}", offset or None) as data:
@@ -85,7 +99,7 @@ class Ftp:
         try:
             self._ftp.storbinary(f"STOR {path}", BytesIO(data))
         except ftplib.Error as error:
-            raise LinkError(f"{path} cannot be written at the control: {error}") from None
+            raise LinkError(f"{path} cannot be written at the control: {str(error).rstrip('.')}") from None
 
     def close(self) -> None:
         """Hangs up."""
@@ -158,6 +172,15 @@ class Sftp:
         except FileNotFoundError:
             return None
 
+    def lacks(self, folder: str) -> bool:
+        """folder → whether it is certain that it does not exist there."""
+        try:
+            with self._asked():
+                self._sftp.stat(folder)
+        except FileNotFoundError:
+            return True
+        return False
+
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file."""
         try:
@@ -223,6 +246,15 @@ class Smb:
                 return int(self._smb.stat(self._path(path), **self._to).st_size)
         except FileNotFoundError:
             return None
+
+    def lacks(self, folder: str) -> bool:
+        """folder → whether it is certain that it does not exist there."""
+        try:
+            with self._asked():
+                self._smb.stat(self._path(folder), **self._to)
+        except FileNotFoundError:
+            return True
+        return False
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file."""

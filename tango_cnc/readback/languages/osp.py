@@ -337,6 +337,8 @@ class _Program:
             if name == "A_PROBE":
                 return twin.shared.get(name, 0.0)
             _, kind, axis = name.split("_")
+            if axis not in self._names:
+                raise InputError(f"found the position of {axis}; allowed: {', '.join(self._names)}")
             if kind == "contact" and not twin.hit:
                 return STALE
             return (twin.position if kind == "position" else twin.skip)[axis]
