@@ -155,3 +155,11 @@ def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> No
     found = judged(cell, pushed(cell, readings, wrong))
     assert "by more than 0.05 mm" in only(found, "doubtful")  # somebody should look why; they moved nothing
     assert not found.untrusted
+
+
+def test_a_chip_on_two_touches_is_a_note_and_on_three_a_reason_to_look(cell: Cell, readings: Readings) -> None:
+    wrong = np.zeros(len(readings))
+    wrong[[20, 90]] = 0.4
+    assert judged(cell, pushed(cell, readings, wrong)).verdict == "trustworthy"
+    wrong[150] = 0.4
+    assert judged(cell, pushed(cell, readings, wrong)).verdict == "doubtful"

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..estimate import Estimate
+from ..judgement import Verdict
 from ..texts import say
 from .data import Remark, listed
 
@@ -19,6 +20,7 @@ MOST = 0.35  # share without weight beyond which nobody knows which touches are 
 FEWEST = 10  # touches to spare, below which a fit cannot show that it is wrong
 FEW = 20  # the same where a large part of the touches was not used
 LARGE = 0.2  # share of all planned touches that is a large part of them
+SEVERAL = 3  # touches that are far off, and set aside, before somebody is asked to look why
 
 
 def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
@@ -47,10 +49,14 @@ def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
 
 
 def _gross(result: Estimate) -> Iterator[Remark]:
-    """A few touches that are far off moved nothing, but somebody should look why: a chip, a slip in a row, a hand."""
+    """A few touches that are far off moved nothing, but somebody should look why: a chip, a slip in a row, a hand.
+
+    One or two are a note: a chip is nothing that a night is to be doubted for.
+    """
     touches, n = result.model.touches, len(result.residuals)
     allowed = touches.machine.tolerances.scatter
     numbers = tuple(int(i) for i in touches.number[result.out & (np.abs(result.residuals) > allowed)])
     if numbers:
         text = say("plausible.judge.gross_touches", count=len(numbers), count2=n, allowed=f"{allowed:g}", numbers=listed(numbers))
-        yield Remark("doubtful", text, numbers, "single_touches", "touch", say("mistake.single_touches.look_for_chips_there_for"))
+        verdict: Verdict = "doubtful" if len(numbers) >= SEVERAL else "trustworthy"
+        yield Remark(verdict, text, numbers, "single_touches", "touch", say("mistake.single_touches.look_for_chips_there_for"))
