@@ -236,7 +236,8 @@ def fit(selection: Selection) -> Estimate:
         longest = float(np.max(np.abs(moved)))
         rate, size = longest / size if size else 0.0, longest
         after = right - moved
-        sigma = max(float(np.sqrt(after[:n] @ after[:n] / dof)), SIGMA_FLOOR)
+        spare = max(n - p + _told(full[n:] * weights[n:, None], root), 1.0)
+        sigma = max(float(np.sqrt(after[:n] @ after[:n] / spare)), SIGMA_FLOOR)
         shifted = abs(sigma / used - 1) if m else 0.0  # of sigma: the weights of bar and calibrated facets rest on sigma
         settled = shifted < 1e-3 and damping == 0 and iterations > 1
         # What is still to come is the last step times the rate at which steps shrink, in the end by hundreds and not squared.
@@ -248,6 +249,17 @@ def fit(selection: Selection) -> Estimate:
         f"estimate: the iteration did not settle in {ITERATIONS} steps; check readings and machine.yaml "
         "(axis directions, facet normals, stylus length), or use a smaller set of terms"
     )
+
+
+def _told(rows: Array, root: Array) -> float:
+    """(m, p) weighted rows of bar and calibrated facets, R (p, p) → how many unknowns they tell: 0 … m; the touches tell the rest.
+
+    The residuals of the touches have the freedom of n − p + this: what is known of a facet that the touches hardly need takes
+    nothing off their scatter. Where R is singular each row tells one, and what nothing determines is named later.
+    """
+    spread, failed = linalg.lapack.dtrtrs(root, rows.T, trans=1)
+    told = float(np.sum(spread**2)) if len(rows) and not failed else float(len(rows))
+    return min(told, float(len(rows))) if np.isfinite(told) else float(len(rows))
 
 
 def _grew(before: Array, after: Array) -> bool:

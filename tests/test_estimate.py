@@ -352,3 +352,15 @@ def test_an_outlier_of_one_cycle_leaves_its_number_in_the_other(hu40t):
     left = without(two, result.model.touches, result.out)
     assert len(left) == len(two) - 1
     assert left.touch[left.cycle == 1].tolist() == first.touch.tolist()
+
+
+@pytest.mark.parametrize("example", ["three_axis_calibrated", "trunnion"])
+def test_the_scatter_of_a_touch_is_that_of_the_freedom_which_the_touches_have(example: str) -> None:
+    """Trace of the touches' own part of the hat matrix: a certificate that touches hardly need takes nothing off their scatter."""
+    folder = EXAMPLES / example
+    cell, world = read_cell(folder), read_world(folder / "world.yaml")
+    result = estimate(cell.machine, cell.artefact, simulate(cell.machine, cell.artefact, cell.strategy, world, seed=3), cell.terms)
+    own = result.jacobian[: len(result.residuals)]
+    spent = np.einsum("ij,jk,ik->", own, result.covariance, own) / result.sigma**2
+    freedom = len(own) - spent
+    assert result.sigma == pytest.approx(np.sqrt(result.residuals @ result.residuals / freedom), rel=1e-3)
