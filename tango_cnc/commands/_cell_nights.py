@@ -112,7 +112,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
     walk = 0.0 if result.noise is None else result.noise.walk / max(result.noise.white, 1e-9)
     if agrees and walk > STRUCTURED:
         result, walk = plain, 0.0
-    found = judge(cell, readings, result, search=False, alone=kind == "full")
+    found = judge(cell, readings, result, search=False, alone=kind == "full", agrees=agrees)
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
     return Judged(found.verdict, tuple(found.reasons), found.incomplete, wandered, walk)
 

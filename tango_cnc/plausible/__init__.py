@@ -22,7 +22,7 @@ from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
 from .groups import common
-from .lacking import lacking
+from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .search import less, place, suspects
 from .setup import stylus
@@ -56,11 +56,13 @@ def judge(
     search: bool = True,
     run: Mapping[str, Any] | None = None,
     alone: bool = True,
+    agrees: bool = False,
 ) -> Judgement:
     """cell, readings, their estimate (None: there is no fit) → whether it may be believed, and what most likely went wrong.
 
     `search`: look for the mistake where the verdict is not trustworthy. `run`: readings.json, which says
     what the plan left out, so that nobody misses it. `alone`: the estimate rests on these readings only, not on earlier nights.
+    `agrees`: these touches are where earlier nights predicted them, so that a pattern in their residuals has to be surer.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = [*remarks(cell, readings, run), *approaches(touches), *turns(touches)]
@@ -70,7 +72,7 @@ def judge(
     else:
         told = list(bounds(result))
         lost = sum(len(r.touches) for r in found if r.lost)
-        found += _fit(cell, result, told)
+        found += _fit(cell, result, told, AGREED if agrees else LEVEL)
         found += spare(result, lost, alone)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
@@ -133,7 +135,7 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
 
 
-def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
+def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], level: float) -> list[Remark]:
     found: list[Remark] = []
     beyond = sorted((b for b in told if b.beyond), key=lambda b: -abs(b.value) / b.tolerance)
     found += [Remark("implausible", beyond_text(b)) for b in beyond[:NAMED]]
@@ -161,7 +163,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound]) -> list[Remark]:
         )
     found += _noise(result)
     found += [*late(result), *common(result), *still(result), *alike_backlashes(result), *by_direction(result)]
-    found += [*lacking(result), *unseen(result), *stylus(cell, told)]
+    found += [*lacking(result, level), *unseen(result), *stylus(cell, told)]
     return found
 
 

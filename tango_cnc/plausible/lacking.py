@@ -24,7 +24,8 @@ from ..texts import joined, say
 from ..touches import FAR, Touches
 from .data import Remark
 
-LEVEL = 5e-4  # chance of a false find for each kind of pattern
+LEVEL = 5e-4  # chance of a false find for each of the three kinds: on all touches, from a moment on, in a band of an axis
+AGREED = 1e-4  # the same where the touches are as was predicted before: one night in 3000 at most
 FAINT = 1e-3  # share of a pattern that the unknowns leave of it, below which they stand for it
 FEWEST = 3  # touches that a pattern acts on
 LARGEST = 1500  # touches of which patterns are looked for
@@ -62,9 +63,9 @@ class Left:
     std: Array  # (p,)
 
 
-def lacking(result: Estimate) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a remark where the residuals show a pattern that moves parameters."""
-    found = patterns(result)
+def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
+    """estimate by the noise of its residuals, level → a remark where the residuals show a pattern that moves parameters."""
+    found = patterns(result, level)
     if not found:
         return
     p = len(result.model.coefficients)
@@ -94,15 +95,15 @@ def _between(touches: Touches, found: Pattern) -> dict[str, str]:
     return {"low": f"{low:.6g}{unit}", "high": f"{high:.6g}{unit}"}
 
 
-def patterns(result: Estimate) -> list[Pattern]:
-    """estimate by the noise of its residuals → patterns that its residuals show, whatever they do to the parameters."""
+def patterns(result: Estimate, level: float = LEVEL) -> list[Pattern]:
+    """estimate by the noise of its residuals, level → patterns that its residuals show, whatever they do to the parameters."""
     touches = result.model.touches
     if result.noise is None or len(touches) > LARGEST:
         return []
     left = left_over(result)
     if left is None or left.spare < SPARE:
         return []
-    return [*_steady(touches, left), *_moments(touches, left), *_bands(touches, left)]
+    return [*_steady(touches, left, level), *_moments(touches, left, level), *_bands(touches, left, level)]
 
 
 def left_over(result: Estimate) -> Left | None:
@@ -141,7 +142,7 @@ def left_over(result: Estimate) -> Left | None:
     )
 
 
-def _steady(touches: Touches, left: Left) -> Iterator[Pattern]:
+def _steady(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
     """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction."""
     tried = list(_candidates(touches))
     for what, axis, columns in tried:
@@ -150,13 +151,13 @@ def _steady(touches: Touches, left: Left) -> Iterator[Pattern]:
         within = left.basis.T @ seen
         pull = seen.T @ left.gaps
         gain, free, beta = _gain(gram[None], (gram - within.T @ within)[None], pull[None])
-        score = _score(gain, free, left.spare, LEVEL / len(tried))
+        score = _score(gain, free, left.spare, level / len(tried))
         if score[0] > 0:
             moved = -(left.back.T @ (within @ beta[0])) / left.std
             yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved)
 
 
-def _moments(touches: Touches, left: Left) -> Iterator[Pattern]:
+def _moments(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
     """Patterns that begin at one touch, or last from one indexation to another: the best of each kind."""
     index = touches.indexation[left.rows]
     n = len(index)
@@ -167,14 +168,14 @@ def _moments(touches: Touches, left: Left) -> Iterator[Pattern]:
     begin, end = np.concatenate([later, edges[i]]), np.concatenate([np.full(len(later), n), edges[j]])
     kinds = list(_movable(touches))
     for what, axis, columns in kinds:
-        found = _stretch(left, np.arange(n), columns, begin, end, LEVEL / len(kinds))
+        found = _stretch(left, np.arange(n), columns, begin, end, level / len(kinds))
         if found is not None:
             rows, score, moved = found
             last = int(rows[-1]) == int(left.rows[-1])
             yield Pattern(what if last else f"{what}_while", axis, int(rows[0]), int(rows[-1]), score, moved)
 
 
-def _bands(touches: Touches, left: Left) -> Iterator[Pattern]:
+def _bands(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
     """An axis that is elsewhere in a part of its travel: a clamp that lets go there, a joint of its scale, a damaged tooth."""
     axes = (*touches.machine.rotary, *touches.machine.linear)
     for axis in axes:
@@ -185,7 +186,7 @@ def _bands(touches: Touches, left: Left) -> Iterator[Pattern]:
         i, j = np.triu_indices(len(edges), 1)
         if len(edges) > MOST:  # places of a linear axis: from one on only
             i, j = np.arange(len(edges) - 1), np.full(len(edges) - 1, len(edges) - 1)
-        found = _stretch(left, order, touches.lever(axis)[:, None], edges[i], edges[j], LEVEL / len(axes))
+        found = _stretch(left, order, touches.lever(axis)[:, None], edges[i], edges[j], level / len(axes))
         if found is not None:
             rows, score, moved = found
             yield Pattern("band", axis, int(rows[0]), int(rows[-1]), score, moved)

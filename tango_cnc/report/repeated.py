@@ -25,11 +25,12 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said) or headline.key != STANDING:
         return str(headline)
+    standing = record.get("standing") or ()
     since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED]
     closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
-    others = sum(not closed.get(alarm["id"], False) for alarm in record["standing"][1:])
+    others = sum(not closed.get(alarm["id"], False) for alarm in standing[1:])
     headline = headline.but(more=say("night.words.more_wait", count=others) if others else "")
-    own = [d for d in since if d.alarm == record["standing"][0]["id"]]
+    own = [d for d in since if standing and d.alarm == standing[0]["id"]]
     if not own:
         return headline
     last = own[-1]
