@@ -76,7 +76,7 @@ class Disk:
 
 
 class Net:
-    """A connection to the disk: the four verbs of a store, and what happens on the way."""
+    """A connection to the disk: the verbs of a store, and what happens on the way."""
 
     def __init__(self, disk: Disk) -> None:
         self._disk = disk
@@ -100,6 +100,11 @@ class Net:
         assert path == RECORDS
         data = self._disk.seen()
         return None if data is None else len(data)
+
+    def lacks(self, folder: str) -> bool:
+        self._way()
+        assert RECORDS.startswith(folder)
+        return False
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         self._way()
