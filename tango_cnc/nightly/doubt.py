@@ -49,7 +49,8 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     warm = next((f for f in (*diagnosis.get("findings", ()), *diagnosis.get("not_named", ())) if f.get("cause") == warm_up), None)
     blurred = bool(alarms) and change(alarms[0]["cause"]).blurred
     reasons = list(judged.reasons)
-    warming = bool(judged.wandered) or (blurred and (warm is not None or judged.walk > 1.0))
+    restless = judged.walk > 1.0 and (blurred or judged.verdict == "doubtful")  # it moved while it was measured, whatever is named
+    warming = bool(judged.wandered) or restless or (blurred and warm is not None)
     if warming:
         wandered = judged.wandered or t("night.warming")
         reasons = [wandered, *(r for r in reasons if r != judged.wandered)]
