@@ -50,7 +50,7 @@ def order(folder: Path, **changed: Any) -> Order:
 def sheet(value: float | None, half: float = 1.96, sigma: float = STATED) -> Sheet:
     """One straightness with standard uncertainty half / 1.96 and a budget."""
     interval = None if value is None else (value - half, value + half)
-    text = "" if value is not None else "EXZ cannot be told from EBZ"
+    text = "" if value is not None else "EXZ cannot be separated from EBZ"
     figure = OnPart("straightness", "EXZ", "µm", value, interval, (0.0, 100.0), "", text=text)
     at, budget = Reference({}, 300.0, (0.0, 0.0, 0.0)), Budget((), (), ("drift",), ("drift",))
     return Sheet((figure,), at, sigma, 1e6, budget=budget, expected=STATED)
@@ -242,4 +242,4 @@ def test_pages_are_counted_and_where_no_interval_stands_no_statement_is_made(tmp
 
 def test_a_withheld_figure_says_why_where_nothing_stands(tmp_path: Path) -> None:
     found = signed(tmp_path, sheet(None), replace(GOOD, verdict="doubtful", reasons=("why",)))
-    assert "EXZ cannot be told from EBZ" in page.typst(found, repr)
+    assert "EXZ cannot be separated from EBZ" in page.typst(found, repr)

@@ -14,6 +14,7 @@ from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
+from tango_cnc.nightly.words import message
 from tango_cnc.records import Cell, World
 
 pytestmark = [pytest.mark.long, pytest.mark.xdist_group("night_doubt")]
@@ -41,6 +42,7 @@ def test_a_diagnosis_that_cannot_be_made_hides_no_alarm(root: Path, tmp_path: Pa
     with judged_in_full(cell, settings), opened(tmp_path / "history.db") as history:
         *_, (record, _) = nights(cell, truth, history, 2, 23, story, settings, FIRST)
     assert said(record) == "alarm" and "table" in record["headline"] and "more touches" in record["undiagnosed"]
+    assert "No cause was looked for" in message(record, (), ())[1]
 
 
 def test_quiet_nights_are_not_in_doubt(before: tuple[Cell, World, Path, list[str]]) -> None:

@@ -11,7 +11,9 @@ RULE = (
     "ISO 14253-1:2017: a figure conforms when it lies inside its limit by the guard band g = 1.65 u or more (95 %), does not "
     "conform when it lies outside by g or more, and is undecided between. It is applied to every figure of the table"
 )
-RISK = "a figure at or beyond its limit is said to conform in at most 5 of 100 cases; one inside it not to conform, likewise"
+RISK = (
+    "the sheet accepts at most 5 of 100 figures that are at or beyond their limit, and rejects at most 5 of 100 that are inside it"
+)
 NOT_IN_IT = "not in U: setting up a tool or workpiece, and whatever changes after the measurement"
 
 

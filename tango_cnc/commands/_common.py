@@ -108,6 +108,18 @@ def ahead(folder: Path, *commands: str) -> None:
     click.echo(f"Next: {', then '.join(f'tango {command}{where}' for command in commands)}", err=True)
 
 
+def folders_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """command → the same with -C, several times: folders of cells."""
+    return click.option(
+        "-C",
+        "folders",
+        type=click.Path(path_type=Path),
+        multiple=True,
+        metavar="DIR",
+        help="Folder of a cell, or a folder of cells; may be given several times [default: here].",
+    )(command)
+
+
 def cells_in(folder: Path) -> list[Path]:
     """folder → itself when it is a cell, else the cells in it."""
     if (folder / "tango.yaml").is_file():

@@ -14,7 +14,7 @@ from ..files import read_cell
 from ..files.nightly import history_of, read_nightly
 from ..records import InputError, TangoError
 from ..texts import say
-from ._common import cells_in, json_option, on_terminal, table, write_json
+from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:
@@ -27,14 +27,7 @@ NOT_IN_ORDER = ("out_of_limits", "doubtful", "not_measured")  # a change is in o
 
 @click.command()
 @click.argument("cells", nargs=-1, type=click.Path(path_type=Path))
-@click.option(
-    "-C",
-    "folders",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    metavar="DIR",
-    help="Folder of a cell, or a folder of cells, as the arguments; may be given several times [default: here].",
-)
+@folders_option
 @click.option("--history", "where", metavar="FILE|URL", help="One history of many machines, e.g. postgresql://….")
 @click.option("--late", type=click.FloatRange(1, 10_000), default=36.0, show_default=True, metavar="HOURS", help="Late after this.")
 @click.option(

@@ -145,7 +145,7 @@ def command(
 
 
 def _sheet(folder: Path, result: Estimate) -> Sheet | str:
-    """cell, estimate → the very figures of `tango iso230`, or why there are none."""
+    """cell, estimate → the figures that `tango iso230` prints, or the reason why it prints none."""
     try:
         return signed(result, None, thermal_of(folder), budget=budget_of(folder, result))
     except TangoError as error:

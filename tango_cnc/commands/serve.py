@@ -9,20 +9,13 @@ from typing import Any
 import click
 
 from ..records import InputError
-from ._common import cells_in
+from ._common import cells_in, folders_option
 
 PLACE = "Keep 60"  # in the list of commands
 
 
 @click.command()
-@click.option(
-    "-C",
-    "folders",
-    type=click.Path(path_type=Path),
-    multiple=True,
-    metavar="DIR",
-    help="Folder of a cell, or a folder of cells; may be given several times [default: here].",
-)
+@folders_option
 @click.option(
     "--history", metavar="FILE|URL", help="One history for all machines [default: that of each cell: history of nightly.yaml]."
 )

@@ -56,7 +56,7 @@ class Composer:
         self._kinds: dict[tuple[str, bool], str] = {}  # plain word → its tag
 
     def document(self) -> Raw | None:
-        """→ the one document of the text, None where there is none. Raises yaml.YAMLError, RecursionError."""
+        """→ the one document of the text, None for an empty text. Raises yaml.YAMLError, RecursionError."""
         take = self._events.get_event
         take()
         if isinstance(take(), yaml.StreamEndEvent):

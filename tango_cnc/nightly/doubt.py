@@ -28,9 +28,9 @@ class Judged:
 def attempted(
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]], cell: Cell, readings: Readings
 ) -> tuple[dict[str, Any], str]:
-    """how to diagnose, cell, readings → diagnosis and '', or {} and why it could not be made: what has changed is known without it.
+    """how to diagnose, cell, readings → diagnosis and '', or {} and why it could not be made.
 
-    A check may have too few touches for it.
+    Whatever stops it must not hide an alarm, which is known without it; the message says why no cause was looked for.
     """
     try:
         return dict(diagnosed(cell, readings)), ""

@@ -189,6 +189,8 @@ def message(
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
+    if why := record.get("undiagnosed"):
+        lines.append(f"* {t('night.undiagnosed', why=str(why).rstrip('.'))}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
         lines.append("* " + t("mail.chance", text=change["text"], p=f"{change['p_value']:.2g}"))
     if (asked := record.get("next")) is not None:

@@ -129,7 +129,7 @@ class Facts:
     before: Array  # (n,) mm, what remains when only stylus and facets are adjusted
     std: Array  # (p,) standard uncertainties of the unknowns: of the budget where there is one
     factor: float  # of the intervals
-    sheet: Sheet | str  # ISO figures beside every error motion of the machine; or why there are none
+    sheet: Sheet | str  # ISO figures beside every error motion of the machine; or the reason why there are no figures
     angles: tuple[OnPart, ...]  # between rotary axes and others, of the fitted terms alone
     tip: Volume | None  # over every corner of the touched ranges, as nights have it; None: nothing is known
     chart: VolumeMap | None

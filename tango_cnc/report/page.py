@@ -324,7 +324,7 @@ def _iso(f: Facts, t: Texts) -> list[dict[str, Any]]:
 
 
 def _iso_at(f: Facts, t: Texts) -> str:
-    """facts, texts → where the figures hold, or why there are none."""
+    """facts, texts → where the figures hold, or the reason why there are no figures."""
     if isinstance(f.sheet, str):
         return f"{f.sheet}."
     state = {"not stated": t("iso.temperature_none"), "as found": t("iso.temperature_found")}.get(
