@@ -33,7 +33,7 @@ from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
-from ._trust import despite_option, judged, members, status, told
+from ._trust import despite_option, judged, members, run_of, status, told
 from .iso230 import at_20
 
 if TYPE_CHECKING:
@@ -180,7 +180,9 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
     simulated = beside.get("origin") == "simulated" or bool((origin or {}).get("simulated"))
     measured = str((origin or {}).get("start_utc") or beside.get("written_utc") or "")
     made = datetime.now(UTC)
-    return Paper(made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured)
+    return Paper(
+        made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured, run_of(source)
+    )
 
 
 @cache
