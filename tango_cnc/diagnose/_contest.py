@@ -283,6 +283,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     """field, data (m,), single touches that are set aside, names that were found → what stands.
 
     A name stands when it beats every combination of shapes in its place by a margin; a shape that was learned before needs none.
+    Beside a shape that has more evidence it does not stand: it may be a part of what this shape is a part of. Subsets of the
+    touches (margin below 0) do not ask for that.
     """
     cheaper = discounts(y, [*fixed, *names], names)
 
@@ -307,6 +309,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     by_names, _ = of(names, True)
     kept = once(names)
     value, picked = of(kept)
+    without: list[tuple[float, tuple[Picked, ...]]] = []
     while kept:
         without = [of([c for c in kept if c is not old]) for old in kept]
         margins = [margin if not c.candidate.learned else 0.0 for c in kept]
@@ -319,6 +322,12 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             break
         value, picked = without[worst]
         del kept[worst]
+    smaller: list[Chosen] = []
+    if kept and margin > 0:
+        still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or value - w[0] > largest(picked)]
+        if len(still) < len(kept):
+            smaller = [c for c in kept if c not in still]
+            kept, picked = still, of(still)[1]
     own = [p.columns for p in picked if not p.kernel.noise]
     if own and kept:
         q = orthonormal(np.hstack(own))
@@ -327,7 +336,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             kept, picked = still, of(still)[1]
     lost = tuple(c for c in names if c not in kept)
     apart = needed(y, fixed, kept, picked) if lost else fixed
-    return Outcome(tuple(kept), lost, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
+    resembled = tuple(c for c in lost if c not in smaller)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
@@ -353,6 +363,11 @@ def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Se
         if -m * float(np.log(max(1 - part, 1e-9))) > c.price:
             found.append(c)
     return found
+
+
+def largest(picked: Sequence[Picked]) -> float:
+    """what was chosen → evidence of the largest shape among it."""
+    return max((p.score for p in picked if p.kernel.kind == "shape"), default=0.0)
 
 
 def _patterns(picked: Sequence[Picked]) -> bool:
@@ -436,4 +451,4 @@ def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) ->
     return result
 
 
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "needed", "posterior", "refinement", "shortlist"]
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "posterior", "refinement", "shortlist"]
