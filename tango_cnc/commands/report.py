@@ -34,7 +34,7 @@ from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
 from ._trust import despite_option, judged, members, status, told
-from .iso230 import thermal_of
+from .iso230 import at_20
 
 if TYPE_CHECKING:
     from ..history import History, Night
@@ -147,7 +147,7 @@ def command(
 def _sheet(folder: Path, result: Estimate) -> Sheet | str:
     """cell, estimate → the figures that `tango iso230` prints, or the reason why it prints none."""
     try:
-        return signed(result, None, thermal_of(folder), budget=budget_of(folder, result))
+        return signed(result, None, at_20(folder), budget=budget_of(folder, result))
     except TangoError as error:
         if isinstance(error, InputError):
             raise
