@@ -16,7 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 pytest.register_assert_rewrite("support")  # helpers may assert, too
 from support.places import history_place, postgres_server  # noqa: E402, F401  (fixtures)
 
-pytest_plugins = ["support.cpu"]
+pytest_plugins = ["support.cpu", "support.shares"]
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
 PACKAGES = {
@@ -34,14 +34,6 @@ gc.set_threshold(20_000, 20, 20)
 # The same examples everywhere and every time; how long one takes depends on who shares the machine.
 settings.register_profile("tango", deadline=None, derandomize=True)
 settings.load_profile("tango")
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """There is one LinuxCNC on a computer: who asks for it is in one group, so that no worker waits for another one's control."""
-    for item in items:
-        if any("linuxcnc" in mark.args for mark in item.iter_markers("system")):
-            item.add_marker(pytest.mark.xdist_group("linuxcnc"))
 
 
 def pytest_collection_finish() -> None:

@@ -75,6 +75,17 @@ def test_the_guard_band_is_1_65_standard_uncertainties(tmp_path: Path, value: fl
     assert signed(tmp_path, sheet(value)).rows[0].verdict == expected
 
 
+@pytest.mark.parametrize(("kind", "name"), [("positioning gain", "EXX"), ("parameter", "EXX1"), ("volumetric", "VX")])
+def test_what_changes_with_temperature_is_not_stated_without_one(tmp_path: Path, kind: str, name: str) -> None:
+    shown = sheet(1.0)
+    figures = (replace(shown.figures[0], kind=kind, name=name, expands=True),)
+    (row,) = signed(tmp_path, replace(shown, figures=figures), limits={f"{kind} {name}": 10}).rows
+    assert row.verdict == "not stated" and "temperature.yaml" in row.why
+    warm = Thermal(Known(20.5, 0.1), Known(20.2, 0.3), USUAL, USUAL)
+    stated = replace(shown, figures=figures, thermal=warm, temperature="20 °C")
+    assert signed(tmp_path, stated, limits={f"{kind} {name}": 10}).rows[0].verdict == "conforms"
+
+
 def test_nothing_conforms_where_the_touches_scatter_more_than_the_budget_allows_for(tmp_path: Path) -> None:
     assert signed(tmp_path, sheet(1.0)).conforms
     found = signed(tmp_path, sheet(1.0, sigma=1.1 * STATED))

@@ -20,7 +20,7 @@ from tango_cnc.acceptance.further import known_of, of_part, parameters
 from tango_cnc.cli import guarded, tango
 from tango_cnc.estimate import Estimate
 from tango_cnc.iso230.signed import Budget, Sheet, signed
-from tango_cnc.iso230.temperature import Known, Thermal
+from tango_cnc.iso230.temperature import USUAL, Known, Thermal, scale
 from tango_cnc.nc import features
 from tango_cnc.nc.follow import Setup
 from tango_cnc.records import InputError, World
@@ -99,6 +99,19 @@ def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_do
     _, result, sheet = next(machines(range(1)))
     with pytest.raises(InputError, match=r"parameter EX0Q.*EY0C"):
         parameters(result, ["EX0Q"], sheet)
+
+
+def test_a_scale_of_the_fit_is_at_20_degrees_and_marked_as_one_that_temperature_changes() -> None:
+    _, result, sheet = next(machines(range(1)))
+    warm = Thermal(Known(23.0, 0.5), Known(25.0, 0.5), USUAL, USUAL)
+    shown = replace(sheet, thermal=None, temperature="not stated"), replace(sheet, thermal=warm)
+    read, cold = (parameters(result, ["EXX1", "EY0C"], s) for s in shown)
+    more = scale(warm, at_reference=True)
+    assert read[0].expands and not read[1].expands
+    assert read[0].value is not None and cold[0].value == pytest.approx(read[0].value + more.value * 1e6)
+    assert read[0].interval is not None and cold[0].interval is not None
+    assert np.ptp(cold[0].interval) > 2 * 1.96 * more.std * 1e6 > np.ptp(read[0].interval)
+    assert read[1] == cold[1]
 
 
 @pytest.fixture(scope="module")

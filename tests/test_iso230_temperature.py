@@ -5,12 +5,20 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import tango
-from tango_cnc.iso230.temperature import Known, Thermal, read_thermal, scale
+from tango_cnc.files import read_cell
+from tango_cnc.iso230.expansion import feels, felt_by, stretches
+from tango_cnc.iso230.onpart import asked
+from tango_cnc.iso230.temperature import ASSUMED, Known, Thermal, read_thermal, scale
+from tango_cnc.iso230.trajectory import reference
 from tango_cnc.records import InputError
+from tests.support import iso_warm
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def test_a_steel_bar_3_k_warm_on_a_machine_at_5_k() -> None:
@@ -20,6 +28,40 @@ def test_a_steel_bar_3_k_warm_on_a_machine_at_5_k() -> None:
     assert found.value == pytest.approx(34.5e-6 - 50e-6)
     by_hand = (11.5 * 0.1) ** 2 + (0.5 * 3) ** 2 + (10 * 0.2) ** 2 + (1 * 5) ** 2 + (0.5 * 0.1) ** 2 + (1 * 0.2) ** 2
     assert found.std == pytest.approx(by_hand**0.5 * 1e-6)
+
+
+def test_a_shop_of_which_nothing_is_stated() -> None:
+    """Bar and machine each 20 °C ± 2 K with 11.5 ± 2 µm/m/K: two products of uncertain numbers."""
+    one = (11.5 * 2) ** 2 + (2 * 2) ** 2
+    assert scale(ASSUMED, at_reference=True).std == pytest.approx((2 * one) ** 0.5 * 1e-6)
+    assert scale(ASSUMED, at_reference=True).value == 0
+
+
+def test_what_feels_an_expansion() -> None:
+    """All axes 1 % longer: a way of 200 mm grows by 2 mm, no way bends, nothing turns."""
+    machine = read_cell(EXAMPLES / "three_axis").machine
+    over = {"X": (-100.0, 100.0), "Y": (0.0, 50.0), "Z": (0.0, 10.0)}
+    asks = asked(machine, stretches(machine), over, reference(machine, over))
+    felt = felt_by(machine, over, reference(machine, over))
+    grown = {
+        a.name: abs(np.ptp(felt[a.kind, a.name])) if a.is_range else felt[a.kind, a.name]
+        for a in asks
+        if feels(a, felt[a.kind, a.name])
+    }
+    assert grown == pytest.approx(
+        {"EXX M": 200, "EXX": 1, "EYY M": 50, "EYY": 1, "EZZ M": 10, "EZZ": 1, "VX": 200, "VY": 50, "VZ": 10}
+    )
+
+
+@pytest.mark.long
+def test_a_bar_of_23_and_a_machine_of_25_degrees_of_which_nothing_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The machine at 20 °C is 23 µm/m away from what its bar shows: outside as read, inside at 20 °C."""
+    monkeypatch.setattr(iso_warm, "FIXED", True)
+    found = iso_warm.one("hu40t", iso_warm.FIRST)
+    scales = {way: [inside for kind, _, inside in figures if kind.startswith("positioning")] for way, figures in found.items()}
+    assert len(scales["20 °C, nothing stated"]) >= 4 and all(scales["20 °C, nothing stated"])
+    assert not all(scales["as read"])
+    assert sum(scales["20 °C, stated"]) >= len(scales["20 °C, stated"]) - 1
 
 
 def test_a_temperature_without_uncertainty_is_refused(tmp_path: Path) -> None:
@@ -42,7 +84,7 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
         return data["temperature"], {f"{f['kind']} {f['name']}": f for f in data["figures"]} | fitted
 
     state, before = told()
-    assert state == "not stated"
+    assert state == "20 °C, assumed"
     (cell / "temperature.yaml").write_text("bar: [23, 0.1]\nmachine: [20, 0.1]\n", encoding="utf-8")
     state, after = told()
     assert state == "20 °C"
@@ -52,6 +94,9 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
     assert two - one == pytest.approx(34.5, abs=0.01)
     assert shifted - alone == pytest.approx(34.5, abs=0.01), "fitted gains are at the same temperature as the others"
     assert before["straightness EXZ"] == after["straightness EXZ"]
+    low, high = before["positioning gain EXX"]["interval"]
+    assert high - low > 4 * 32, "nobody has stated a temperature: 2 K of bar and of machine are 33 µm/m"
+    assert "positioning gain EYY − EXX" in before, "what both have in common is not in the difference"
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from tango_cnc.link._trust import Distrust, Gate, judge
 from tango_cnc.link._words import record
 from tango_cnc.link.protocols import dnc, modbus, remote
 from tango_cnc.link.transport import open_port, parse
+from tango_cnc.records import InputError
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links and devices of POSIX")
 
@@ -212,13 +213,17 @@ def test_a_link_that_points_elsewhere_after_it_was_trusted_is_asked_about_again(
 
 
 @pytest.mark.parametrize("name", ["password", "%70assword", "pass%77ord", "%70%61%73%73%77%6F%72%64", "passphrase", "p%61ssphrase"])
-def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name):
-    url = f"ftp://anna@127.0.0.1:1/TANGO.TXT?{name}=geheim9"
+def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name, monkeypatch):
+    monkeypatch.setenv("CELL_WORD", "geheim9")
+    url = f"ftp://anna@127.0.0.1:1/TANGO.TXT?{name}=env:CELL_WORD"
     address = parse(url, remote.OPTIONS)
     assert "geheim9" in address.hidden and "geheim9" not in address.url and "geheim9" not in shown(url)
     result = Result("run", "-C", cell, "--port", url, "--timeout", "1", "--transcript", cell / "talk.txt")
     everything = result.err + result.out + "".join(one.read_text(errors="replace") for one in cell.rglob("*") if one.is_file())
     assert result.code == 3 and "geheim9" not in everything
+    with pytest.raises(InputError, match="stands in the port itself") as written:
+        parse(url.replace("env:CELL_WORD", "geheim8"), remote.OPTIONS)
+    assert "geheim8" not in str(written.value) and "geheim8" not in shown(url.replace("env:CELL_WORD", "geheim8"))
 
 
 # 9. A resumed dnc run listens

@@ -206,11 +206,12 @@ def test_nobody_there_is_said_at_once():
 
 def test_who_has_the_password_is_let_in_and_nobody_else_and_it_is_shown_to_nobody(cell, tmp_path, monkeypatch):
     monkeypatch.setenv("CELL_WORD", "geheim9")
+    monkeypatch.setenv("OTHER_WORD", "falsch7")
     with control(free_port(), word="geheim9") as server, server.attended(cell):
         url = f"{server.url}?program={FOLDER}&user=anna&password=env:CELL_WORD"
         result = Result("run", "-C", cell, "--port", url, "--timeout", "20", "--transcript", tmp_path / "said.txt")
         assert result.code == 0, result.err
-        for wrong in (url.replace("env:CELL_WORD", "falsch7"), url.replace("anna", "otto"), server.url):
+        for wrong in (url.replace("CELL_WORD", "OTHER_WORD"), url.replace("anna", "otto"), server.url):
             refused = Result("link-test", "-C", cell, "--port", wrong, "--seconds", "1")
             assert refused.code != 0 and "the control refuses" in refused.err + refused.out, refused.err
             assert "falsch7" not in refused.err + refused.out

@@ -10,15 +10,14 @@ from scipy import special
 
 from ..compensate.fit import Known
 from ..estimate import Estimate
+from ..iso230.expansion import stretches
 from ..iso230.poses import at_poses, steady
 from ..iso230.signed import UNDECIDED, OnPart, Sheet
-from ..iso230.temperature import scale
-from ..kinematics import Slot
+from ..iso230.temperature import NO_CHANGE, scale
 from ..nc import features
 from ..nc.follow import Motion, Setup
 from ..nc.predict import touched_of
 from ..records import Array, InputError, TangoError
-from ..terms import Coefficient
 from ..touches import Touches
 
 COVERAGE = 0.95
@@ -46,9 +45,14 @@ def parameters(result: Estimate, names: Sequence[str], sheet: Sheet) -> tuple[On
     for name in names:
         i = own[name]
         unit, factor = UNITS[result.model.coefficients[i].unit]
-        value, wide = float(result.values[i]) * factor, student * float(covariance[i, i]) ** 0.5 * factor
+        c, warm = result.model.coefficients[i], NO_CHANGE
+        expands = c.slot.stage == "motion" and c.unit == "mm/mm"
+        if expands and sheet.thermal is not None:
+            warm = scale(sheet.thermal, sheet.temperature.startswith("20 °C"))
+        value = (float(result.values[i]) + warm.value) * factor
+        wide = student * float(covariance[i, i] + warm.std**2) ** 0.5 * factor
         note = "of the fitted terms: what they leave out of the machine may be in it"
-        found.append(OnPart(PARAMETER, name, unit, value, (value - wide, value + wide), None, note))
+        found.append(OnPart(PARAMETER, name, unit, value, (value - wide, value + wide), None, note, expands=expands))
     return tuple(found)
 
 
@@ -75,11 +79,11 @@ def known_of(sheet: Sheet, setup: Setup) -> Known:
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
     if sheet.thermal is not None and sheet.temperature != "not stated":
-        more, axes = scale(sheet.thermal, sheet.temperature == "20 °C"), machine.linear
+        more, axes = scale(sheet.thermal, sheet.temperature.startswith("20 °C")), machine.linear
         p, k = len(values), len(axes)
         wide = np.zeros((p + k, p + k))
         wide[:p, :p], wide[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
-        coefficients += tuple(_stretch(name) for name in axes)
+        coefficients += stretches(machine)
         values, covariance = np.concatenate([values, np.full(k, more.value)]), wide
     return Known(coefficients, values, covariance)
 
@@ -88,10 +92,6 @@ def _some(touches: Touches) -> Touches:
     """touches → the same poses without facets, in a random order: what depends on the history is different there."""
     some = np.random.default_rng(3).permutation(len(touches))[:40]
     return at_poses(touches.machine, touches.position[some], touches.direction[some])
-
-
-def _stretch(axis: str) -> Coefficient:
-    return Coefficient(f"expansion of {axis}", "mm/mm", Slot(axis, "motion"), lambda t: np.asarray(t.axis(axis)))
 
 
 def of_part(
@@ -114,7 +114,7 @@ def of_part(
             why = "an axis is beyond what was touched, so the machine was not measured there"
         elif (std := (high - low) / 2 / normal / wider) > UNDECIDED["µm"]:
             why = f"these touches do not decide it: its standard deviation would be {std:.0f} µm"
-        elif f.kind == "distance" and sheet.temperature == "not stated":
+        elif f.kind in ("distance", "position") and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         found.append(replace(figure, value=None, interval=None, text=f"{f.name}: {why}") if why else figure)
     return tuple(found)

@@ -126,7 +126,7 @@ def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence
 def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:
     if f.value is None or f.interval is None:
         return Row(name, None, None, None, limit, f.unit, "not stated", f.text)
-    if f.kind.startswith("positioning") and f.unit.startswith("µm") and sheet.temperature == "not stated":
+    if f.expands and sheet.temperature == "not stated":
         why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         return Row(name, None, None, None, limit, f.unit, "not stated", why)
     factor = float(special.stdtrit(sheet.freedom, 0.975))

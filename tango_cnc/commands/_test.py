@@ -16,7 +16,7 @@ from ..iso230 import ranges
 from ..records import InputError, Machine
 from ._budget import absent, budget_of
 from ._common import table
-from .iso230 import thermal_of
+from .iso230 import at_20
 
 SHOWN = 6  # sentences on what is withheld
 
@@ -76,7 +76,7 @@ def predicted(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[
             machine, ranges(result.model.touches), replace(wanted, radius=radius), measured.command, measured.sense
         )
     laser = path.name.startswith("laser")
-    told = instruments.predict(result, path, thermal_of(folder), at_reference=laser, budget=budget_of(folder, result))
+    told = instruments.predict(result, path, at_20(folder), at_reference=laser, budget=budget_of(folder, result))
     compared = None if measured is None else instruments.compare(told, measured, options["instrument_um"])
     data = _data(told) | ({} if compared is None or measured is None else _compared(compared, measured, options["instrument_um"]))
     differs = compared is not None and any(f.verdict == "differs" for f in compared.figures)

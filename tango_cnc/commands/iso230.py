@@ -14,7 +14,8 @@ from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..iso230.seen import WORTH
 from ..iso230.signed import Sheet, signed
-from ..iso230.temperature import Known, Thermal, read_thermal, scale
+from ..iso230.temperature import ASSUMED, Known, Thermal, read_thermal, scale, state_of
+from ..texts import say
 from ._budget import absent, budget_of
 from ._common import ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, members, status, told
@@ -32,7 +33,9 @@ PLACE = "Understand 50"  # in the list of commands
 @click.option(
     "--tool-length", type=click.FloatRange(0, min_open=True), help="mm, of the tool at whose tip figures hold [default: the probe]."
 )
-@click.option("--as-found", is_flag=True, help="Scales at the temperature of the machine, not at 20 °C (temperature.yaml).")
+@click.option(
+    "--as-found", is_flag=True, help="Scales at the temperature of the machine, not at 20 °C; without temperature.yaml as read."
+)
 @click.option("--fitted", is_flag=True, help="Figures of the fitted terms alone, as if the machine had no other error motion.")
 @despite_option
 @json_option
@@ -56,8 +59,8 @@ def command(
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms), degree, source=source)
-    thermal = thermal_of(folder)
-    longer, state = (None, "not stated") if thermal is None else (scale(thermal, not as_found), "as found" if as_found else "20 °C")
+    thermal = thermal_of(folder) if as_found else at_20(folder)
+    longer, state = None if thermal is None else scale(thermal, not as_found), state_of(thermal, not as_found)
     if fitted:
         alone = {"temperature": state, "fitted": _fitted_json(result, longer)}
         if not write_json(json_file, {"format": "tango-iso230/1", **members(judgement), **alone}):
@@ -75,6 +78,11 @@ def thermal_of(folder: Path) -> Thermal | None:
     """cell → its temperature.yaml, None where it has none."""
     file = folder / "temperature.yaml"
     return read_thermal(file) if file.exists() else None
+
+
+def at_20(folder: Path) -> Thermal:
+    """cell → its temperature.yaml, else what is assumed of a workshop: with it figures hold at 20 °C."""
+    return thermal_of(folder) or ASSUMED
 
 
 def sheet_json(sheet: Sheet) -> dict[str, Any]:
@@ -126,11 +134,11 @@ def sheet_text(sheet: Sheet) -> list[str]:
     tried = ", ".join(f"degree {d} with {h} harmonics {100 * worth:.0f} %" for (d, h), worth in sheet.orders if worth > WORTH)
     used = f"error motions as polynomials of degree {sheet.order[0]} and {sheet.order[1]} harmonics"
     if sheet.temperature == "not stated":
-        lines[1] += (
-            " (write temperature.yaml for 20 °C); positioning holds for a bar and a machine as warm as each other, and alike"
-        )
+        lines[1] += say("iso_said.temperature.as_read")
     if sheet.thermal is not None:
         lines[1] += f" ({sheet.thermal.text})"
+        if sheet.thermal.assumed:
+            lines[1] += say("iso_said.temperature.assumed", size=f"{2e6 * scale(sheet.thermal, True).std:.0f}")
     if sheet.budget is None:
         lines.append(
             "intervals: scatter of the touches and all error motions; without uncertainty.yaml they have no drift, no lobing …"

@@ -72,6 +72,10 @@ class State:
         gain = covariance if criterion.spread is None else covariance @ criterion.spread @ covariance
         return cls(criterion, covariance, gain)
 
+    def variances(self, aims: Array) -> Array:
+        """(k, p) directions → (k,) variance of each."""
+        return np.asarray(np.einsum("kp,kp->k", aims @ self.covariance, aims))
+
     def seen(self, rows: Array) -> tuple[Array, Array]:
         """(n, p) touches → (n,) leverage x C x, (n,) x G x."""
         return np.einsum("ij,ij->i", rows @ self.covariance, rows), np.einsum("ij,ij->i", rows @ self.gain, rows)

@@ -17,6 +17,7 @@ UNSTICK = 80  # times that some is given up at random for what takes most out of
 FEWER = 60  # unknowns; with more of them swaps are not judged by the worst itself
 NEAR = 1.4  # times what is best so far; what is worse is not looked at more closely
 GAINS = 1e-4  # of φ: a swap that gains less is not made
+LOOKED = 6  # of the many, the worst without a touch: what these forbid is not worked out for the others
 
 
 def worst_first(draft: Draft, seconds: float, many: Criterion, thorough: bool) -> NDArray[np.bool_]:
@@ -37,34 +38,38 @@ def worst_first(draft: Draft, seconds: float, many: Criterion, thorough: bool) -
 def sharpened(draft: Draft, seconds: float, many: Criterion) -> None:
     """draft, s, criterion of the worst of many: swaps touches at the indexations that are visited while the worst gets better."""
     assert many.worst is not None
-    aims, spare = many.worst, seconds - draft.seconds
+    aims, spare, longer = many.worst, seconds - draft.seconds, draft.costs.touch
     for _ in range(int(draft.chosen.sum())):
         leaving, entering = np.flatnonzero(draft.chosen & ~draft.needed), draft.offered()
-        if not len(entering):
+        covariance, aimed = draft.state.covariance, draft.state.variances(aims)
+        told = draft.rows[leaving] @ covariance
+        left = 1 - np.einsum("ap,ap->a", told, draft.rows[leaving])
+        leaving, told, left = leaving[left >= 1e-9], told[left >= 1e-9], left[left >= 1e-9]
+        if not len(entering) or not len(leaving):
             break
-        covariance, now = draft.state.covariance, value(many, draft.information)
-        seen, rows = covariance @ aims.T, draft.rows[entering]
-        aimed = np.einsum("kp,pk->k", aims, seen)
-        told, leverage = rows @ seen, np.einsum("bp,bp->b", rows @ covariance, rows)
-        best: tuple[float, int, int] = (now * (1 - GAINS), -1, -1)
-        for out in leaving.tolist():
-            x = draft.rows[out]
-            u = covariance @ x
-            left = 1 - float(x @ u)
-            if left < 1e-9:
-                continue
-            lost, cross = aims @ u, rows @ u
-            without = aimed + lost**2 / left
-            along = told + np.outer(cross / left, lost)
-            size = 1 + leverage + cross**2 / left
-            worst = (without - along**2 / size[:, None]).max(axis=1)
-            worst[draft.costs.touch[entering] - draft.costs.touch[out] > spare + 1e-9] = np.inf
+        # Without touch a: (a, k) variances, and what is told by each of the others (b, k), their covariance (a, b) and size.
+        lost, along = told @ aims.T, draft.rows[entering] @ covariance @ aims.T
+        cross = told @ draft.rows[entering].T / left[:, None]
+        without = aimed + lost**2 / left[:, None]
+        own = np.einsum("bp,bp->b", draft.rows[entering] @ covariance, draft.rows[entering])
+        size = 1 + own + cross**2 * left[:, None]
+        at = np.argpartition(without, -min(LOOKED, len(aimed)), axis=1)[:, -LOOKED:]
+        a = np.arange(len(leaving))[:, None]
+        told_there = along.T[at] + lost[a, at][:, :, None] * cross[:, None, :]
+        least = (without[a, at][:, :, None] - told_there**2 / size[:, None, :]).max(axis=1)
+        least[longer[entering] - longer[leaving][:, None] > spare + 1e-9] = np.inf
+        best: tuple[float, int, int] = (float(aimed.max()) * (1 - GAINS), -1, -1)
+        for i in np.argsort(least.min(axis=1), kind="stable").tolist():
+            some = np.flatnonzero(least[i] < best[0])
+            if not len(some):
+                break
+            worst = (without[i] - (along[some] + np.outer(cross[i, some], lost[i])) ** 2 / size[i, some, None]).max(axis=1)
             k = int(np.argmin(worst))
             if worst[k] < best[0]:
-                best = float(worst[k]), out, int(entering[k])
+                best = float(worst[k]), int(leaving[i]), int(entering[some[k]])
         if best[1] < 0:
             break
-        spare -= float(draft.costs.touch[best[2]] - draft.costs.touch[best[1]])
+        spare -= float(longer[best[2]] - longer[best[1]])
         draft.chosen[best[1]], draft.chosen[best[2]] = False, True
         draft.renew()
 
@@ -95,10 +100,14 @@ def _unstuck(
     Gives up visits or touches at random and fills the time with what takes most out of what is worst now.
     """
     rng = np.random.default_rng(len(chosen))
-    best = value(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen])
+    assert many.worst is not None
+    draft.chosen = chosen
+    draft.renew()
+    now = draft.state.variances(many.worst)
+    best = now.max()
     for _ in range(times):
         draft.chosen = chosen.copy()
-        weights = parts(many, draft.held + draft.rows[chosen].T @ draft.rows[chosen]) ** float(rng.uniform(1, 6))
+        weights = now ** float(rng.uniform(1, 6))
         draft.criterion = many.with_weights(weights / weights.sum())
         visited = np.unique(draft.pose[chosen])
         gone = rng.choice(visited, min(len(visited) - 1, int(rng.integers(0, 3))), replace=False)
@@ -109,8 +118,8 @@ def _unstuck(
         draft.renew()
         draft.fill(seconds, frozenset(gone[:1].tolist()))
         draft.swap(seconds)
-        if small and value(many, draft.information) < NEAR * best:
+        if small and draft.state.variances(many.worst).max() < NEAR * best:
             sharpened(draft, seconds, many)
-        if (now := value(many, draft.information)) < best * (1 - 1e-9):
-            best, chosen = now, draft.chosen.copy()
+        if (reached := draft.state.variances(many.worst)).max() < best * (1 - 1e-9):
+            best, now, chosen = reached.max(), reached, draft.chosen.copy()
     return chosen

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..estimate import Estimate
-from ..kinematics import Slot
 from ..records import Array, Machine
 from ..terms import Coefficient
 from ..touches import Touches
@@ -29,6 +28,7 @@ from ._between import between
 from ._figure import Figure, Tell
 from ._line import line_of, motions
 from ._motions import motion_figures
+from .expansion import stretches
 from .temperature import Known
 
 __all__ = ["Curve", "Figure", "curves", "figures", "of_coefficients", "ranges"]
@@ -51,15 +51,11 @@ def figures(
     values, covariance = result.values[index], result.covariance[np.ix_(index, index)]
     if expansion is not None:
         linear, p = model.touches.machine.linear, len(chosen)
-        chosen = [*chosen, *(_longer(name) for name in linear)]
+        chosen = [*chosen, *stretches(model.touches.machine)]
         values, known = np.append(values, np.full(len(linear), expansion.value)), covariance
         covariance = np.zeros((len(chosen), len(chosen)))
         covariance[:p, :p], covariance[p:, p:] = known, expansion.std**2  # one expansion for all axes
     return of_coefficients(model.touches.machine, chosen, values, covariance, over or ranges(model.touches))
-
-
-def _longer(axis: str) -> Coefficient:
-    return Coefficient(f"expansion {axis}", "mm/mm", Slot(axis, "motion"), lambda touches: np.asarray(touches.axis(axis)))
 
 
 def of_coefficients(

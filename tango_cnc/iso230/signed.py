@@ -7,7 +7,7 @@ error motions are named with which it is mixed, and differences of two such figu
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
@@ -16,10 +16,11 @@ from ..estimate import Estimate
 from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
+from .expansion import expanded, feels, felt_by, with_column
 from .interval import of_range
 from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
-from .temperature import Known, Thermal, scale
+from .temperature import NO_CHANGE, Known, Thermal, scale, state_of
 from .trajectory import Reference, reference
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
@@ -43,6 +44,7 @@ class OnPart:
     mixed: tuple[str, ...] = ()  # error motions that it cannot be separated from
     text: str = ""
     positions: int = 0  # distinct positions of its axis that were touched
+    expands: bool = False  # whether it changes with the temperature of bar and machine
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Sheet:
     reference: Reference
     sigma: float  # mm, of a touch, beside every error motion
     freedom: float
-    temperature: str = "not stated"  # or: 20 °C, as found
+    temperature: str = "not stated"  # scales as read; or: 20 °C, as found, 20 °C, assumed
     orders: tuple[tuple[tuple[int, int], float], ...] = ()  # degree and harmonics, and what each is worth
     order: tuple[int, int] = (DEGREE, ORDER)  # which was used
     thermal: Thermal | None = None
@@ -81,51 +83,33 @@ def signed(
 ) -> Sheet:
     """estimate, tool length (mm; default: of the probe), temperatures, whether at 20 °C or as found, budget → figures.
 
-    Raises TangoError where there are too few touches.
+    Without temperatures scales are as read, in lengths of the bar as warm as it was; `ASSUMED` takes them to 20 °C. Raises
+    TangoError where there are too few touches.
     """
     machine = seen(result, budget)
     wide, learned = machine.wide, machine.learned
     asks, at = _asked(wide, length)
     spread = machine.spread(asks, lambda w: _asked(w, length)[0])
-    if thermal is not None:
-        more = scale(thermal, at_reference)
-        asks, wide, learned = longer(asks), expanded(wide, more), expanded(learned, more)
-    found = [told(ask, wide, learned, spread.get((ask.kind, ask.name), ())) for ask in asks]
-    state = "not stated" if thermal is None else "20 °C" if at_reference else "as found"
-    figures = (*found, *_relative(asks, found, wide, learned))
+    warm = NO_CHANGE if thermal is None else scale(thermal, at_reference)
+    felt = felt_by(wide.touches.machine, _over(wide), at)
+    found = [told(a, wide, learned, spread.get((a.kind, a.name), ()), felt.get((a.kind, a.name)), warm) for a in asks]
+    state = state_of(thermal, at_reference)
+    figures = (*found, *_relative(asks, found, wide, learned, warm))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     return Sheet(figures, at, sigma, freedom, state, machine.tried, order, thermal, budget, machine.expected, machine.wide)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
     """machine, tool length (mm; default: of the probe) → every figure, where the other axes stand."""
-    from . import ranges
-
-    over = ranges(w.touches)
+    over = _over(w)
     at = reference(w.touches.machine, over, length)
     return asked(w.touches.machine, w.coefficients, over, at), at
 
 
-def longer(asks: list[Ask]) -> list[Ask]:
-    """figures → the same with one coefficient more, what temperature adds to every scale (mm/mm)."""
-    found = []
-    for ask in asks:
-        feels = np.zeros((*ask.curve.shape[:-1], 1))
-        if ask.kind == "positioning" and ask.command is not None:
-            feels[:, 0] = ask.command
-        elif ask.kind == "positioning gain":
-            feels[0] = 1.0
-        found.append(replace(ask, curve=np.concatenate([ask.curve, feels], axis=-1)))
-    return found
+def _over(w: Whole) -> dict[str, tuple[float, float]]:
+    from . import ranges
 
-
-def expanded(w: Whole, more: Known) -> Whole:
-    """machine, what temperature adds to every scale (mm/mm) → the same with this as one coefficient more."""
-    p = len(w.values)
-    covariance = np.zeros((p + 1, p + 1))
-    covariance[:p, :p], covariance[p, p] = w.covariance, more.std**2
-    motions = (*w.motions, "the expansion of bar and machine")
-    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance)
+    return ranges(w.touches)
 
 
 def withheld(result: Estimate) -> tuple[str, ...]:
@@ -186,14 +170,31 @@ def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
 
 
-def told(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> OnPart:
-    """figure as it depends on the coefficients, machine twice (`Seen`), what other orders add → value, interval, or why not."""
+def told(
+    ask: Ask,
+    wide: Whole,
+    learned: Whole,
+    more: tuple[Array, ...] = (),
+    felt: Array | None = None,
+    warm: Known = NO_CHANGE,
+) -> OnPart:
+    """figure as it depends on the coefficients, machine twice (`Seen`), what other orders add, what the figure feels of a scale
+    of 1, what temperature adds to scales (mm/mm) → value, interval, or why not.
+
+    The touches alone decide what is withheld. An expansion that nobody knows makes an interval wider, and its value no larger.
+    """
     axis = ask.own[2:3] if ask.range is not None else ""
     positions = len(np.unique(np.round(wide.touches.axis(axis), 3))) if axis in wide.touches.machine.names else 0
+    expands = felt is not None and feels(ask, felt)
     if (doubt := _undecided(ask, wide)) is not None:
-        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions)
+        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions, expands)
     value, interval = _interval(ask, wide, learned, more)
-    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions)
+    if felt is not None and expands and warm != NO_CHANGE:
+        grown, sure = with_column(ask, felt), Known(warm.value, 0.0)
+        value, _ = _interval(grown, expanded(wide, sure), expanded(learned, sure), more)
+        _, (low, high) = _interval(grown, expanded(wide, warm), expanded(learned, warm), more)
+        interval = min(low, value), max(high, value)
+    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions, expands)
 
 
 def _interval(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:
@@ -221,20 +222,27 @@ def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 
-def _relative(asks: list[Ask], found: list[OnPart], wide: Whole, learned: Whole) -> list[OnPart]:
-    """→ differences and sums of two withheld figures of one kind that the touches do decide."""
-    left = [a for a, f in zip(asks, found, strict=True) if f.value is None and not a.is_range]
+def _relative(asks: list[Ask], found: list[OnPart], wide: Whole, learned: Whole, warm: Known) -> list[OnPart]:
+    """→ differences and sums of two figures of one kind where touches or temperature decide neither alone."""
+    left = [(a, f.value) for a, f in zip(asks, found, strict=True) if not a.is_range and (f.value is None or _too_warm(f, warm))]
     given = []
-    for i, two in enumerate(left):
-        for one in left[:i]:
-            if one.kind != two.kind or one.own == two.own:
+    for i, (two, second) in enumerate(left):
+        for one, first in left[:i]:
+            if one.kind != two.kind or one.own == two.own or (first is None) != (second is None):
                 continue
-            for sign, word in ((-1.0, "−"), (1.0, "+")):
+            signs = ((-1.0, "−"), (1.0, "+")) if first is None else ((-1.0, "−"),)
+            note = "relative: neither is known alone" if first is None else "relative: as if all axes were as warm as each other"
+            for sign, word in signs:
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
                 if _worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
                     value, interval = _interval(ask, wide, learned)
-                    given.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, "relative: neither is known alone"))
+                    given.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, note))
     return given
+
+
+def _too_warm(f: OnPart, warm: Known) -> bool:
+    """figure, what temperature adds to scales → whether it is a scale that temperature leaves undecided."""
+    return f.kind == "positioning gain" and f.expands and warm.std * 1e6 > UNDECIDED["µm/m"]
 
 
 def _list(words: tuple[str, ...]) -> str:

@@ -1,8 +1,8 @@
 """Words that nobody may read over a shoulder: where they come from, and what is shown in their place.
 
 A password in a port's URL is named, not written: `password=env:NAME` is read from the environment, `password=file:PATH` from a
-file that only its owner can read. A word that is written in the URL all the same works, and is never shown: not in messages,
-the journal, readings.json or a transcript.
+file that only its owner can read. A word that is written in the URL all the same is refused: machine.yaml is copied with the
+cell, and everybody reads it. No word is ever shown: not in messages, the journal, readings.json or a transcript.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def revealed(options: Mapping[str, str]) -> dict[str, str]:
 
 
 def secret(name: str, value: str) -> str:
-    """setting, its value → the word. Raises InputError, which does not show it."""
+    """setting, its value → the word ("" for none). Raises InputError, which does not show it."""
     kind, _, where = value.partition(":")
     if kind == "env":
         if "\0" in where or where not in os.environ:
@@ -53,7 +53,12 @@ def secret(name: str, value: str) -> str:
         return os.environ[where]
     if kind == "file":
         return _filed(name, Path(where).expanduser())
-    return value
+    if value:
+        raise InputError(
+            f"{name}: a word stands in the port itself, where everybody who reads the cell sees it; allowed: {NAMED}. "
+            "Put the word there, and change it at the control if others may have read it"
+        )
+    return ""
 
 
 def _filed(name: str, file: Path) -> str:

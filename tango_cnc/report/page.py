@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning, said, unexplained
 from ..iso230.signed import OnPart
+from ..iso230.temperature import scale
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
@@ -327,9 +328,10 @@ def _iso_at(f: Facts, t: Texts) -> str:
     """facts, texts → where the figures hold, or the reason why there are no figures."""
     if isinstance(f.sheet, str):
         return f"{f.sheet}."
-    state = {"not stated": t("iso.temperature_none"), "as found": t("iso.temperature_found")}.get(
-        f.sheet.temperature, f.sheet.temperature
-    )
+    warm, states = f.sheet.thermal, {"not stated": t("iso.temperature_none"), "as found": t("iso.temperature_found")}
+    state = states.get(f.sheet.temperature, f.sheet.temperature)
+    if warm is not None and warm.assumed:
+        state = t("iso.temperature_assumed", size=f"{2e6 * scale(warm, True).std:.0f}")
     text = f.wishes.units.sentence(t("iso.at", reference=t.of(f.sheet.reference.text), state=state))
     return text[0].upper() + text[1:]
 

@@ -343,9 +343,9 @@ def _trusted(folder: Path) -> bool:
 PORTS = (
     "serial:///dev/ttyUSB0?baud=9600&bits=7&parity=even&stop=2&flow=xonxoff",
     "modbus+tcp://[fe80::1]:502/1?run=program",
-    "sftp://anna@192.168.1.20:22/records/TANGO.TXT?program=/programs/&password=geheim&hostkey=SHA256:abc",
+    "sftp://anna@192.168.1.20:22/records/TANGO.TXT?program=/programs/&password=env:HOME&hostkey=SHA256:abc",
     "lsv2://192.168.1.20/TNC:/TANGO.TXT?program=TNC:/&from=last",
-    "opcua://192.168.1.20:4840?user=anna&password=geheim&program=ns=2;s=/FOLDER",
+    "opcua://192.168.1.20:4840?user=anna&password=env:HOME&program=ns=2;s=/FOLDER",
     "linuxcnc://127.0.0.1:5007?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt",
     "file:///C:/control%20one/TANGO.TXT",
 )

@@ -14,6 +14,7 @@ from pyftpdlib.handlers import FTPHandler, TLS_FTPHandler
 from pyftpdlib.servers import ThreadedFTPServer
 
 WORD = "geheim9"
+os.environ["TANGO_TESTS_WORD"] = WORD  # programs that a test starts have it, too
 PROGRAM = b"%\nO8700 (PROGRAM 4BC33F4A4AB1 PLAN 98C4F7B8ADCC)\nM30\n%\n"
 
 
@@ -41,7 +42,7 @@ class Server:
 
     def url(self, name="TANGO.TXT", **options):
         said = "".join(f"&{key}={value}" for key, value in options.items())
-        return f"{self._url}/{name}?password={WORD}{self._more}{said}"
+        return f"{self._url}/{name}?password=env:TANGO_TESTS_WORD{self._more}{said}"
 
 
 def ftp_server(tmp_path, folder, secure, **more):
