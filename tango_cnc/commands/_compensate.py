@@ -115,8 +115,8 @@ def text(proposal: Proposal) -> str:
     if proposal.unseen:
         lines += [
             "",
-            f"measured without tool center point control: what the control's kinematics take away already ({proposal.unseen:.2f} µm) "
-            "is off 'now' by calculation. Their numbers are replaced, not added to. The effects by name above are as measured.",
+            f"measured without tool center point control: what the control's kinematics take away already ({proposal.unseen:.2f} "
+            "µm) is off 'now' by calculation. Their numbers are replaced, not added to. The effects by name above are as measured.",
         ]
     changed = [(h, c) for h, c in zip(proposal.held, best.change, strict=True) if c]
     singles = [h for h, _ in changed if h.at is None]

@@ -105,9 +105,8 @@ def propose(
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
     given, size = present is not None, rms(holds.space @ unseen)
-    return Proposal(
-        target, module, request, best, numbers, now, given, over if not volume else "as given", before, rms(holds.space @ unseen)
-    )
+    said = over if not volume else "as given"
+    return Proposal(target, module, request, best, numbers, now, given, said, before, size)
 
 
 def _some(places: set[str]) -> str:
