@@ -98,6 +98,20 @@ def test_one_direction_that_stays_is_not_drawn_to_zero(scatters: float) -> None:
     assert sum(3**0.5 * 1e3 * scatters > high for high in ends) <= 6
 
 
+def test_a_scatter_that_was_estimated_from_few_touches_widens_the_promise() -> None:
+    """Scatter alone is left, in two directions; an interval for a scatter of 1 is as many times as wide as it was estimated."""
+    levers, freedom = np.tile(np.eye(3, 2), (40, 1)), 10
+    rng = np.random.default_rng(230)
+    found = np.sqrt(rng.chisquare(freedom, 20000) / freedom)
+    left = 1e3 * np.sqrt(np.sum(rng.normal(size=(20000, 2)) ** 2, axis=1))
+    share = {}
+    for told in (None, freedom):
+        one = mean(likely(np.zeros(2), np.eye(2), levers, np.zeros_like(levers), freedom=told))
+        share[told] = float(np.mean((one.low * found <= left) & (left <= one.high * found)))
+    assert share[None] < 0.93
+    assert 0.94 < share[freedom] < 0.965
+
+
 @pytest.mark.long
 def test_the_faster_way_promises_what_propose_does() -> None:
     cell, world = example("trunnion")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.design import choose, order
+from tango_cnc.design import choose, order, propose
 from tango_cnc.design.ways import reason
 from tango_cnc.files import read_cell
 from tango_cnc.plan import attempt, plan
@@ -73,6 +73,7 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
         raise AssertionError("searched")
 
     monkeypatch.setattr(choose, "_tried", searched)
+    monkeypatch.setattr(propose, "_needed", lambda *_: 30.0)  # a quick choice for longer and longer times
     asked = ["design", "-C", str(EXAMPLES / "split"), "--goal", "volume", "--minutes", "4"]
     assert guarded(tango.main, asked, standalone_mode=False) == 2
     said = capsys.readouterr().err
@@ -80,5 +81,5 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
         r"--minutes: found 4; there is time for about \d+ touches, and the goal has \d+ unknowns besides those of the facets; ",
         said,
     )
-    assert re.search(r"allowed: more than [\d.]+ minutes, or ", said)
+    assert re.search(r"allowed: more than [\d.]+ minutes \(about 30\), or ", said)
     assert "--within MM" in said and "--terms S3 instead of S4" in said

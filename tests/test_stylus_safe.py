@@ -10,7 +10,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 from tango_cnc import plan as planner
+from tango_cnc.asked import asked
 from tango_cnc.cli import tango
+from tango_cnc.commands._trust import run_of
 from tango_cnc.files import machine_text, read_cell, read_machine, strategy_text
 from tango_cnc.files.normals import inward
 from tango_cnc.files.strategy import OBSTRUCTED
@@ -125,6 +127,8 @@ def test_what_a_strategy_leaves_out_is_left_out_by_check_plan_and_simulate(facin
     assert result.exit_code == 0, result.output
     with (cell / "simulated.csv").open(encoding="utf-8") as file:
         assert [int(row["touch"]) for row in csv.DictReader(file)] == numbers
+    left = run_of(cell / "simulated.csv")  # beside the readings, so that no command takes them for missing
+    assert left is not None and asked(known, left).made == set(numbers)
     assert strategy_text(known.strategy).splitlines()[2] == "obstructed: leave-out"
 
 

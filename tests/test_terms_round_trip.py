@@ -36,6 +36,13 @@ WAVES = [
 WOUND = [{"covariate": "path of C 120", "kind": "polynomial", "low": -1.0, "high": 1.0, "count": 2}]
 PATTERNS = sorted(terms.patterns())
 # Settings for causes of which this plan's touches offer none, or not the one that has to be looked at.
+
+
+def of(covariate: str, low: float = -1.0, high: float = 1.0) -> dict[str, Any]:
+    """covariate, its range → a straight line over it."""
+    return {"covariate": covariate, "kind": "polynomial", "low": low, "high": high, "count": 1}
+
+
 SETTINGS: dict[str, list[dict[str, Any]]] = {
     "compensation_kink": [{"axis": "X", "at": 20.0}, {"axis": "Y", "nodes": [-80.0, 30.0]}, {"axis": "B", "at": 15.0}],
     "gravity_sag": [{"axis": "B", "component": c} for c in ("X", "Z", "XYZ", "A", "B")],
@@ -51,6 +58,14 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
         dict(terms.causes()["learned"].example),
         {"name": "face", "factors": COURSE, "weight": "none", "values": [1.0, -0.5, 0.2]},
         {"name": "hoses", "factors": WOUND, "weight": "axis C", "values": [1.0, 0.3]},
+        {"name": "post", "factors": [of("normal z, table"), of("B")], "weight": "none", "values": [0.5, 1.0, -0.3]},
+        {
+            "name": "warp",
+            "factors": [of("place x, table", -250, 250), of("time", 0, 1800)],
+            "weight": "table z",
+            "values": [0.5, 1, -0.3],
+        },
+        {"name": "rested", "factors": [of("pause", 1, 5), of("Y", -200, 200)], "weight": "machine z", "values": [0.5, 1.0, -0.3]},
         {"name": "wound", "factors": WAVES, "weight": "machine z", "values": [0.3, 1.0, -0.5, 0.2, 0.6]},
     ],
     "ambient_cycle": [{"period": 600.0}],

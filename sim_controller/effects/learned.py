@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -91,8 +92,13 @@ def _covariate(h: History, name: str) -> Array:
         return np.arctan2(h.normal_spindle[:, 1], h.normal_spindle[:, 0])
     if name == "probe direction along":
         return h.normal_spindle[:, 2]
-    if first == "normal" and rest in ("x, machine", "y, machine", "z, machine"):
-        return h.normal[:, "xyz".index(rest[0])]
+    if rest in (f"{c}, {frame}" for c in "xyz" for frame in ("machine", "table")) and first == "normal":
+        return (h.normal if rest.endswith("machine") else h.normal_table)[:, "xyz".index(rest[0])]
+    if first == "place" and rest in ("x, table", "y, table", "z, table"):
+        return h.point[:, "xyz".index(rest[0])]
+    if name == "pause":
+        waits = [later - earlier for earlier, later in pairwise(h.time)]
+        return np.array([math.log(max(w, 1.0)) for w in (max(waits, default=1.0), *waits)][: len(h)])
     if name == "feed":
         return h.feed
     if first == "facet":

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..asked import as_run
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up
+from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up, read_origin
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
@@ -65,10 +65,11 @@ def judged(
 
 
 def run_of(source: Path) -> dict[str, Any] | None:
-    """readings.csv → what its run wrote beside it (readings.json), None where nothing can be read."""
+    """readings.csv → what its run wrote beside it (readings.json), or which touches a simulation left out; None: neither."""
     with suppress(InputError):
         return read_json(source.with_suffix(".json"), "what 'tango run' wrote")
-    return None
+    made = (read_origin(source) or {}).get("run")
+    return made if isinstance(made, dict) and isinstance(made.get("left_out_touches"), list) else None
 
 
 def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:

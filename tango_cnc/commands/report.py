@@ -33,7 +33,7 @@ from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
-from ._trust import despite_option, judged, members, status, told
+from ._trust import despite_option, judged, members, run_of, status, told
 from .iso230 import at_20
 
 if TYPE_CHECKING:
@@ -180,7 +180,9 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
     simulated = beside.get("origin") == "simulated" or bool((origin or {}).get("simulated"))
     measured = str((origin or {}).get("start_utc") or beside.get("written_utc") or "")
     made = datetime.now(UTC)
-    return Paper(made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured)
+    return Paper(
+        made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured, run_of(source)
+    )
 
 
 @cache
@@ -218,16 +220,16 @@ def _place(folder: Path) -> str | Path | None:
 
 def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
     """cell, its machine, units, texts → newest night and open alarms in its history; None where it has none."""
-    from ..history import compensations as recorded
+    place = _place(folder)
+    if place is None:
+        return None
+    from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night
     from ..history import opened
     from ..report.faults import answered, earlier, faults, still_open, unclosed
     from ..report.morning import last_written, volumes_of
     from ..report.pace import ahead
 
     machine = chain.name
-    place = _place(folder)
-    if place is None:
-        return None
     with opened(place, create=False) as history:
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
@@ -261,11 +263,11 @@ def _measured_before(history: History, machine: str, newest: Night) -> Mapping[s
 
 def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
     """cell, its machine, parameters → their values night by night in its history; None where it has none."""
-    from ..history import opened
-
     place = _place(folder)
     if place is None:
         return None
+    from ..history import opened  # slow to load
+
     allowed = read_nightly(folder).limits
     with opened(place, create=False) as history:
         if machine not in history.machines():

@@ -43,6 +43,13 @@ def _made(cell: Cell) -> tuple[Strategy, NDArray[np.int64] | None, Array | None]
     return reachable(cell), np.array([t.number for t in made.touches]), last_moves(made)
 
 
+def _left_out(part: Cell, numbers: NDArray[np.int64] | None) -> list[int]:
+    """cell of one stylus, numbers of the touches that are simulated (None: all) → those that are not, as the strategy counts."""
+    count = sum(len(i.facets) for i in part.strategy.indexations)
+    every = range(part.strategy.before + 1, part.strategy.before + count + 1)
+    return [] if numbers is None else sorted(set(every) - set(numbers.tolist()))
+
+
 def _moved(cell: Cell) -> Array | None:
     """cell → (n, k) mm rad, size and sense of each axis' last motion at every touch of its plan; None when it cannot be planned."""
     try:
@@ -113,7 +120,7 @@ def command(
     world_file = world_file or folder / "world.yaml"
     world = read_world(world_file)
     done: list[Readings] = []
-    planned = True
+    planned, left_out = True, list[int]()
     for part in by_stylus(cell):
         control = read(compensation, part.machine, tcp=not no_tcp) if compensation is not None else None
         strategy, numbers, moved = _made(part)
@@ -124,6 +131,7 @@ def command(
         with blamed_on(world_file):
             readings = simulate(part.machine, cell.artefact, strategy, world, cycles, days, own, moved, control)
         number = readings.touch + part.strategy.before if numbers is None else numbers[readings.touch - 1]
+        left_out += _left_out(part, numbers)
         done.append(replace(readings, touch=number))
     readings = done[0]
     for part, more in zip(by_stylus(cell)[1:], done[1:], strict=True):
@@ -136,7 +144,7 @@ def command(
         if kept is not None:
             click.echo(f"what was in {target} is kept as {kept}", err=True)
         write_text(target, text)
-        write_origin(target, folder, "simulated", kept)
+        write_origin(target, folder, "simulated", kept, {"left_out_touches": left_out} if left_out else None)
     if output is None and (folder / MEASURED).exists():
         click.echo(
             f"{folder / MEASURED} was measured and stays what commands read; --readings {target} reads the simulated ones", err=True

@@ -33,6 +33,7 @@ class Known:
     coefficients: tuple[Coefficient, ...]
     values: Array  # (p,)
     covariance: Array  # (p, p)
+    freedom: float | None = None  # degrees of freedom of the scatter behind it; None: it is known
 
     def acting(self, touches: Touches, values: Array | None = None) -> dict[kinematics.Slot, Array]:
         """touches → error at every slot."""
@@ -71,7 +72,9 @@ def known(result: Estimate, poses: Poses) -> Known:
             "compensate: the estimate contains no error of the machine, so there is nothing to compensate; ask for more terms "
             "(--terms S3), or see with 'tango check' why these touches determine nothing"
         )
-    return Known(tuple(model.coefficients[i] for i in own), result.values[own], result.covariance[np.ix_(own, own)])
+    return Known(
+        tuple(model.coefficients[i] for i in own), result.values[own], result.covariance[np.ix_(own, own)], max(result.dof, 1)
+    )
 
 
 def _posed(c: Coefficient, touches: Touches) -> bool:
@@ -132,7 +135,7 @@ class Holding:
     def left(self, found: Known, rounded: Array) -> Array:
         """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""
         rest = self.space @ rounded
-        return likely(found.values, found.covariance, self.levers, self.levers - self.taken, rest)
+        return likely(found.values, found.covariance, self.levers, self.levers - self.taken, rest, found.freedom)
 
 
 def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
@@ -153,10 +156,11 @@ def fit(found: Known, holds: Holding, present: Mapping[str, float], program_incr
     """what is known of the machine, what the control can hold, the control's present numbers → the best numbers."""
     exact, change = holds.numbers(found, present)
     levers, taken = holds.levers, holds.taken
-    before = likely(found.values, found.covariance, levers, levers)
+    before = likely(found.values, found.covariance, levers, levers, freedom=found.freedom)
     after = holds.left(found, exact - change)
     # Programs correct everything but what depends on the last motion; of that the target may have taken its part.
-    programs = likely(found.values, found.covariance, levers, np.where(holds.reversal, levers - taken, 0.0))
+    by_program = np.where(holds.reversal, levers - taken, 0.0)
+    programs = likely(found.values, found.covariance, levers, by_program, freedom=found.freedom)
     turned, left = _directions(found, holds.held, holds.poses, change)
     return Fit(
         holds.held,

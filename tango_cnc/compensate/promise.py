@@ -35,11 +35,14 @@ class Figure:
     high: float
 
 
-def likely(values: Array, covariance: Array, levers: Array, left: Array, rest: Array | None = None) -> Array:
+def likely(
+    values: Array, covariance: Array, levers: Array, left: Array, rest: Array | None = None, freedom: float | None = None
+) -> Array:
     """(p,) (p, p) estimate, (3n, p) tip error of every coefficient, the part that stays → (k, m, n) mm, draws of what is left.
 
-    `rest`: (3n,) mm that stays in every draw. Each draw is at n poses drawn anew: a volume is known by some of its poses. k: by a
-    narrow prior, by a wide one, by none; a single one where nothing is left that a prior could tell about.
+    `rest`: (3n,) mm that stays in every draw; `freedom`: degrees of it by which the scatter was estimated (default: it is known),
+    so that draws have Student's distribution (JCGM 101:2008, 6.4.9). Each draw is at n poses drawn anew: a volume is known by some
+    of its poses. k: by a narrow prior, by a wide one, by none; a single one where nothing is left that a prior could tell about.
     """
     root = _root(covariance)
     felt = left @ root
@@ -50,6 +53,8 @@ def likely(values: Array, covariance: Array, levers: Array, left: Array, rest: A
     seen = np.linalg.lstsq(way / std[:, None], values / std, rcond=1e-12)[0]
     rng = np.random.default_rng(1)
     share, normal = rng.random((len(seen), DRAWS)), rng.normal(size=(len(seen), DRAWS))
+    if freedom is not None:
+        normal *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))  # one scatter for all directions of a draw
     # left @ drawn + (levers - left) @ (drawn - seen): what is gone leaves its scatter.
     stays = (levers - left) @ (way @ seen) - (0.0 if rest is None else rest)
     found = []

@@ -21,6 +21,8 @@ from . import order
 from .balls import needed
 from .candidates import WIDE
 from .criterion import parts, value
+from .early import in_vain
+from .enough import serves
 from .exchange import Draft
 from .here import certified_here
 from .in_a_row import shared
@@ -74,14 +76,24 @@ class TooFew(NoTime):
         super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; {self.why}; allow more time")
 
 
-def chosen(problem: Problem) -> Chosen:
-    """problem → plan. Raises InputError when the time is too short for any plan that tells something."""
+class Undetermined(NoTime):
+    """Neither a first plan determines what it is for, nor a quick choice of a little more time."""
+
+    def __init__(self, found: Chosen) -> None:
+        super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; allow more time: no plan determines the goal")
+        self.found = found
+
+
+def chosen(problem: Problem, early: bool = False) -> Chosen:
+    """problem, whether to give up early what seems in vain → plan. Raises InputError when the time is too short."""
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     # The first choice, a quick one, says what touches and turns cost.
     _hopeless(problem)
     first, relaxed = _first(problem)
     costs = costs_of(first)
+    if early and not serves(problem, first.information) and in_vain(problem, costs, relaxed):
+        raise Undetermined(first)
     rows, relaxed = _in_a_row(problem, costs, again, relaxed)
     best = first, relaxed
     with suppress(NoWay):

@@ -141,9 +141,12 @@ def propose(ready: Setting) -> Chosen:
         return _proposed(ready)
     except choose.TooShort as error:
         raise _refused(ready, error.found, "even the shortest plan takes longer") from None
+    except choose.Undetermined as error:
+        raise _refused(ready, error.found, _undetermined(error.found)) from None
     except choose.TooFew as error:
-        # How much more it takes a search would say, which lasts longer than somebody waits for a refusal.
-        least = f"more than {error.seconds / 60:g} minutes"
+        bound = error.seconds / 60
+        minutes = _needed(error.found, serves, bound)
+        least = f"more than {bound:g} minutes (about {minutes:g})" if minutes else f"more than {LONGEST:g} minutes"
         raise _refused(ready, error.found, error.why, least) from None
 
 
@@ -152,7 +155,7 @@ def _proposed(ready: Setting) -> Chosen:
     if wish.minutes is not None or wish.goal.word:
         if wish.goal.word == "check" and wish.minutes is None:
             return _worth_making(ready, _usual_check(ready.problem))
-        found = choose.chosen(ready.problem)
+        found = choose.chosen(ready.problem, early=bool(wish.goal.word))
         return _worth_making(ready, found) if wish.goal.word else found
     return _shortest(ready.problem)
 
@@ -205,12 +208,14 @@ def _worth_making(ready: Setting, found: Chosen) -> Chosen:
     problem = found.problem
     if serves(problem, found.information):
         return found
-    why = (
-        "such a check would see no change smaller than 0.1 mm"
-        if problem.choice.twice
-        else f"its {len(found.rows)} touches do not determine all that the goal asks for"
-    )
-    raise _refused(ready, found, why)
+    raise _refused(ready, found, _undetermined(found))
+
+
+def _undetermined(found: Chosen) -> str:
+    """plan that does not serve → why."""
+    if found.problem.choice.twice:
+        return "such a check would see no change smaller than 0.1 mm"
+    return f"its {len(found.rows)} touches do not determine all that the goal asks for"
 
 
 def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputError:
@@ -237,15 +242,15 @@ def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputE
     )
 
 
-def _needed(found: Chosen, good: Callable[[Problem, Array], bool]) -> float | None:
-    """plan, what is asked of its information → minutes in which touches and turns that cost the same reach it.
+def _needed(found: Chosen, good: Callable[[Problem, Array], bool], more_than: float = 0.0) -> float | None:
+    """plan, what is asked of its information, minutes that do not do → minutes in which such touches and turns reach it.
 
     By a quick choice; None: not within `LONGEST`.
     """
     light, (touch, visit, spare) = lighter(found.problem), choose.costs_of(found)
     again = found.problem.of_time(60 * LONGEST).repeats - found.problem.repeats  # a longer run repeats its first indexation
     spare += again * touch + (visit if again and not found.problem.repeats else 0.0)
-    choice, relaxed, minutes = light.choice, None, found.problem.seconds / 60
+    choice, relaxed, minutes = light.choice, None, max(found.problem.seconds / 60, more_than)
     each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
     least = choose.least_touches(found.problem)
     while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:

@@ -23,7 +23,7 @@ from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
 from ._candidates import candidate
 from ._catalogue import Chosen
-from ._contest import Field, Outcome, contest
+from ._contest import Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
@@ -259,7 +259,7 @@ def _told(
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises)
+    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises, largest(outcome.picked))
     findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads]
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))

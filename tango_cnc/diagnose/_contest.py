@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from .. import terms as families
 from ..records import Array
 from ._catalogue import Chosen
+from ._names import discounts, once
 from ._rows import Rows
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
@@ -27,7 +27,6 @@ MOST = 6  # shapes that are added
 ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
-TWICE = 2  # times a cause of one axis may be named
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
 MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
 
@@ -283,6 +282,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     """field, data (m,), single touches that are set aside, names that were found → what stands.
 
     A name stands when it beats every combination of shapes in its place by a margin; a shape that was learned before needs none.
+    Beside a shape that has more evidence it does not stand: it may be a part of what this shape is a part of. Subsets of the
+    touches (margin below 0) do not ask for that.
     """
     cheaper = discounts(y, [*fixed, *names], names)
 
@@ -307,6 +308,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     by_names, _ = of(names, True)
     kept = once(names)
     value, picked = of(kept)
+    without: list[tuple[float, tuple[Picked, ...]]] = []
     while kept:
         without = [of([c for c in kept if c is not old]) for old in kept]
         margins = [margin if not c.candidate.learned else 0.0 for c in kept]
@@ -319,6 +321,12 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             break
         value, picked = without[worst]
         del kept[worst]
+    smaller: list[Chosen] = []
+    if kept and margin > 0:
+        still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or value - w[0] > largest(picked)]
+        if len(still) < len(kept):
+            smaller = [c for c in kept if c not in still]
+            kept, picked = still, of(still)[1]
     own = [p.columns for p in picked if not p.kernel.noise]
     if own and kept:
         q = orthonormal(np.hstack(own))
@@ -327,7 +335,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             kept, picked = still, of(still)[1]
     lost = tuple(c for c in names if c not in kept)
     apart = needed(y, fixed, kept, picked) if lost else fixed
-    return Outcome(tuple(kept), lost, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
+    resembled = tuple(c for c in lost if c not in smaller)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
@@ -355,54 +364,13 @@ def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Se
     return found
 
 
+def largest(picked: Sequence[Picked]) -> float:
+    """what was chosen → evidence of the largest shape among it."""
+    return max((p.score for p in picked if p.kernel.kind == "shape"), default=0.0)
+
+
 def _patterns(picked: Sequence[Picked]) -> bool:
     return any(not p.kernel.noise for p in picked)
-
-
-def once(names: Sequence[Chosen]) -> list[Chosen]:
-    """names → without the second of a cause that a machine has once: two warm-ups, or kinks, or cycles follow any curve.
-
-    Of every other cause of one axis it may have two.
-    """
-    kept: list[Chosen] = []
-    causes = families.causes()
-    for c in names:
-        same = [k for k in kept if k.candidate.cause == c.candidate.cause and _axis(k) == _axis(c)]
-        only = c.candidate.cause in causes and causes[c.candidate.cause].once
-        if len(same) < (1 if only else TWICE):
-            kept.append(c)
-    return kept
-
-
-def _axis(c: Chosen) -> tuple[object, ...]:
-    return tuple(c.candidate.setting.get(k) for k in ("axis", "name", "by", "facet"))
-
-
-def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> dict[int, float]:
-    """data, everything that is chosen, names → by id how much less a name costs that goes along one axis of its frame only.
-
-    A vector has three numbers; one that is free in one direction has a third of them, and which one was picked among three.
-    """
-    found = {}
-    m = len(y)
-
-    def misfit(columns: Sequence[Array]) -> float:
-        q = orthonormal(np.hstack(columns))
-        return m * float(np.log(max(float(y @ y) - float(np.sum((q.T @ y) ** 2)), 1e-300)))
-
-    for c in names:
-        letters = [k.name[-1] for k in c.candidate.coefficients]
-        found[id(c)] = 0.0
-        if set(letters) != {"x", "y", "z"}:
-            continue
-        others = [o.columns for o in chosen if o is not c]
-        whole = misfit([*others, c.columns])
-        for letter in "xyz":
-            own = [i for i, one in enumerate(letters) if one == letter]
-            saved = (len(letters) - len(own)) * float(np.log(m)) - 2 * float(np.log(3))
-            gain = saved - (misfit([*others, c.columns[:, own]]) - whole)
-            found[id(c)] = max(found[id(c)], gain)
-    return found
 
 
 def _inside(columns: Array, q: Array) -> bool:
@@ -436,4 +404,4 @@ def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) ->
     return result
 
 
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "needed", "posterior", "refinement", "shortlist"]
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "posterior", "refinement", "shortlist"]

@@ -18,6 +18,7 @@ from ..kinematics import Slot
 from ..records import Array
 from ..terms._shape import CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
+from ._crossed import crossed
 from ._rows import Rows
 
 FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
@@ -29,7 +30,7 @@ WHOLE = 4.0  # rad: what an axis turns beyond this is a wave, and no polynomial 
 PLAIN = 1  # function of each covariate of a pair that is a product; two beside a side from which an axis came
 HALF = 2.0  # rad: what waves of an axis can do with a name, they can do without one
 OFTEN = 6  # touches of a facet that show a course
-LEAST = {"way": 1e-3, "path": 0.05, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
+LEAST = {"way": 1e-3, "pause": 0.2, "place": 1.0, "path": 0.05, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
 def forms(touches: Touches) -> Iterator[Form]:
@@ -61,7 +62,7 @@ def forms(touches: Touches) -> Iterator[Form]:
 
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
     for name in known:
-        if name.startswith(("probe", "normal", "path")):
+        if name.startswith(("probe", "normal", "path", "place")):
             continue
         for weight in (*felt, "machine"):
             yield from single(name, weight)
@@ -87,7 +88,7 @@ def forms(touches: Touches) -> Iterator[Form]:
     if "probe direction along" in known:
         yield Form((line("probe direction along", LEGENDRE, 4),), ONE)
         yield Form((line("probe direction along", LEGENDRE, 2),), "across")
-    sides = [name for name in known if name.startswith("normal")]
+    sides = [name for name in known if name.startswith("normal") and name.endswith("machine")]
     for i, one in enumerate(sides):
         yield Form((line(one, LEGENDRE, SLOW),), ONE)
         for other in sides[i + 1 :]:
@@ -109,6 +110,7 @@ def forms(touches: Touches) -> Iterator[Form]:
         for facet, often in Counter(touches.facet).items():
             if often >= OFTEN:
                 yield Form((Factor(f"facet {facet}", SIDE, 0.0, 1.0, 1), line("time", LEGENDRE, SLOW)), ONE)
+    yield from crossed(known, linear, rotary)
 
 
 def _moves(touches: Touches, name: str, v: Array) -> bool:

@@ -26,14 +26,17 @@ def findings(
     excluded: Collection[str],
     remains: Sequence[Remainder] = (),
     seats: bool = True,
+    shown: float = 0.0,
 ) -> list[Finding]:
-    """explanation, rough facets, shapes, whether seats compete best → causes that show in the spread of the touches.
+    """explanation, rough facets, shapes, whether seats compete best, evidence of the largest shape → causes that show in the
+    spread of the touches.
 
     What a shape without a name leaves of the unknown looks like a spread of all touches: beside it none is named. Rough facets
-    are, because they were compared with all shapes taken out.
+    are where they have more evidence than it, because they were compared with all shapes taken out.
     """
     result: list[Finding] = []
     unknown = SHARE * max((gain(e.place, e.chosen, c) for c in e.chosen if c.candidate.cause == ""), default=0.0)
+    unknown = max(unknown, shown)
     rough = [r for r in rough if r.p_value < ROUGH and -2 * np.log(max(r.p_value, 1e-300)) > unknown]
     if seats and not remains and e.random[1] > max(RANDOM, unknown) and scattering("indexation") not in excluded:
         amplitude, std = _amplitude(e, 1)

@@ -144,6 +144,8 @@ def _covariate(name: str) -> str:
     if kind == "normal":
         letter, _, frame = rest.partition(", ")
         return say("diagnosis_said.touch_direction_frame", upper=letter.upper(), frame=_frame(frame))
+    if kind == "place":
+        return say("diagnosis_said.place_on_table", upper=rest[0].upper())
     if name == "since indexation":
         return say("diagnosis_said.time_since_last_indexation")
     if name == "probe direction along":
@@ -163,6 +165,7 @@ def _covariate(name: str) -> str:
     return {
         "order": say("diagnosis_said.order_touches"),
         "feed": say("diagnosis_said.measuring_feed"),
+        "pause": say("diagnosis_said.time_since_touch_before"),
         "facet": say("table.facet"),
         "time": say("place.time"),
     }.get(name, name)

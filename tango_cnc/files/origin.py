@@ -28,7 +28,7 @@ FORMAT = "tango-origin/1"
 ROLES = ("machine", "artefact", "strategy")
 FEW = 8  # keys or lines that a sentence names
 MEASURED, SIMULATED = "readings.csv", "simulated.csv"
-RUN = ("program_hash", "plan_hash", "start_utc", "end_utc", "simulated")  # of readings.json
+RUN = ("program_hash", "plan_hash", "start_utc", "end_utc", "simulated", "left_out_touches")  # of readings.json
 
 
 def origin_file(readings: Path) -> Path:

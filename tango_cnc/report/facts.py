@@ -55,6 +55,7 @@ class Paper:
     simulated: bool = False  # the readings come from no machine
     readings: str = ""  # name of the readings file
     measured: str = ""  # when its readings were made
+    plan: Mapping[str, Any] | None = None  # of readings.json, or of the simulation: what its plan left out
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ class Facts:
     def planned(self) -> int:
         """→ touches that the plan makes, in all cycles."""
         cycles = max(1, len({*zip(self.readings.cycle.tolist(), self.readings.day.tolist(), strict=True)}))
-        return len(asked(self.cell, self.paper.origin).made) * cycles
+        return len(asked(self.cell, self.paper.plan or self.paper.origin).made) * cycles
 
     @property
     def ratio(self) -> float | None:

@@ -128,10 +128,15 @@ def values(touches: Touches) -> Mapping[str, Array]:
     first = np.flatnonzero(np.diff(touches.indexation, prepend=-1))
     begin = touches.time[first][np.searchsorted(first, np.arange(n), side="right") - 1]
     result["since indexation"] = touches.time - begin
+    pause = np.diff(touches.time)
+    longest = pause.max(initial=1.0)  # the probe has rested before the first touch
+    result["pause"] = np.log(np.maximum(np.concatenate([[longest], pause]), 1.0))
     result["probe direction"] = np.arctan2(touches.spindle_normal[:, 1], touches.spindle_normal[:, 0])
     result["probe direction along"] = touches.spindle_normal[:, 2]
     for i, letter in enumerate("xyz"):
         result[f"normal {letter}, machine"] = touches.machine_normal[:, i]
+        result[f"normal {letter}, table"] = touches.normal[:, i]
+        result[f"place {letter}, table"] = touches.point[:, i]
     facet = np.array(touches.facet)
     result |= {f"facet {one}": (facet == one).astype(float) for one in dict.fromkeys(touches.facet)}
     for sensor, value in touches.temperatures.items():

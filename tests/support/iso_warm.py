@@ -12,11 +12,14 @@ from __future__ import annotations
 import sys
 from collections import defaultdict
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
+from tango_cnc.estimate import Estimate
 from tango_cnc.iso230 import ranges
-from tango_cnc.iso230.signed import Sheet, signed
+from tango_cnc.iso230 import signed as product
+from tango_cnc.iso230.signed import Sheet
 from tango_cnc.iso230.temperature import ASSUMED, Known, Thermal
 from tests.support.iso_coverage import EXAMPLES, estimated
 from tests.support.truth import AXES, Truth
@@ -88,18 +91,19 @@ def compared(sheet: Sheet, known: dict[tuple[str, str], float]) -> list[tuple[st
     return found
 
 
+def _sheets(result: Estimate, stated: Thermal) -> dict[str, Sheet]:
+    asked = ((ASSUMED, True), (None, True), (stated, True), (stated, False))
+    return {way: product.signed(result, None, thermal, cold) for way, (thermal, cold) in zip(WAYS, asked, strict=True)}
+
+
 def one(name: str, seed: int) -> dict[str, list[tuple[str, float, bool]]]:
     """example, seed → by what was stated: every printed figure, compared."""
     truth = Warm(EXAMPLES / name, seed)
     result = estimated(truth, EXAMPLES / name)
     stated, over = truth.told(), ranges(result.model.touches)
-    sheets = dict(
-        zip(
-            WAYS,
-            (signed(result, None, ASSUMED), signed(result), signed(result, None, stated), signed(result, None, stated, False)),
-            strict=True,
-        )
-    )
+    fitted = product.seen(result)
+    with patch.object(product, "seen", lambda *_: fitted):  # four sheets of one machine
+        sheets = _sheets(result, stated)
     pose = dict(sheets["as read"].reference.pose)
     cold = truth.figures(over, pose)
     truth.hot = True

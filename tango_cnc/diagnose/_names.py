@@ -1,0 +1,63 @@
+"""What names may be there together, and what they cost less than their coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .. import terms as families
+from ..records import Array
+from ._catalogue import Chosen
+from ._space import orthonormal
+
+TWICE = 2  # times a cause of one axis may be named
+
+
+def once(names: Sequence[Chosen]) -> list[Chosen]:
+    """names → without the second of a cause that a machine has once: two warm-ups, or kinks, or cycles follow any curve.
+
+    Of every other cause of one axis it may have two.
+    """
+    kept: list[Chosen] = []
+    causes = families.causes()
+    for c in names:
+        same = [k for k in kept if k.candidate.cause == c.candidate.cause and _axis(k) == _axis(c)]
+        only = c.candidate.cause in causes and causes[c.candidate.cause].once
+        if len(same) < (1 if only else TWICE):
+            kept.append(c)
+    return kept
+
+
+def _axis(c: Chosen) -> tuple[object, ...]:
+    return tuple(c.candidate.setting.get(k) for k in ("axis", "name", "by", "facet"))
+
+
+def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> dict[int, float]:
+    """data, everything that is chosen, names → by id how much less a name costs that goes along one axis of its frame only.
+
+    A vector has three numbers; one that is free in one direction has a third of them, and which one was picked among three.
+    """
+    found = {}
+    m = len(y)
+
+    def misfit(columns: Sequence[Array]) -> float:
+        q = orthonormal(np.hstack(columns))
+        return m * float(np.log(max(float(y @ y) - float(np.sum((q.T @ y) ** 2)), 1e-300)))
+
+    for c in names:
+        letters = [k.name[-1] for k in c.candidate.coefficients]
+        found[id(c)] = 0.0
+        if set(letters) != {"x", "y", "z"}:
+            continue
+        others = [o.columns for o in chosen if o is not c]
+        whole = misfit([*others, c.columns])
+        for letter in "xyz":
+            own = [i for i, one in enumerate(letters) if one == letter]
+            saved = (len(letters) - len(own)) * float(np.log(m)) - 2 * float(np.log(3))
+            gain = saved - (misfit([*others, c.columns[:, own]]) - whole)
+            found[id(c)] = max(found[id(c)], gain)
+    return found
+
+
+__all__ = ["discounts", "once"]
