@@ -10,10 +10,10 @@ import pytest
 
 from tango_cnc.files import read_cell
 from tango_cnc.nightly.alarms import Known, effect_of
-from tango_cnc.nightly.effect import alike
 from tango_cnc.nightly.words import _about
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
+from tango_cnc.state.effect import alike
 
 UM = 1e-3
 

@@ -16,9 +16,9 @@ from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
+from ..state.effect import Effect, alike, on_parts
 from ..state.filter import sigma_of
 from ..texts import Said, instead, joined, say
-from .effect import Effect, alike, on_parts
 from .ports import Past
 from .words import cause_texts, changed, on_part, value
 
