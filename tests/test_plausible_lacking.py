@@ -116,6 +116,25 @@ def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readin
     assert "a compensation of the control had been switched" in doubted(cell, switched)
 
 
+def test_of_a_compensation_that_is_switched_on_no_parameter_is_trusted(cell: Cell, readings: Readings) -> None:
+    on = np.arange(len(readings)) >= 0.4 * len(readings)
+    z = readings.position[:, cell.machine.column("Z")]
+    curve = 0.023 * np.sin(4.0 * np.pi * (z - z.min()) / np.ptp(z))  # a table of any shape, not a straight line
+    found = judged(cell, along(cell, readings, "Y", on * curve))
+    assert found.verdict == "doubtful" and "Its shape is unknown" in " ".join(found.reasons)
+    assert set(found.untrusted) >= {"EC0A", "EB0A", "EX0S"}
+
+
+def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_in_doubt(root: Path) -> None:
+    folder = root / "examples" / "hu40t"
+    plain = read_cell(folder)
+    run = simulate(plain.machine, plain.artefact, plain.strategy, read_world(folder / "world.yaml"), seed=5)
+    before = np.arange(len(run)) < 91  # the squareness of X and Y rests on these touches, and they agree among themselves
+    found = judged(plain, along(plain, run, "X", before * 5.8e-5 * run.position[:, plain.machine.column("Y")]))
+    assert "the two parts of the run contradict each other" in " ".join(found.reasons)
+    assert found.verdict == "doubtful" and "EC0Y" in found.untrusted
+
+
 def test_what_three_axes_cannot_show_of_a_bend_is_noted(root: Path) -> None:
     folder = root / "examples" / "three_axis_calibrated"
     plain = read_cell(folder)

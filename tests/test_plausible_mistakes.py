@@ -68,6 +68,12 @@ def test_what_moves_touches_within_their_plane_leaves_no_gap_and_is_named(slip: 
     assert found is not None and found.judgement.verdict == "implausible" and found.rank == 1
 
 
+@pytest.mark.long
+def test_an_axis_the_wrong_way_that_leaves_no_covariance_is_named(root: Path) -> None:
+    found = case(*measured(root, "trunnion", 211), "sense of second rotary axis", 211)
+    assert found is not None and found.judgement.verdict == "implausible" and found.rank == 1
+
+
 def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), "sense of first rotary axis", 1)
     assert found is not None

@@ -107,6 +107,16 @@ def test_positions_rounded_here_and_there_are_named(cell: Cell, twice: Readings,
     assert "0.01 mm" in said.text and set(said.touches) & set(twice.touch[some].tolist())
 
 
+def test_five_rounded_rows_of_a_short_plan_are_named_though_no_axis_has_many(root: Path) -> None:
+    own = read_cell(root / "examples" / "three_axis")
+    readings = simulate(own.machine, own.artefact, own.strategy, read_world(root / "examples/three_axis/world.yaml"), seed=8)
+    position = np.array(readings.position)
+    some = [5, 14, 23, 36, 47]
+    position[some, :3] = np.round(position[some, :3], 2)
+    (said,) = doubts(own, replace(readings, position=position), "rounded_positions")
+    assert set(said.touches) == set(readings.touch[some].tolist())
+
+
 @pytest.mark.parametrize("step", [1 / 80, 5 / 2048, 0.0031])
 def test_positions_of_a_drive_that_counts_in_steps_are_named(cell: Cell, twice: Readings, step: float) -> None:
     """80 steps a millimetre, 2048 a turn of a screw of 5 mm; zero lies anywhere; six decimals, as in readings.csv."""

@@ -22,7 +22,7 @@ def wanted_by(cell: Cell, text: str) -> Until:
     from ..design.propose import Wish, usual_terms
     from .check import positioning_feed
 
-    aim = goals.read(text)
+    aim = goals.read(text, "--until", ("volume=5 (µm rms)", "locations"))
     terms = usual_terms(goals.Goal(until.WORD, {}) if until.WORD in aim.limits else aim, cell.terms)
     found = until.until(cell, Wish(aim, None, terms, cell.strategy.approach, feed=positioning_feed(cell)))
     if found.appended:

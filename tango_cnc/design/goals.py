@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,8 +36,11 @@ class Goal:
         return self.word or ",".join(f"{name}={limit:g}" for name, limit in self.limits.items())
 
 
-def read(text: str) -> Goal:
-    """'volume', 'EX0C=1,EA0C=5' → goal; limits in µm, µrad, µm/m as on the terminal. Raises InputError for anything else."""
+def read(text: str, option: str = "--goal", words: Sequence[str] = WORDS) -> Goal:
+    """'volume', 'EX0C=1,EA0C=5', the option, words that it takes → goal; limits in µm, µrad, µm/m as on the terminal.
+
+    Raises InputError for anything else.
+    """
     if text in WORDS:
         return Goal(text, {})
     limits = {}
@@ -49,8 +52,8 @@ def read(text: str) -> Goal:
             equals = ""
         if not equals or not 0 < limits[name.strip()] < math.inf:
             raise InputError(
-                f"--goal: found {part!r}; allowed: {', '.join(WORDS)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
-                f"(µm, µrad, µm/m){suggestion(part, WORDS)}"
+                f"{option}: found {part!r}; allowed: {', '.join(words)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
+                f"(µm, µrad, µm/m; above 0){suggestion(part, words)}"
             )
     return Goal("", limits)
 

@@ -313,7 +313,8 @@ def _alone(gram: Array, right: Array, total: float, n: int) -> Callable[[Array],
 
     In the eigenvectors of Z'Z no matrix has to be factored again for each variance.
     """
-    value, turn = np.linalg.eigh(gram)
+    # Divide and conquer, which numpy has, does not converge for a few such matrices; relatively robust representations do.
+    value, turn = linalg.eigh(gram, driver="evr", check_finite=False)
     value, square = np.maximum(value, 0.0), (turn.T @ right) ** 2
 
     def of(x: Array) -> Array:

@@ -22,6 +22,7 @@ from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
 from .groups import common
+from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .search import less, place, suspects
@@ -162,7 +163,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], level: float) -> l
             )
         )
     found += _noise(result)
-    found += [*late(result), *common(result), *still(result), *alike_backlashes(result), *by_direction(result)]
+    found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
     found += [*lacking(result, level), *unseen(result), *stylus(cell, told)]
     return found
 

@@ -229,11 +229,13 @@ def _together(dropped: NDArray[np.bool_], groups: Sequence[NDArray[np.bool_]], c
     for group in groups:
         size, own = int(group.sum()), int((group & dropped).sum())
         few = own < FEWEST or own < SHARE * size
-        found.append(not few and _tail(n, k, size, own) * len(groups) * choices < CHANCE)
+        found.append(not few and tail(n, k, size, own) * len(groups) * choices < CHANCE)
     return found
 
 
-def _tail(n: int, k: int, size: int, own: int) -> float:
+def tail(n: int, k: int, size: int, own: int) -> float:
+    """touches, those dropped, those of a group, dropped in it → chance of that many or more (hypergeometric)."""
+
     def ways(a: float, b: Array) -> Array:
         return np.asarray(special.gammaln(a + 1) - special.gammaln(b + 1) - special.gammaln(a - b + 1))
 

@@ -9,7 +9,7 @@ trusted, whatever it was. Everything is linear algebra on one factor of the norm
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +82,21 @@ def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(moved.max()):.0f}",
     )
-    yield Remark("doubtful", text, moves=tuple(names))
+    if _any_shape(result, found):
+        text = joined(". ", (text, say("plausible.lacking.any_shape")))
+        yield Remark("doubtful", text, moves=tuple(result.model.names[:p]))
+    else:
+        yield Remark("doubtful", text, moves=tuple(names))
+
+
+def _any_shape(result: Estimate, found: Sequence[Pattern]) -> bool:
+    """→ whether what was found stands for a shape that nobody knows, so that what it moves is unknown, too.
+
+    A compensation is a table of any numbers. Walk or seating beyond the scatter has taken up a part of what is no walk.
+    """
+    noise = result.noise
+    wandered = noise is not None and max(noise.walk, noise.seating) > noise.white
+    return wandered or any(f.what.startswith("compensation") for f in found)
 
 
 def _between(touches: Touches, found: Pattern) -> dict[str, str]:

@@ -9,7 +9,7 @@ facet then errs alike every time: no residual shows it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from ..records import Array, Cell, Readings
 STEPS = (0.1, 0.05, 0.0254, 0.01, 0.005, 0.00254)  # mm; 0.001 and 0.0001 inch too
 SHARE = 0.05  # of a search that an axis makes: with less, it may stand at the round number of the program
 FEWEST = 20  # positions in a row that are all whole multiples: by chance with steps of 1 µm, one in 10^13
-SOME = 5  # positions here and there that are whole multiples, at least
+SOME = 4  # positions here and there that are whole multiples, at least
 FINE = (1e-3, 5e-4, 1e-4, 1e-5, 0.0)  # mm, digits that a control writes
 OFTEN = 3  # times that another remainder has to come before it says how often one does by chance
 LEVEL = 1e-8  # chance that so many of them are
@@ -35,16 +35,35 @@ DIGIT = 1e-6  # mm, of readings.csv
 def partly(cell: Cell, readings: Readings) -> Iterator[tuple[str, float, tuple[int, ...]]]:
     """cell, readings → (axis, step mm, touches) of each run of rows in which positions of an axis are whole multiples of a step."""
     used = readings.rows(readings.ok)
-    for name, values, moved in _moved(cell, used):
-        for step in STEPS:
-            rows = moved[_longest(_whole(values, step))]
-            if len(rows) >= FEWEST:
-                yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
-                break
-            rows = moved[_scattered(values, step)]
-            if len(rows):
-                yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
-                break
+    every = list(_moved(cell, used))
+    found = [(name, step, rows) for name, values, moved in every for step, rows in _rounded(values, moved)]
+    for name, step, rows in found or _together(every):
+        yield name, step, tuple(dict.fromkeys(int(t) for t in used.touch[rows]))
+
+
+Moved = tuple[str, Array, NDArray[np.int64]]  # axis, its positions where it makes a part of the search, which rows these are
+
+
+def _rounded(values: Array, moved: NDArray[np.int64]) -> Iterator[tuple[float, NDArray[np.int64]]]:
+    """positions of one axis, their rows → the first step that a run of them, or many here and there, are whole multiples of."""
+    for step in STEPS:
+        longest = moved[_longest(_whole(values, step))]
+        rows = longest if len(longest) >= FEWEST else moved[_scattered(values, step)]
+        if len(rows):
+            yield step, rows
+            return
+
+
+def _together(every: Sequence[Moved]) -> Iterator[tuple[str, float, NDArray[np.int64]]]:
+    """The same of all axes together: a few rows of a short plan are one or two of each axis."""
+    values = np.concatenate([own for _, own, _ in every]) if every else np.empty(0)
+    for step in STEPS:
+        if not (whole := _scattered(values, step)).any():
+            continue
+        for (name, _, moved), own in zip(every, np.split(whole, np.cumsum([len(v) for _, v, _ in every])[:-1]), strict=True):
+            if own.any():
+                yield name, step, moved[own]
+        return
 
 
 def counted(cell: Cell, readings: Readings) -> Iterator[tuple[str, float]]:
@@ -55,8 +74,8 @@ def counted(cell: Cell, readings: Readings) -> Iterator[tuple[str, float]]:
             yield name, step
 
 
-def _moved(cell: Cell, used: Readings) -> Iterator[tuple[str, Array, NDArray[np.int64]]]:
-    """cell, touches that count → (axis, its positions where it makes a part of the search, which rows these are)."""
+def _moved(cell: Cell, used: Readings) -> Iterator[Moved]:
+    """cell, touches that count → each axis with its positions."""
     if len(used) < FEWEST:
         return
     facets = [cell.artefact.facets[f] for f in used.facet]

@@ -28,7 +28,9 @@ def still(result: Estimate) -> Iterator[Remark]:
     rows = [model.names.index(name) for name in ("EXt", "EYt")]
     value, spread = result.values[rows], result.covariance[np.ix_(rows, rows)]
     std = float(np.sqrt(np.diag(spread)).max())
-    if std > DECIDED or float(value @ np.linalg.solve(spread, value)) > TRUE**2:
+    if std > DECIDED or np.linalg.matrix_rank(spread) < len(rows):  # a wrong cell may leave a covariance of nothing
+        return
+    if float(value @ np.linalg.solve(spread, value)) > TRUE**2:
         return
     yield Remark(
         "doubtful",
