@@ -40,6 +40,7 @@ from ..texts import say
 from ..touches import from_readings
 from . import parts
 from .alarms import Known, after_repair, alarm_of, ignored, since, standing
+from .control import InControl
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
 from .trend import SLOPE, as_alarm, behind, drift, slopes
@@ -82,6 +83,7 @@ class Nights:
     judged: Callable[[Cell, Readings, Estimate, str, bool], Judged] | None = None  # the last: kind of night, as predicted
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
+    control: InControl | None = None
 
     @cached_property
     def lever(self) -> Array:
@@ -234,10 +236,14 @@ class Nights:
         unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
         alarms = [a for a in alarms if judged.believed and not unheard]
         moving = None if first or alarm or not judged.believed else drift(known, recent, after, tonight.scale)
-        chart = over_volume(self.lever, after.mean, after.covariance)
-        limits = self._limits(after, chart)
+        gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
+        parts_have = replace(after, mean=after.mean - gone)
+        chart = over_volume(self.lever, parts_have.mean, after.covariance)
+        limits = self._limits(parts_have, chart)
         beyond = [limit for limit in limits if limit["passed"] is False]
         parameters = self._parameters(recent, ahead, after, what, first)
+        for i in self.followed.machine if gone.any() else ():
+            parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
         alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
@@ -247,7 +253,7 @@ class Nights:
             unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
             alarms = [] if unheard else [as_alarm(moving, known)]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
-        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit)) is not None]
+        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         told = {
             "verdict": "doubtful"
             if doubtful
@@ -270,6 +276,7 @@ class Nights:
             "carried": judged.believed,
         }
         told |= {"standing": waiting} if waiting else {}
+        told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
