@@ -187,6 +187,7 @@ def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Te
     factor, unit = shown(str(a.get("unit") or "mm"))
     sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
     text = plain(t("part.whole", what=spoken(name, machine, t), **sizes), u, t, machine)
+    text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number
         return text
     slack = max(2 * float(now.get("std") or 0.0), SAME * abs(change_))
