@@ -26,6 +26,7 @@ from ..nightly.doubt import Judged
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..state import Frame, frame
+from ..state.volume import levers
 from ..touches import of_facets
 from ._common import dialect, json_text
 from ._in_control import in_control
@@ -54,7 +55,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
-        in_control(cell.folder, followed),
+        in_control(cell.folder, followed.model, lambda: levers(followed)),
     )
 
 
