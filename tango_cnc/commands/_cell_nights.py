@@ -32,6 +32,7 @@ from ..state import Frame, frame
 from ..texts import instead, say
 from ..touches import of_facets
 from ._common import dialect, json_text
+from ._in_control import in_control
 from .estimate import as_json as estimate_json
 
 CHECK = "check.yaml"
@@ -58,6 +59,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
+        in_control(cell.folder, followed),
     )
 
 
