@@ -72,7 +72,9 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
 
     bare = night()
     loop.note(folder, kept, NOW, "written")
-    assert night()["verdict"] == bare["verdict"] == "out_of_limits"  # nobody has measured yet whether it acts
+    written = night()
+    assert written["verdict"] == bare["verdict"] == "out_of_limits"  # nobody has measured yet whether it acts
+    assert "tango compensate' writes" in bare["behind"][0]["do"] and "Enter nothing again" in written["behind"][0]["do"]
     loop.note(folder, kept, LATER, "kept", tcp=True)
     assert night()["limits"] == bare["limits"]  # where probing sees it, nothing is taken off
     loop.note(folder, kept, LATER, "kept", tcp=False)

@@ -25,13 +25,15 @@ CALCULATED = "by calculation"  # in the text of an outcome without `tcp`: the ru
 def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InControl | None:
     """cell, model of its machine, function → (m, 3, p) what unknowns do at the corners of what is touched → what parts do not have.
 
-    None where no compensation was kept after a run without tool center point control, as those of this project are.
+    None where no compensation was kept after a run without tool center point control, as those of this project are. Nothing is
+    taken off for one that is only noted as written: nobody knows yet whether it acts.
     """
     kept = loop.in_control(folder)
-    if kept is None or loop.state(folder, kept.number) != "kept":
+    state = "" if kept is None else loop.state(folder, kept.number)
+    if kept is None or state not in ("kept", "written"):
         return None
-    event = next(e for e in reversed(loop.history(folder)) if e["compensation"] == kept.number and e["event"] == "kept")
-    if event.get("tcp", CALCULATED not in event.get("text", "")):
+    event = next(e for e in reversed(loop.history(folder)) if e["compensation"] == kept.number and e["event"] == state)
+    if state == "kept" and event.get("tcp", CALCULATED not in event.get("text", "")):
         return None
     machine = model.touches.machine
     module = targets.load(kept.record["target"])
@@ -42,6 +44,8 @@ def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InCont
     sizes = unseen(held, present.numbers, present.before(held))
     if not sizes.any():
         return None
+    if state == "written":
+        return InControl(kept.number, kept.record["target"], local_day(event["utc"]), np.zeros(lever().shape[2]), measured=False)
     position = grid(machine, model.touches, LEVELS, "probed")
     poses = Poses(at_poses(machine, position, np.zeros_like(position)))
     moved = sum((h.lever(poses) * v for h, v in zip(held, sizes, strict=True) if v), np.zeros((len(poses), 3)))

@@ -226,7 +226,7 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
         return None
     found = in_control(folder, result.model, lambda: levers_of(result))
-    return None if found is None else Held(found.number, found.target, False, found.gone)
+    return None if found is None or not found.measured else Held(found.number, found.target, False, found.gone)
 
 
 def _place(folder: Path) -> str | Path | None:

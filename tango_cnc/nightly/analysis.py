@@ -252,6 +252,9 @@ class Nights:
             alarms = [] if unheard else [as_alarm(moving, known)]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
+        if self.control is not None and not self.control.measured:
+            again = say("night.measure_first", number=self.control.number, target=self.control.target)
+            causes = [cause if cause["since"] else {**cause, "do": again} for cause in causes]
         told = {
             "verdict": "doubtful"
             if doubtful

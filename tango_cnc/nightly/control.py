@@ -20,12 +20,13 @@ class InControl:
 
     number: int
     target: str
-    date: str  # on which it was found to help
+    date: str  # on which it was found to help, or written
     gone: Array  # (p,) of every unknown that is followed: what parts do not have
+    measured: bool = True  # whether it was found to help
 
     def as_json(self) -> dict[str, Any]:
         """→ member `in_control` of the record."""
-        return {"number": self.number, "target": self.target, "date": self.date}
+        return {"number": self.number, "target": self.target, "date": self.date, "measured": self.measured}
 
 
 def limited(followed: Frame, stated: Mapping[str, float], have: State, chart: Volume) -> list[dict[str, Any]]:

@@ -189,7 +189,8 @@ def message(
             lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
     lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
     if held := record.get("in_control"):
-        lines.append(f"* {t('night.in_control', number=held['number'], target=held['target'], date=held['date'])}")
+        key = "night.in_control" if held["measured"] else "night.in_control_written"
+        lines.append(f"* {t(key, number=held['number'], target=held['target'], date=held['date'])}")
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
