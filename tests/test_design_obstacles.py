@@ -83,3 +83,19 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
     )
     assert re.search(r"allowed: more than [\d.]+ minutes \(about 30\), or ", said)
     assert "--within MM" in said and "--terms S3 instead of S4" in said
+
+
+@pytest.mark.long
+def test_what_a_quick_choice_of_more_time_does_not_determine_is_refused_before_the_long_search(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def searched(*_: object) -> None:
+        raise AssertionError("searched")
+
+    monkeypatch.setattr(choose, "_in_a_row", searched)
+    monkeypatch.setattr(choose, "serves", lambda *_: False)
+    monkeypatch.setattr(choose, "in_vain", lambda *_: True)
+    monkeypatch.setattr(propose, "_needed", lambda *_: 30.0)
+    asked = ["design", "-C", str(EXAMPLES / "three_axis_calibrated"), "--goal", "locations", "--minutes", "5", "--within", "0.3"]
+    assert guarded(tango.main, asked, standalone_mode=False) == 2
+    assert re.search(r"its \d+ touches do not determine all .* about 30 minutes or more", capsys.readouterr().err)

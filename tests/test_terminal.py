@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 from support.histories import record as kept
-from support.nights import into, thirty
+from support.nights import into, knock, night, thirty
 from support.server import cell
 
 from tango_cnc.cli import tango
@@ -143,6 +145,46 @@ def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other
     assert found.return_value == 1 and "broken: not in the list" in found.stderr and "machine.yaml:2" in found.stderr
     assert any(line.startswith("trunnion") and "never" in line for line in found.stdout.splitlines())
     assert any(line.startswith(MACHINE) for line in found.stdout.splitlines())
+
+
+def test_cells_that_were_copied_from_one_another_hide_no_alarm_of_each_other(tmp_path: Path) -> None:
+    """Four equal machines have one name and four folders: one alarms, one has a broken history, one was never measured."""
+    cells = {name: tmp_path / name for name in ("broken", "alarms", "never", "other")}
+    for name, place in cells.items():
+        assert called("init", str(place), "--example", "hu40t" if name == "other" else "trunnion").exit_code == 0
+    (cells["broken"] / "history.db").write_bytes(b"notes, and no database at all" * 40)
+    with opened(cells["alarms"] / "history.db") as history:
+        doubtful = night("trunnion", 5, "doubtful", headline="the readings are not to be relied on: a chip")
+        history.add_night(night("trunnion", 4, "changed", alarms=[knock("2026-10-28")]), "touch\n1\n")
+        history.add_night(doubtful, "touch\n1\n")
+    places = list(cells.values())
+    for order in (places, places[1:] + places[:1], places[::-1]):
+        found = CliRunner().invoke(tango, ["fleet", *map(str, order)], standalone_mode=False)
+        lines = [" ".join(line.split()) for line in found.stdout.splitlines()]
+        assert found.return_value == 1 and "broken: not in the list" in found.stderr
+        assert any("doubtful 1 LATE" in line and line.startswith(f"trunnion ({cells['alarms']})") for line in lines), found.stdout
+        assert any(f"trunnion ({cells['never']}) never" in line for line in lines)
+        assert any(line.startswith("HU40T-like never") for line in lines)
+        told = json.loads(CliRunner().invoke(tango, ["fleet", *map(str, order), "--json", "-"]).stdout)
+        assert {(m["cell"], m["alarms_open"]) for m in told["machines"]} == {
+            (str(cells["alarms"]), 1),
+            (str(cells["never"]), 0),
+            (str(cells["other"]), 0),
+        }
+
+
+@pytest.mark.parametrize("hours", [30, 50])
+def test_status_and_fleet_say_late_in_the_same_minute(tmp_path: Path, hours: float) -> None:
+    """The last complete night was so long ago; one that measured nothing came after it."""
+    assert called("init", str(tmp_path / "m"), "--example", "trunnion").exit_code == 0
+    ago = lambda h: (datetime.now(UTC) - timedelta(hours=h)).strftime("%Y-%m-%dT%H:%M:%SZ")  # noqa: E731
+    nothing: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "start_utc": ago(3), "end_utc": ago(3)}
+    with opened(tmp_path / "m" / "history.db") as history:
+        history.add_night(night("trunnion", 1, start_utc=ago(hours), end_utc=ago(hours)), "touch\n1\n")
+        history.add_night(night("trunnion", 2, "not_measured", **nothing))
+    fleet = called("fleet", str(tmp_path / "m")).stdout
+    status = called("nightly", "-C", str(tmp_path / "m"), "--status").stdout
+    assert ("LATE" in fleet) == ("LATE" in status) == (hours > 36)
 
 
 def test_bars_of_uncertainty_have_zero_in_the_middle() -> None:

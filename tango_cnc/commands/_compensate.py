@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ..compensate import targets
 from ..compensate.proposal import Proposal
@@ -35,6 +36,16 @@ def volume_of(text: str | None, machine: Machine) -> dict[str, tuple[float, floa
         scale = 1.0 if name.strip() in machine.linear else math.pi / 180
         result[name.strip()] = (values[0] * scale, values[1] * scale)
     return result
+
+
+def volume_text(record: Mapping[str, Any]) -> str:
+    """record of a compensation → its volume as --volume has it."""
+    return ",".join(f"{name}={low!r}:{high!r}" for name, (low, high) in record["volume"].items())
+
+
+def settings_of(record: Mapping[str, Any]) -> list[str]:
+    """record of a compensation, or nothing → its settings as --set has them."""
+    return [f"{key}={value}" for key, value in record.get("options", {}).items()]
 
 
 def present_of(source: Path) -> dict[str, float]:
@@ -101,6 +112,12 @@ def text(proposal: Proposal) -> str:
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
         f"rounding to the increment costs {best.rounding:.2f} µm",
     ]
+    if proposal.unseen:
+        lines += [
+            "",
+            f"measured without tool center point control: what the control's kinematics take away already ({proposal.unseen:.2f} "
+            "µm) is off 'now' by calculation. Their numbers are replaced, not added to. The effects by name above are as measured.",
+        ]
     changed = [(h, c) for h, c in zip(proposal.held, best.change, strict=True) if c]
     singles = [h for h, _ in changed if h.at is None]
     lines += ["", f"{len(changed)} of {len(proposal.held)} numbers change:"]

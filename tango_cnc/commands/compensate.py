@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
+from ..compensate.hidden import Present, of_record, uncorrected
 from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
@@ -61,7 +63,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
-@click.option("--tcp/--no-tcp", default=None, help="With --measured: tool center point control was on, off, in the second run.")
+@click.option("--tcp/--no-tcp", default=None, help="With --present, --measured: tool center point control on, off, in the run.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -110,14 +112,15 @@ def command(**options: Any) -> int:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
     result = _estimate(cell, options)
-    present = _present(folder, options)
+    present, last = _present(folder, options)
     proposal = propose(
         result,
         options["target"],
-        options["settings"],
+        (*_compensate.settings_of(last), *options["settings"]),
         present,
         options["over"],
-        _compensate.volume_of(options["volume"], cell.machine),
+        _volume(cell, options, last),
+        tcp=True if options["trial_of"] is not None else options["tcp"],
     )
     if options["trial_of"] is not None:
         return _sign_trial(cell, proposal, result, options)
@@ -183,21 +186,32 @@ def _rows(readings: Path) -> list[str]:
     return check_values(readings.read_text(encoding="utf-8-sig"))
 
 
-def _present(folder: Path, options: dict[str, Any]) -> dict[str, float] | None:
+def _present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapping[str, Any]]:
+    """cell, options → what the control holds, record of the compensation that was given (empty without one)."""
     source: Path | None = options["present"]
+    last = loop.in_control(folder)
     if source is None:
-        for kept in reversed(list(loop.found(folder))):
-            if loop.state(folder, kept.number) in loop.IN_CONTROL:
-                raise InputError(
-                    f"--present: found nothing, and compensation {kept.number} ({kept.record['target']}) is in the control; "
-                    f"allowed: --present {kept.folder} when the readings were made with it, --present none when without"
-                )
-        return None
+        if last is not None:
+            raise InputError(
+                f"--present: found nothing, and compensation {last.number} ({last.record['target']}) is in the control; "
+                f"allowed: --present {last.folder} when the readings were made with it, --present none when without"
+            )
+        return None, {}
     if str(source) == "none":
-        return {}
+        return Present({}, {}), {}
     if source.is_dir():
-        return loop.present(source)
-    return _compensate.present_of(source)
+        record = loop.check(source)
+        if record["target"] != options["target"]:
+            raise InputError(f"--present: found a compensation for {record['target']}; allowed: one for {options['target']}")
+        return of_record(record), record
+    same = last is not None and last.record["target"] == options["target"]
+    return Present(_compensate.present_of(source), uncorrected(last.record) if same and last is not None else {}), {}
+
+
+def _volume(cell: Cell, options: dict[str, Any], record: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """cell, options, record of what is in the control → the volume: its own where nothing else is asked for, so that tables fit."""
+    own = _compensate.volume_of(_compensate.volume_text(record), cell.machine) if options["over"] == "probed" and record else {}
+    return own | _compensate.volume_of(options["volume"], cell.machine)
 
 
 def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -> str:
@@ -270,10 +284,10 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     again = propose(
         result,
         kept.record["target"],
-        [f"{key}={value}" for key, value in kept.record["options"].items()],
+        _compensate.settings_of(kept.record),
         None,
         "probed",
-        _compensate.volume_of(",".join(f"{n}={low}:{high}" for n, (low, high) in kept.record["volume"].items()), cell.machine),
+        _compensate.volume_of(_compensate.volume_text(kept.record), cell.machine),
     )
     places = switched(kept.record, again.held)
     if places and options["tcp"] is None:
@@ -326,9 +340,8 @@ def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
         from_readings(cell.machine, cell.artefact, read_readings(file, cell.machine, cell.artefact))
         for file in (options["file"], options["after"])
     )
-    text = ",".join(f"{n}={low}:{high}" for n, (low, high) in record["volume"].items())
-    settings = targets.options(module, [f"{key}={value}" for key, value in record["options"].items()])
-    request = targets.Request(cell.machine, _compensate.volume_of(text, cell.machine), settings)
+    settings = targets.options(module, _compensate.settings_of(record))
+    request = targets.Request(cell.machine, _compensate.volume_of(_compensate.volume_text(record), cell.machine), settings)
     changes = {v["place"]: v["new"] - v["present"] for v in record["values"] if v["new"] != v["present"]}
     found = trial.judge(tuple(module.held(request)), changes, before, after)
     flips = trial.flips(module, request, changes) if found.word == "turned round" else []

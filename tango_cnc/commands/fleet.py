@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..files import read_cell
-from ..files.nightly import history_of, read_nightly
+from ..files.nightly import Nightly, history_of, read_nightly
 from ..records import InputError, TangoError
 from ..texts import say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
@@ -21,15 +23,40 @@ if TYPE_CHECKING:
     from ..history import Standing
 
 PLACE = "Keep 30"
+LATE = Nightly().late_hours  # of a history alone
 NIGHTS = 14  # of the sparkline of the tool tip
 NOT_IN_ORDER = ("out_of_limits", "doubtful", "not_measured")  # a change is in order once its alarm is answered
+
+
+@dataclass(frozen=True)
+class _Known:
+    """A cell whose nights are looked for."""
+
+    folder: Path
+    name: str  # of its machine
+    late_hours: float
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A line of the list."""
+
+    standing: Standing
+    cell: Path | None
+    tip: tuple[float, ...] = ()  # µm of the last nights, oldest first
+    said: str = ""
 
 
 @click.command()
 @click.argument("cells", nargs=-1, type=click.Path(path_type=Path))
 @folders_option
 @click.option("--history", "where", metavar="FILE|URL", help="One history of many machines, e.g. postgresql://….")
-@click.option("--late", type=click.FloatRange(1, 10_000), default=36.0, show_default=True, metavar="HOURS", help="Late after this.")
+@click.option(
+    "--late",
+    type=click.FloatRange(1, 10_000),
+    metavar="HOURS",
+    help="Late after this, without a complete night [default: late_hours of nightly.yaml, 36 without it].",
+)
 @click.option(
     "--again",
     "target",
@@ -43,7 +70,7 @@ def command(
     cells: tuple[Path, ...],
     folders: tuple[Path, ...],
     where: str | None,
-    late: float,
+    late: float | None,
     target: Path | None,
     dask: str | None,
     json_file: str | None,
@@ -56,7 +83,7 @@ def command(
     --again estimates the whole history of the cells once more, after a change of the model: into new files, one a machine. What
     was cut off goes on when it is called again.
     """
-    from ..history import Standing, opened
+    from ..history import opened
     from ..report.characters import sparkline
     from ..report.texts import code, texts
 
@@ -68,53 +95,53 @@ def command(
         raise InputError("--dask: found without --again; allowed: with it")
     if (where is None) == (not cells):
         raise InputError("fleet: found neither or both of cells and --history; allowed: folders of cells, or one history")
-    places: list[tuple[str | Path, Path | None]] = []
-    wanted: set[str] = set()
+    now, hours = datetime.now(UTC).isoformat(), late
+    t = texts()
+    found: list[_Row] = []
     trouble: dict[str, str] = {}
-    if where:
-        places = [(where if "://" in where else Path(where), None)]
-    else:
-        places, wanted, trouble = _places(cells)
-    now = datetime.now(UTC).isoformat()
-    found: list[Any] = []
-    tips: dict[str, list[float]] = {}
-    said: dict[str, str] = {}
-    for place, cell in places:
+    for place, known in ({where if "://" in where else Path(where): []} if where else _places(cells, trouble)).items():
         if len(cells) > 1 and isinstance(place, Path) and not place.exists():
-            continue  # no night yet
+            found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
+            continue
         try:
             with opened(place, create=False) as history:
-                own = [s for s in history.fleet(now, late) if not wanted or s.machine in wanted]
-                found += own
+                wanted = {c.name: hours or c.late_hours for c in known} or {"": hours or LATE}
+                own = [s for name, most in wanted.items() for s in history.fleet(now, most) if name in ("", s.machine)]
                 for s in own:
                     nights = history.nights(s.machine, last=NIGHTS)
-                    tips[s.machine] = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
+                    tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
+                    said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+                    found.append(_Row(s, next((c.folder for c in known if c.name == s.machine), None), tuple(tip), said))
                     if json_file is None:
-                        note_simulated(history, s.machine, texts())
-                    said |= {} if not nights else {s.machine: headlines(history, nights[:1])[nights[0].entry]}
+                        note_simulated(history, s.machine, t)
+                there = {s.machine for s in own}
+                found += [_Row(_never(c.name), c.folder) for c in known if c.name not in there]
         except TangoError as error:  # one machine that cannot be read hides no other one
-            if cell is None or len(cells) == 1:
+            if not known or len(cells) == 1:
                 raise
-            trouble[str(cell)] = str(error)
-            wanted.discard(read_cell(cell).machine.name)
-    found += [Standing(name, None, 0, 0, True) for name in sorted(wanted - {s.machine for s in found})]
-    found.sort(key=lambda s: (not wants_somebody(s), s.machine))
-    machines = [{**vars(s), "last": None if s.last is None else vars(s.last)} for s in found]
-    t = texts()
+            trouble |= {str(c.folder): str(error) for c in known}
+    found.sort(key=lambda row: (not wants_somebody(row.standing), row.standing.machine, str(row.cell)))
+    machines = [
+        {**vars(s), "last": None if s.last is None else vars(s.last), "cell": None if row.cell is None else str(row.cell)}
+        for row in found
+        for s in [row.standing]
+    ]
     if not write_json(json_file, {"format": "tango-fleet/1", "machines": machines, "unreadable": trouble}):
         heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
         rows = [[*heads, "", t("cli.fleet.tip"), t("cli.history.what")]]
-        for s in found:
+        named = Counter(row.standing.machine for row in found)
+        for row in found:
+            s = row.standing
             last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
-            drawn = sparkline(tips.get(s.machine, []), NIGHTS)
-            tip = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
+            size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
             late_word = t("cli.nightly.late") if s.late else ""
-            row = [s.machine, *last, str(s.alarms_open or ""), late_word, f"{drawn:<{NIGHTS}} {tip:>6}".rstrip()]
-            rows.append([*row, said.get(s.machine, "")])
+            name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
+            drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
+            rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, row.said])
         click.echo(table(rows, "<<<><<<", on_terminal()))
     for folder, why in trouble.items():
         click.echo(t("cli.fleet.unreadable", cell=folder, why=why), err=True)
-    return 1 if trouble or any(wants_somebody(s) for s in found) else 0
+    return 1 if trouble or any(wants_somebody(row.standing) for row in found) else 0
 
 
 def wants_somebody(standing: Standing) -> bool:
@@ -123,23 +150,28 @@ def wants_somebody(standing: Standing) -> bool:
     return last is None or standing.late or standing.alarms_open > 0 or last.verdict in NOT_IN_ORDER
 
 
-def _places(cells: Sequence[Path]) -> tuple[list[tuple[str | Path, Path | None]], set[str], dict[str, str]]:
-    """cells → every history with a cell that names it, names of their machines, {cell: why it cannot be read}.
+def _never(name: str) -> Standing:
+    from ..history import Standing
 
-    Raises InputError where none can be read.
+    return Standing(name, None, 0, 0, True)
+
+
+def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, list[_Known]]:
+    """cells, {cell: why it cannot be read} that is added to → {history: the cells that name it}.
+
+    Cells of one machine name stay apart by their folders: they are copied from each other. Raises InputError for the only cell.
     """
-    places: dict[str | Path, Path | None] = {}
-    wanted: set[str] = set()
-    trouble: dict[str, str] = {}
+    places: dict[str | Path, list[_Known]] = {}
     for cell in dict.fromkeys(cells):
         try:
-            wanted.add(read_cell(cell).machine.name)
-            places.setdefault(history_of(cell, read_nightly(cell)), cell)
+            settings = read_nightly(cell)
+            known = _Known(cell, read_cell(cell).machine.name, settings.late_hours)
+            places.setdefault(history_of(cell, settings), []).append(known)
         except TangoError as error:
             if len(cells) == 1:
                 raise
             trouble[str(cell)] = str(error)
-    return list(places.items()), wanted, trouble
+    return places
 
 
 def _again(cells: tuple[Path, ...], where: str | None, target: Path, dask: str | None, json_file: str | None) -> int:

@@ -272,12 +272,10 @@ def _status(
         record = history.night(newest.entry).record if newest else {}
         repaired = [d for d in history.decisions(name) if d.action == "repaired" and d.utc >= newest.end_utc] if newest else []
         said = headlines(history, nights)
+        standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
+        late = next((s.late for s in standings if s.machine == name), True)  # as in the list of all machines
         if json_file is None:
             note_simulated(history, name, t)
-    late = (
-        newest is None
-        or (datetime.now(UTC) - datetime.fromisoformat(newest.start_utc)).total_seconds() > settings.late_hours * 3600
-    )
     coming = record.get("next")
     if repaired:  # the last night knew nothing of it
         why = say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)

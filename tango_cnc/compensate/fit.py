@@ -123,14 +123,28 @@ class Holding:
     basis: Array  # (h, b) the rest by fitted shapes
     solve: Solve
 
-    def numbers(self, found: Known, present: Mapping[str, float]) -> tuple[Array, Array]:
-        """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them."""
+    def numbers(self, found: Known, present: Mapping[str, float], unseen: Array | None = None) -> tuple[Array, Array]:
+        """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them.
+
+        `unseen`: (h,) what the control takes away already and the readings do not contain.
+        """
         error = self.poses.free(found.error(self.poses).reshape(-1, 1))[:, 0]
         start = self.direct @ found.values
         exact = start + self.basis @ self.solve(error - self.space @ start)
+        if unseen is not None:
+            exact = exact - unseen
         now = np.array([h.value(present.get(h.place, h.base)) for h in self.held])
         stored = [h.value(h.number(n + c)) - n for h, n, c in zip(self.held, now, exact, strict=True)]
         return exact, np.array(stored)
+
+    def now(self, found: Known, unseen: Array | None = None) -> Array:
+        """what is known, (h,) what the control takes away unseen → (k, m, n) mm, draws of the error as it is now."""
+        if unseen is None or not unseen.any():
+            return likely(found.values, found.covariance, self.levers, self.levers, freedom=found.freedom)
+        gone = self.space @ unseen
+        values = np.linalg.lstsq(self.levers, gone, rcond=1e-9)[0]  # so that what is left is drawn towards zero, and not all of it
+        rest = self.levers @ values - gone
+        return likely(found.values - values, found.covariance, self.levers, self.levers, rest, freedom=found.freedom)
 
     def left(self, found: Known, rounded: Array) -> Array:
         """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""
@@ -152,11 +166,20 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     return Holding(tuple(held), poses, levers, taken, reversing, space, direct, basis, solve)
 
 
-def fit(found: Known, holds: Holding, present: Mapping[str, float], program_increment: float = 0.0001) -> Fit:
-    """what is known of the machine, what the control can hold, the control's present numbers → the best numbers."""
-    exact, change = holds.numbers(found, present)
+def fit(
+    found: Known,
+    holds: Holding,
+    present: Mapping[str, float],
+    program_increment: float = 0.0001,
+    unseen: Array | None = None,
+) -> Fit:
+    """what is known of the machine, what the control can hold, the control's present numbers → the best numbers.
+
+    `unseen`: (h,) what the control takes away already and the readings do not contain.
+    """
+    exact, change = holds.numbers(found, present, unseen)
     levers, taken = holds.levers, holds.taken
-    before = likely(found.values, found.covariance, levers, levers, freedom=found.freedom)
+    before = holds.now(found, unseen)
     after = holds.left(found, exact - change)
     # Programs correct everything but what depends on the last motion; of that the target may have taken its part.
     by_program = np.where(holds.reversal, levers - taken, 0.0)

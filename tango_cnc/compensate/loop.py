@@ -35,7 +35,7 @@ SHAPE = {
     **dict.fromkeys(("format", "digest", "target", "created_utc"), str),
     "files": {"*": str},
     "undo": {"*": str},
-    "values": [{"place": str, "present": float, "new": float}],
+    "values": [{"place": str, "present": float, "new": float, "uncorrected?": float}],
     "promise": {f"{name}_{when}_um": FIGURE for name in ("rms", "p95") for when in ("before", "after")},
     "options": {},
     "volume": {"*": [float]},
@@ -225,9 +225,9 @@ def _same(file: Path, text: str) -> None:
             raise TangoError(f"{file}:{i + 1}: found {found}; written was {written}; do not load this folder: propose anew")
 
 
-def present(folder: Path) -> dict[str, float]:
-    """folder of a compensation that is in the control → the control's numbers by place."""
-    return {value["place"]: float(value["new"]) for value in check(folder)["values"]}
+def in_control(cell: Path) -> Kept | None:
+    """cell → the compensation that is noted as in the control, the last one where there are several."""
+    return next((kept for kept in reversed(list(found(cell))) if state(cell, kept.number) in IN_CONTROL), None)
 
 
 def other_control(cell: Path, kept: Kept) -> Kept | None:
@@ -240,11 +240,9 @@ def other_control(cell: Path, kept: Kept) -> Kept | None:
 
 def ignored(cell: Path, rows: Sequence[str], ended: str | None) -> tuple[Kept, str] | None:
     """cell, check values of rows of readings, when they ended (UTC) → compensation in the control that they do not contain, why."""
-    for kept in reversed(list(found(cell))):
-        if state(cell, kept.number) in IN_CONTROL:
-            why = older(kept.record, rows, ended)
-            return (kept, why) if why else None
-    return None
+    kept = in_control(cell)
+    why = "" if kept is None else older(kept.record, rows, ended)
+    return (kept, why) if kept is not None and why else None
 
 
 def older(record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> str:

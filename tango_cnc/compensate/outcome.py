@@ -10,6 +10,7 @@ import numpy as np
 
 from ..estimate import Estimate
 from .fit import known, rms
+from .hidden import of_record, unseen
 from .loop import Kept
 from .promise import DRAWS, Figure, mean, sizes
 from .space import Held, Poses, sample
@@ -41,7 +42,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
     at = sample(machine, limits)
     now = known(result, at)
-    told = _moved(kept, proposal_held, at, [h.tcp for h in proposal_held]) if not tcp else np.zeros(3 * len(at))
+    told = _unseen(kept, proposal_held, at) if not tcp else np.zeros(3 * len(at))
     error = at.free((now.error(at).ravel() - told)[:, None])
     levers = at.free(now.levers(at))
     scatter = now.draws(DRAWS)
@@ -121,6 +122,13 @@ def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -
         if wanted and numbers.get(h.place):
             result += h.lever(at).ravel() * numbers[h.place] * h.sign / h.factor
     return result
+
+
+def _unseen(kept: Kept, held: Sequence[Held], at: Poses) -> np.ndarray:
+    """→ (3n,) mm of tip error that the kinematics take away in all, by this compensation and those before it."""
+    present = of_record(kept.record)
+    sizes = unseen(held, present.numbers, present.before(held))
+    return sum((h.lever(at).ravel() * v for h, v in zip(held, sizes, strict=True) if v), np.zeros(3 * len(at)))
 
 
 def _helped(moved: np.ndarray, levers: np.ndarray, left: np.ndarray) -> Figure | None:

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from ..estimate import Estimate
 from ..records import Array, InputError, Machine, TangoError
-from . import targets
-from .fit import Fit, fit, holding, known
+from . import hidden, targets
+from .fit import Fit, fit, holding, known, rms
+from .hidden import Present
 from .promise import Figure
 from .space import Held, Limits, limits_of, sample
 from .targets import Request
@@ -33,6 +36,10 @@ class Proposal:
     present: Mapping[str, float]  # by place: what it stores now
     given: bool  # whether the present values were given and not assumed
     over: str
+    uncorrected: Mapping[str, float]  # by place: what a control that corrects nothing stores where tool center point control acts
+    unseen: (
+        float  # µm rms over the volume that the control takes away and readings without tool center point control do not contain
+    )
 
     @property
     def held(self) -> tuple[Held, ...]:
@@ -56,13 +63,15 @@ def propose(
     result: Estimate,
     target: str,
     settings: Sequence[str] = (),
-    present: Mapping[str, float] | None = None,
+    present: Present | None = None,
     over: str = "probed",
     volume: Mapping[str, tuple[float, float]] | None = None,
     poses: int = POSES,
+    tcp: bool | None = None,
 ) -> Proposal:
-    """estimate, target, its settings, the control's present numbers by place, volume → proposal.
+    """estimate, target, its settings, the control's present numbers, volume → proposal.
 
+    `tcp`: whether the readings were made with tool center point control; asked for where present numbers act with it only.
     Raises InputError for settings, volumes and present values that do not fit the target; TangoError when nothing is known.
     """
     module = targets.load(target)
@@ -77,18 +86,27 @@ def propose(
     if not held:
         raise InputError(f"--target {target}: found settings with which nothing is stored; see 'tango compensate --facts {target}'")
     places = {h.place for h in held}
-    for place in present or {}:
+    there = Present({}, {}) if present is None else present
+    for place in there.numbers:
         if place not in places:
             raise InputError(
                 f"--present: found {place!r}, which this target with these settings does not store; allowed: {_some(places)}. "
                 "Tables of other points cannot be added: give the same volume and settings as when they were written"
             )
-    now = {h.place: h.base for h in held} | dict(present or {})
-    best = fit(found, holding(found, held, at), now)
+    now = {h.place: h.base for h in held} | dict(there.numbers)
+    before = there.before(held)
+    unseen = hidden.unseen(held, now, before)
+    if tcp is None:
+        hidden.asked(held, unseen)
+    holds = holding(found, held, at)
+    unseen = np.zeros(len(held)) if tcp else unseen
+    best = fit(found, holds, now, unseen=unseen)
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
     }
-    return Proposal(target, module, request, best, numbers, now, present is not None, over if not volume else "as given")
+    given, size = present is not None, rms(holds.space @ unseen)
+    said = over if not volume else "as given"
+    return Proposal(target, module, request, best, numbers, now, given, said, before, size)
 
 
 def _some(places: set[str]) -> str:
@@ -143,6 +161,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
             "new": proposal.numbers[h.place],
             "increment": h.increment,
         }
+        | ({"uncorrected": proposal.uncorrected[h.place]} if h.tcp else {})
         for h in proposal.held
     ]
     return {
@@ -154,6 +173,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "volume": {name: _limits(machine, name, proposal.request.limits) for name in proposal.request.limits},
         "over": proposal.over,
         "present_given": proposal.given,
+        "unseen_um": round(proposal.unseen, 4),
         "promise": {
             "rms_before_um": figure(best.rms_before),
             "rms_after_um": figure(best.rms_after),
@@ -180,6 +200,4 @@ def _limits(machine: Machine, name: str, limits: Limits) -> list[float]:
 
 def total(proposal: Proposal) -> Array:
     """proposal → (h,) what the control then holds, present values included; mm rad mm/mm."""
-    import numpy as np
-
     return np.array([h.value(proposal.numbers[h.place]) for h in proposal.held])

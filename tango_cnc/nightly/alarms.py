@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -16,6 +16,7 @@ from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
+from ..state.effect import Effect, alike, on_parts
 from ..state.filter import sigma_of
 from ..texts import Said, instead, joined, say
 from .ports import Past
@@ -27,8 +28,7 @@ EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to th
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
 MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
 LISTED = 60  # nights looked back over for the last one with a result
-OFFSET = re.compile(r"E[XYZ]0([ABC])")
-TURNED = re.compile(r"E[ABC]0([XYZABC])")
+TURNED = re.compile(r"E[ABC]0([XYZABCS])")
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         size, std, text = _said(k, before, named)
         if named.remains < FAR and named.explained < MOSTLY * tonight.statistic / tonight.scale:
             text = texts()("changed.more", text=text)
-        alarm["instead"] = list(named.instead)
+        alarm["instead"] = others(k, parameter, named.instead)
     effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
     return alarm | {
         **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
@@ -126,35 +126,41 @@ def effect_of(
     the whole error) → µm at most on a part, what that means, what to do.
     """
     t = texts()
-    if (match := OFFSET.fullmatch(parameter)) and cause == "axis_location":
-        turn = _range(k.cell, match[1], 2 * math.pi)
-        effect = 2 * math.sin(min(turn, math.pi) / 2) * abs(size) * 1e3
-        angle = f"{math.degrees(min(turn, math.pi)):.0f}"
-        return (
-            effect,
-            on_part("part.turned_since" if since else "part.turned", since, axis=match[1], angle=angle, effect=f"{effect:.1f} µm"),
-            t("cause.axis_location.do"),
-        )
-    if (match := TURNED.fullmatch(parameter)) and cause == "axis_location":
-        if match[1] in k.cell.machine.linear:
-            length = _range(k.cell, match[1], 1000.0)
-            effect = abs(size) * length * 1e3
-            told = on_part(
-                "part.square_since" if since else "part.square",
-                since,
-                axis=match[1],
-                length=f"{length:.0f}",
-                effect=f"{effect:.1f} µm",
-            )
-            return effect, told, t("part.square_do")
-        effect = k.worst(moved)
-        return (
-            effect,
-            on_part("part.tilted_since" if since else "part.tilted", since, axis=match[1], effect=f"{effect:.1f} µm"),
-            t("cause.axis_location.do"),
-        )
+    match = TURNED.fullmatch(parameter) if cause == "axis_location" else None
+    if match and match[1] in k.cell.machine.linear:
+        length = _range(k.cell, match[1], 1000.0)
+        effect = abs(size) * length * 1e3
+        sizes = {"length": f"{length:.0f}", "effect": f"{effect:.1f} µm"}
+        return effect, on_part(_key("square", since), since, axis=match[1], **sizes), t("part.square_do")
+    if cause == "axis_location" and (found := on_parts(k.cell, parameter, size)) is not None:
+        return found.worst, _turned(found, match[1] if match else "", unit, since), t("cause.axis_location.do")
     effect = abs(size) * 1e3 if unit == "mm" else k.worst(moved)
     return (effect, *cause_texts(cause, effect, since))
+
+
+def _turned(found: Effect, tilted: str, unit: str, since: str) -> str:
+    """what an error does to a part, rotary axis that is tilted or '', unit of the error, date or '' → the same in words."""
+    size, turned = f"{found.worst:.1f} µm", list(found.turned.items())
+    if unit == "mm" and turned:
+        (axis, angle), *more = turned
+        told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": size}
+        if not more:
+            return on_part(_key("turned", since), since, **told)
+        return on_part(_key("turned_both", since), since, **told, other=more[0][0], other_angle=f"{abs(more[0][1]):.0f}")
+    if tilted and tilted != "S":
+        return on_part(_key("tilted", since), since, axis=tilted, effect=size)
+    return cause_texts("axis_location", found.worst, since)[0]
+
+
+def _key(name: str, since: str) -> str:
+    return f"part.{name}_since" if since else f"part.{name}"
+
+
+def others(k: Known, parameter: str, near: Sequence[str] = ()) -> list[str]:
+    """what is known, parameter that is named, stories that fit nearly as well → what else it may be: these, and the locations that
+    no touch on this machine tells from it.
+    """
+    return [name for name in dict.fromkeys((*alike(k.cell.machine, parameter), *near)) if name != parameter]
 
 
 def _range(cell: Cell, axis: str, endless: float) -> float:

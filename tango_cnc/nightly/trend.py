@@ -21,7 +21,7 @@ from ..records import Array
 from ..report.texts import texts
 from ..state import State
 from ..state.changes import change_of
-from .alarms import Known, effect_of
+from .alarms import Known, effect_of, others
 from .words import changed, value
 
 AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
@@ -141,7 +141,8 @@ def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     """drift → the alarm of the record."""
     place = next(i for i in k.followed.machine if k.followed.selection.label(k.followed.names[i]) == found.parameter)
     return {
-        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady, "instead": []},
+        **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady},
+        "instead": others(k, found.parameter),
         **{"cause": change_of(found.parameter, k.followed.families[place])},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},

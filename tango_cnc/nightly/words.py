@@ -11,7 +11,7 @@ from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
 from ..report.units import shown
-from ..report.words import moved
+from ..report.words import moved, named
 from ..texts import joined, say
 
 SHOWN = 3  # alarms that wait, in full
@@ -234,7 +234,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") else ""
     lines += [t("mail.on_part", text=cause["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
-        names = [t(f"cause_name.{name}") if f"cause_name.{name}" in t else name for name in cause["instead"]]
+        names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 

@@ -15,7 +15,7 @@ from .days import day, days_between, local_day
 from .plain import amount, office, plain, shop
 from .texts import Texts, texts
 from .units import Units, shown
-from .words import moved, spoken
+from .words import moved, named, spoken
 
 if TYPE_CHECKING:
     from ..history import History
@@ -239,7 +239,7 @@ def alarm(
         "whole": "",
         "todo": shop(sentence(plain(_todo(a, u, t), u, t, machine), Units()), t),
         "office": office(_todo(a, u, t), t),
-        "instead": [_named(f"followed.{str(x).partition(' ')[0]}", x, t) for x in a.get("instead") or ()],
+        "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and decision is None,
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),

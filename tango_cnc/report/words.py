@@ -15,6 +15,17 @@ _STYLUS = re.compile(r"E([XYZ])t")
 ABOUT = {"A": "X", "B": "Y", "C": "Z"}
 
 
+def named(name: str, t: Texts, machine: Machine | None = None) -> str:
+    """cause or parameter that may be meant, texts, machine → its word, of an error of an axis with its symbol."""
+    if f"cause_name.{name}" in t:
+        return t(f"cause_name.{name}")
+    kind, _, place = name.partition(" ")
+    if f"followed.{kind}" in t:
+        return t(f"followed.{kind}", name=place)
+    word = spoken(name, machine, t)
+    return t.of(name).replace("_", " ") if word == name else f"{word} ({name})"
+
+
 def spoken(name: str, machine: Machine | None = None, t: Texts | None = None) -> str:
     """coefficient, machine (None: X Y Z are linear), texts → what it is; the name itself for one that is not geometry."""
     t = t or texts()

@@ -34,6 +34,7 @@ from tango_cnc.commands._trust import run_of
 from tango_cnc.commands._trusted import known
 from tango_cnc.commands.report import compensations, paper
 from tango_cnc.compensate import loop
+from tango_cnc.compensate.hidden import of_record
 from tango_cnc.design.facets import mesh, of_hull
 from tango_cnc.diagnose.table import read_table
 from tango_cnc.files import origin, read_cell, read_readings, read_world
@@ -279,7 +280,7 @@ def _record(folder: Path) -> bytes:
 
 
 def _records(folder: Path) -> Any:
-    found = [(kept.number, loop.present(kept.folder), kept.record["values"]) for kept in loop.found(folder)]
+    found = [(kept.number, of_record(loop.check(kept.folder)), kept.record["values"]) for kept in loop.found(folder)]
     return found, loop.state(folder, 1), compensations(folder), [loop.older(loop.one(folder, 1).record, ["00ff"], UTC)]
 
 

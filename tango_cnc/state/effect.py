@@ -1,0 +1,123 @@
+"""What an error of the machine does to a part: the machine is moved with it and without it.
+
+The zero of the part is found where every rotary axis stands at 0. What lies there is right; what the rotary axes turn to the
+spindle afterwards is off by what the error has changed on the way, as seen from the part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import kinematics
+from ..identify import columns, rich_plan
+from ..iso230.poses import at_poses
+from ..model import STYLUS, Model, setup_coefficient
+from ..records import Array, Cell, InputError, Machine
+from ..terms import Coefficient, find, inter_axis
+
+TURN = np.pi  # rad: the far side of the part; what turns on comes round again
+STEPS = 13  # places of a rotary axis over its turn
+POINTS = 24  # of the part
+ENOUGH = 0.99  # of the largest: what one axis alone does nearly as well needs no second one to be told
+SEEN = 1e-4  # of what a column could amount to: less of it is no error of its own
+NOTHING = 1e-3  # µm: what is less turns nowhere
+SAME = 1e-6  # of a column: what two of them differ by where no touch tells them apart
+
+
+class Effect(NamedTuple):
+    """Where an error is worst on a part: by how much (µm), and the rotary axes that are turned there, by how much (deg)."""
+
+    worst: float
+    turned: Mapping[str, float]
+
+
+def on_parts(cell: Cell, parameter: str, size: float) -> Effect | None:
+    """cell, name of an error, its size in mm or rad → where it is worst on a part whose zero was found at 0 of the rotary axes.
+
+    None on a machine without rotary axes, and for what is no error of the machine.
+    """
+    machine = cell.machine
+    if not machine.rotary or (error := _error(machine, parameter)) is None:
+        return None
+    places = [_places(machine, name) for name in machine.rotary]
+    turns = np.array(list(product(*places)))  # (m, r)
+    gap = np.linalg.norm(_seen_from_the_part(cell, error, size, turns, _part(cell)), axis=2).max(axis=1) * 1e3
+    least = ENOUGH * gap.max()
+    fewest = min(np.flatnonzero(gap >= least), key=lambda i: (np.count_nonzero(turns[i]), _others(machine, error, turns[i])))
+    own = np.count_nonzero(turns, axis=1) <= np.count_nonzero(turns[fewest])
+    same = own & np.all((turns != 0) == (turns[fewest] != 0), axis=1)
+    best = max(np.flatnonzero(same), key=lambda i: (round(float(gap[i]), 6), -float(np.abs(turns[i]).sum()), float(turns[i].sum())))
+    turned = {name: float(np.degrees(a)) for name, a in zip(machine.rotary, turns[best], strict=True) if a}
+    return Effect(float(gap.max()), turned if gap.max() > NOTHING else {})
+
+
+def _others(machine: Machine, error: Coefficient, turn: Array) -> int:
+    """→ how many axes are turned there that the error does not belong to."""
+    return sum(bool(a) and name != error.slot.axis for name, a in zip(machine.rotary, turn, strict=True))
+
+
+def _error(machine: Machine, parameter: str) -> Coefficient | None:
+    try:
+        found = find(parameter, machine)
+    except InputError:
+        return None
+    return found[0] if len(found) == 1 else None
+
+
+def _places(machine: Machine, name: str) -> Array:
+    """→ rad, 0 first: what a rotary axis can be turned to, at most half a turn either way."""
+    low, high = machine.axis(name).travel or (-TURN, TURN)
+    return np.unique([0.0, *np.linspace(max(low, -TURN), min(high, TURN), STEPS)])
+
+
+def _part(cell: Cell) -> Array:
+    """→ (p, 3) mm in the table frame: the part is as large as the artefact."""
+    points = np.array([facet.point for facet in cell.artefact.facets.values()])
+    farthest = np.argsort(-np.linalg.norm(points, axis=1))
+    return points[farthest[:POINTS]]
+
+
+def _seen_from_the_part(cell: Cell, error: Coefficient, size: float, turns: Array, part: Array) -> Array:
+    """cell, error, its size, (m, r) rad, (p, 3) mm → (m, p, 3) mm: where the tip goes beside the point, less the same at 0."""
+    machine = cell.machine
+    position = np.zeros((len(turns) + 1, len(part), len(machine.names)))
+    position[1:, :, [machine.column(name) for name in machine.rotary]] = turns[:, None, :]
+    flat = position.reshape(-1, position.shape[2])
+    chain = kinematics.chain(machine)
+    flat = kinematics.inverse(chain, flat, np.tile(part, (len(position), 1)))
+    poses = at_poses(machine, flat, np.zeros_like(flat))
+    acting = {error.slot: size * error.regressor(poses)}
+    off = (kinematics.tip(chain, flat, acting) - kinematics.tip(chain, flat)).reshape(len(position), len(part), 3)
+    return np.asarray(off[1:] - off[0])
+
+
+@lru_cache(maxsize=64)
+def alike(machine: Machine, parameter: str) -> tuple[str, ...]:
+    """machine, name of a location error → names of the others that no touch on this machine can tell from it.
+
+    Each by itself: they move every touch as it does, but for what stylus, facets and balls take up.
+    """
+    candidates = [c for c in inter_axis.coefficients(machine, 0) if c.slot.axis in (*machine.rotary, "S")]
+    own = next((i for i, c in enumerate(candidates) if c.name == parameter), None)
+    if own is None:
+        return ()
+    setup = [setup_coefficient(name) for name in STYLUS]
+    matrix, could = columns(Model(rich_plan(machine), (*setup, *candidates)))
+    first, count = len(setup), len(candidates)
+    taken = np.hstack([matrix[:, :first], matrix[:, first + count :]])
+    left, size, _ = np.linalg.svd(taken / np.maximum(np.linalg.norm(taken, axis=0), 1e-300), full_matrices=False)
+    base = left[:, size > 1e-9 * size[0]]
+    rest = matrix[:, first : first + count]
+    rest = rest - base @ (base.T @ rest)
+    rest = rest - base @ (base.T @ rest)
+    length = np.linalg.norm(rest, axis=0)
+    seen = length > SEEN * could[first : first + count]
+    if not seen[own]:
+        return ()
+    cosine = np.abs(rest[:, own] @ rest) / np.maximum(length[own] * length, 1e-300)
+    return tuple(c.name for i, c in enumerate(candidates) if i != own and seen[i] and cosine[i] > 1 - SAME)

@@ -1,0 +1,77 @@
+"""What a change of the machine does to a part, reckoned by hand: its zero is found at 0 of the rotary axes, then they turn."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from tango_cnc.files import read_cell
+from tango_cnc.nightly.alarms import Known, effect_of
+from tango_cnc.nightly.words import _about
+from tango_cnc.records import Cell
+from tango_cnc.report.texts import texts
+from tango_cnc.state.effect import alike
+
+UM = 1e-3
+
+
+def effect(cell: Cell, parameter: str, size: float, unit: str = "mm") -> tuple[float, str]:
+    told = effect_of(
+        Known(cell, cast(Any, None), cast(Any, None)), "axis_location", parameter, size, unit, cast(Any, None), "2026-11-27"
+    )
+    return told[0], told[1]
+
+
+@pytest.mark.parametrize("parameter", ["EX0C", "EY0C", "EX0S"])
+def test_a_hole_on_the_other_side_of_the_table_is_off_by_twice_the_offset_whatever_it_is_called(root: Path, parameter: str) -> None:
+    """15 µm between table and spindle: the hole at C 0 sets the zero, that at C 180 sees it from the other side."""
+    um, text = effect(read_cell(root / "examples" / "trunnion"), parameter, 15.0 * UM)
+    assert um == pytest.approx(30.0, abs=0.01)
+    assert "zero was found at C 0" in text and "30.0 µm" in text and "C is turned by 180°" in text
+
+
+def test_an_offset_across_a_cradle_is_as_large_as_the_turn_makes_it(root: Path) -> None:
+    """The cradle A turns by 120° at most and takes the pivot with it: the chord 2 sin(120°/2). With the table turned, too, the two
+    ends of a way across may lie opposite each other."""
+    cell = read_cell(root / "examples" / "trunnion")
+    um, text = effect(cell, "EZ0A", 10.0 * UM)
+    chord = 10.0 * 2 * math.sin(math.radians(60))
+    assert um == pytest.approx(chord, abs=0.05) and "A is turned by" in text and "C is" not in text
+
+
+def test_a_tilt_of_the_table_grows_with_the_part(root: Path) -> None:
+    """Turned by 180° a tilt lies the other way: twice the tilt over the arm from the pivot to the farthest point of the part."""
+    cell = read_cell(root / "examples" / "trunnion")
+    um, text = effect(cell, "EA0C", 20e-6, "rad")
+    arm = max(math.hypot(*facet.point) for facet in cell.artefact.facets.values())
+    assert 20e-3 * 50 < um <= 2 * 20e-3 * arm + 0.01 and "C axis" in text
+
+
+@pytest.mark.parametrize("machine", ["trunnion", "hu40t", "fork_head"])
+def test_what_a_change_does_is_in_proportion_to_its_size(root: Path, machine: str) -> None:
+    cell = read_cell(root / "examples" / machine)
+    for parameter in ("EX0S", "EY0S"):
+        one, two = effect(cell, parameter, 10 * UM)[0], effect(cell, parameter, -20 * UM)[0]
+        assert two == pytest.approx(2 * one, rel=1e-3) and one == pytest.approx(20.0, abs=0.01)
+
+
+def test_a_fork_that_sits_elsewhere_as_a_whole_does_nothing_once_the_zero_is_found(root: Path) -> None:
+    """All that turns goes along with it, and so does the probe that finds the zero."""
+    um, text = effect(read_cell(root / "examples" / "fork_head"), "EX0C", 15 * UM)
+    assert um < 0.01 and "0.0 µm" in text and "turned" not in text
+
+
+def test_a_message_names_the_axis_that_may_be_meant_instead() -> None:
+    names = _about({"text": "", "on_part": "", "do": "", "instead": ["EX0C", "stylus"]}, "Ann", texts())
+    assert any("C axis off in X (EX0C), stylus" in line for line in names)
+
+
+def test_locations_that_no_touch_tells_apart_are_named_for_each_other(root: Path) -> None:
+    """wCAYfXZ: C and spindle along X are one distance between the two. Along Y the cradle lies between them and tells C from S."""
+    machine = read_cell(root / "examples" / "trunnion").machine
+    assert "EX0C" in alike(machine, "EX0S") and "EX0S" in alike(machine, "EX0C")
+    assert "EY0C" not in alike(machine, "EY0S") and "EY0S" not in alike(machine, "EY0C")
+    assert not alike(machine, "EX0S-of-nothing") and not alike(machine, "EXX1")
