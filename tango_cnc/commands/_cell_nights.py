@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,12 +27,17 @@ from ..nightly.analysis import Nights, Timed
 from ..nightly.doubt import Judged
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
+from ..report.units import shown
 from ..state import Frame, frame
+from ..state.volume import levers
+from ..texts import instead, say
 from ..touches import of_facets
 from ._common import dialect, json_text
+from ._in_control import in_control
 from .estimate import as_json as estimate_json
 
 CHECK = "check.yaml"
+LEAST = 0.1  # µrad, µm/m: no night sees less of an angle or a scale
 READ = 64  # nights whose readings are kept parsed: many nights in one process learn from the same ones
 
 
@@ -53,17 +60,27 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
+        in_control(cell.folder, followed.model, lambda: levers(followed)),
     )
 
 
 def _limited(cell: Cell, settings: Nightly, followed: Frame) -> None:
-    """A limit of what no night follows would never be crossed: raises InputError for one."""
-    known = ["volume", *(followed.selection.label(followed.names[i]) for i in followed.machine)]
+    """A limit of what no night follows would never be crossed, and one below what a touch can see always is: raises InputError."""
+    units = {"volume": "mm"} | {followed.selection.label(followed.names[i]): followed.units[i] for i in followed.machine}
+    known = list(units)
     for name in settings.limits:
         if name not in known:
             raise InputError(
                 f"{cell.folder / NAME}: limits: found {name!r}, which the nights of this machine do not follow; "
                 f"allowed: {', '.join(known)}.{suggestion(name, known)}"
+            )
+        limit = settings.limits[name]
+        factor, unit = shown(units[name])
+        least = cell.machine.probe.repeatability * factor if units[name] == "mm" else LEAST
+        if limit < least:
+            raise InputError(
+                f"{cell.folder / NAME}: limits: found {limit:g} {unit} for {name!r}, which no night can see: "
+                f"limits are in {unit}, allowed: {least:g} or more. Did you mean {limit * 1e3:g}?"
             )
 
 
@@ -90,6 +107,11 @@ def timed(made: Plan) -> Timed:
     return Timed(numbers, indexation, touch + rest, turn)
 
 
+def again(folder: Path) -> str:
+    """folder of a cell → who makes what a night has not made: no run goes on with the readings of a night."""
+    return say("night.again", cell=shlex.quote(str(folder.resolve())))
+
+
 def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> Judged:
     """As 'tango estimate' judges a whole strategy; a check by what is known after it.
 
@@ -114,7 +136,9 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
         result, walk = plain, 0.0
     found = judge(cell, readings, result, search=False, alone=kind == "full", agrees=agrees)
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
-    return Judged(found.verdict, tuple(found.reasons), found.incomplete, wandered, walk)
+    resume = str(say("plausible.readings.go_on_with_tango_run"))
+    reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
+    return Judged(found.verdict, reasons, found.incomplete, wandered, walk)
 
 
 def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:

@@ -21,6 +21,7 @@ from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
 from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
+from ._cell_nights import again
 from ._common import address_of, dialect
 from ._night_gate import proves
 from ._night_warm import warm, warmth
@@ -254,7 +255,16 @@ class RealControl:
         post = dialect(self.cell)
         with Live(None) as live:
             wanted = Wanted(
-                self._address(), post.link, self.cell.controller.post, target, False, None, 60.0, None, simulated=self.simulated
+                self._address(),
+                post.link,
+                self.cell.controller.post,
+                target,
+                False,
+                None,
+                60.0,
+                None,
+                simulated=self.simulated,
+                then=str(again(self.cell.folder)),
             )
             return measure(
                 own,

@@ -301,7 +301,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if places and found.verdict != "kept":
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
-    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text)
+    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)
     data = {"format": "tango-compensation-outcome/1", "compensation": number, "verdict": found.verdict, **figures}
     data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]

@@ -189,6 +189,12 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
     if write_json(json_file, data):
         return
     note_simulated(history, machine, here())
+    if not found:
+        without = next((n for n in (a, b) if not n.get("parameters")), None)
+        key = "nothing_shared" if without is None else "in_doubt" if without.get("verdict") == "doubtful" else "no_values"
+        raise InputError(
+            say(f"cli.history.{key}", night="" if without is None else without["night"], one=a["night"], other=b["night"])
+        )
     rows = [_head(here(), "parameter", "change", "std", "", "sigmas")]
     for name, f in sorted(found.items(), key=lambda item: -abs(item[1]["sigmas"])):
         factor, unit = shown(f["unit"])

@@ -62,6 +62,6 @@ def asked(held: Sequence[Held], hidden: Array) -> None:
         more = f" and {len(places) - 1} more" if len(places) > 1 else ""
         raise InputError(
             f"--present: found neither --tcp nor --no-tcp, and the control holds {places[0]}{more}, which act with tool center "
-            "point control only; allowed: --no-tcp when the readings were made without it, as the probing programs of this project are: "
-            "what they find replaces these numbers; --tcp when with it: what they find is added to them"
+            "point control only; allowed: --no-tcp when the readings were made without it, as the probing programs of this project "
+            "are: what they find replaces these numbers; --tcp when with it: what they find is added to them"
         )

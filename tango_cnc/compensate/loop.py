@@ -30,7 +30,16 @@ IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these 
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 FIGURE = {"value": float, "low?": float, "high?": float}
-EVENT = {"utc": str, "compensation": int, "event": str, "target": str, "text?": str, "measured_um?": float, "promise?": {}}
+EVENT = {
+    "utc": str,
+    "compensation": int,
+    "event": str,
+    "target": str,
+    "text?": str,
+    "measured_um?": float,
+    "promise?": {},
+    "tcp?": bool,
+}
 SHAPE = {
     **dict.fromkeys(("format", "digest", "target", "created_utc"), str),
     "files": {"*": str},

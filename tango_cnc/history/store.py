@@ -33,6 +33,7 @@ from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored
 
 FORMAT = "tango-night/1"
 MANY = 500  # records that are read at once
+REFUSED = 8  # nights that others at work may have refused, one after the other
 _NIGHT = asked.COLUMNS
 
 
@@ -87,9 +88,11 @@ class History:
         """machine, decision about an alarm → number of the entry. Raises InputError for what cannot be decided."""
         if decision.action not in ACTIONS:
             raise InputError(f"decision: found {decision.action!r}; allowed: {', '.join(ACTIONS)}")
-        if (decision.action == "ignore") != (decision.until is not None):
+        if decision.action == "ignore" and decision.until is None:
+            raise InputError("decision: found ignore without until when; allowed: ignore with a date, such as --until 2026-12-24")
+        if decision.action != "ignore" and decision.until is not None:
             raise InputError(
-                f"decision: {decision.action} with until {decision.until!r}; allowed: a date with ignore, and only there"
+                f"decision: found {decision.action} with until {decision.until}; allowed: until a date with ignore only"
             )
         if decision.until is not None:
             today = datetime.fromisoformat(decision.utc or _stamp(datetime.now(UTC))).astimezone().strftime("%Y-%m-%d")
@@ -158,7 +161,9 @@ class History:
             "last": last,
         }
         given = {key: value for key, value in limits.items() if value is not None}
-        return tuple(Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given))
+        if last is not None:
+            given["last"] = last + REFUSED
+        return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
 
     def night(self, entry: int) -> Stored:
         """number of an entry → that night whole. Raises InputError when there is none."""
@@ -402,6 +407,12 @@ def _columns(record: Mapping[str, Any]) -> dict[str, Any]:
         "volume_um": volume.get("worst_um"),
         "duration_s": float(record.get("duration_s") or 0.0),
     }
+
+
+def _by_end(nights: Sequence[Night]) -> tuple[Night, ...]:
+    """nights, the one that began last first → one that was refused stands behind the one at work, which ended after it."""
+    refused = any(n.status == "refused" for n in nights)
+    return tuple(sorted(nights, key=lambda n: n.end_utc, reverse=True) if refused else nights)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -27,6 +27,7 @@ NEAR = 1.5  # days within which the night before is last night
 EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to the next day
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
 MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
+SECOND = 1.0 / 86_400  # d: what is on record is cut to the second
 LISTED = 60  # nights looked back over for the last one with a result
 TURNED = re.compile(r"E[ABC]0([XYZABCS])")
 
@@ -72,6 +73,11 @@ def night_of(begun: datetime) -> str:
     return (begun + EVENING).strftime("%Y-%m-%d")
 
 
+def _day(stamp: str) -> float:
+    """2026-11-23T02:00:00Z → days since 1970-01-01 UTC."""
+    return datetime.fromisoformat(stamp).timestamp() / 86_400
+
+
 def since(past: Past, machine: str, day: float) -> Since:
     """history, machine, day of tonight → the last night that left a result; nights in between without one are said."""
     found = past.latest_knowledge(machine)
@@ -79,7 +85,8 @@ def since(past: Past, machine: str, day: float) -> Since:
         return Since("", say("night.alarms.newest_night"))
     last = found[0]
     newer = [n for n in past.nights(machine, last=LISTED) if n.start_utc > last.end_utc]
-    if not newer and day - datetime.fromisoformat(last.start_utc).timestamp() / 86_400 < NEAR:
+    newer = [n for n in newer if n.status != "refused" or _day(n.end_utc) < day - SECOND]  # not by tonight, which measures
+    if not newer and day - _day(last.start_utc) < NEAR:
         return Since(last.night, say("night.alarms.last_night"))
     what = "not_measured" if all(n.verdict == "not_measured" for n in newer) else "no_result"
     skipped = say(f"night.alarms.{what}_{'many' if len(newer) > 1 else 'one'}", count=len(newer)) if newer else ""

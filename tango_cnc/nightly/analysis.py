@@ -18,7 +18,6 @@ from ..history import Knowledge, Night
 from ..identify import Selection
 from ..model import Model
 from ..records import Array, Cell, Readings
-from ..report.units import shown
 from ..state import (
     Frame,
     Seen,
@@ -40,13 +39,13 @@ from ..texts import say
 from ..touches import from_readings
 from . import parts
 from .alarms import Known, after_repair, alarm_of, ignored, since, standing
+from .control import COVER, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
 from .trend import SLOPE, as_alarm, behind, drift, slopes
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
-COVER = 1.959964  # standard deviations of 95 %
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 RECENT = 40  # nights that are looked at first: nearly always as many as are needed
 SET_APART = 7  # nights looked back over for one that measured
@@ -82,6 +81,7 @@ class Nights:
     judged: Callable[[Cell, Readings, Estimate, str, bool], Judged] | None = None  # the last: kind of night, as predicted
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
+    control: InControl | None = None
 
     @cached_property
     def lever(self) -> Array:
@@ -234,10 +234,14 @@ class Nights:
         unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
         alarms = [a for a in alarms if judged.believed and not unheard]
         moving = None if first or alarm or not judged.believed else drift(known, recent, after, tonight.scale)
-        chart = over_volume(self.lever, after.mean, after.covariance)
-        limits = self._limits(after, chart)
+        gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
+        parts_have = replace(after, mean=after.mean - gone)
+        chart = over_volume(self.lever, parts_have.mean, after.covariance)
+        limits = limited(self.followed, self.settings.limits, parts_have, chart)
         beyond = [limit for limit in limits if limit["passed"] is False]
         parameters = self._parameters(recent, ahead, after, what, first)
+        for i in self.followed.machine if gone.any() else ():
+            parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
         alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
@@ -247,7 +251,7 @@ class Nights:
             unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
             alarms = [] if unheard else [as_alarm(moving, known)]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
-        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit)) is not None]
+        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         told = {
             "verdict": "doubtful"
             if doubtful
@@ -270,6 +274,7 @@ class Nights:
             "carried": judged.believed,
         }
         told |= {"standing": waiting} if waiting else {}
+        told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
@@ -431,20 +436,3 @@ class Nights:
                 "seen": bool(std[i] < 0.98 * before[i]),
             }
         return gained
-
-    def _limits(self, after: State, chart: Any) -> list[dict[str, Any]]:
-        found = []
-        for name, limit in self.settings.limits.items():
-            if name == "volume":
-                size, spread, unit = chart.worst * 1e3, chart.std * 1e3, "µm"
-            else:
-                places = {self.followed.selection.label(self.followed.names[i]): i for i in self.followed.machine}
-                if name not in places:
-                    continue
-                i = places[name]
-                factor, unit = shown(self.followed.units[i])
-                size, spread = abs(float(after.mean[i])) * factor, float(after.std[i]) * factor
-            low, high = size - COVER * spread, size + COVER * spread
-            passed = True if high <= limit else False if low > limit else None
-            found.append({"what": name, "value": size, "unit": unit, "low": low, "high": high, "limit": limit, "passed": passed})
-        return found

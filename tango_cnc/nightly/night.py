@@ -24,7 +24,8 @@ from ..history import FORMAT, Knowledge
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
-from .alarms import night_of
+from .alarms import night_of, standing
+from .broken import stopped, unexplained
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -107,7 +108,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     try:
         measured = world.control.measure(kind, touches)
     except LinkError as error:
-        return found | {"why": sentence(error), "kind": "none"}, None, {}, None
+        return found | {"why": sentence(error), "kind": "none", "moved": True}, None, {}, None
     found |= {
         **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
         "hashes": dict(measured.hashes),
@@ -124,6 +125,9 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     ) as error:  # a mistake of this program is no reason to lose a night: its readings are kept, somebody hears of it
         doubt = {"verdict": "implausible", "reasons": [sentence(error)]}
         more, knowledge, files = {"verdict": "doubtful", "plausible": doubt, "carried": False}, None, {}
+    if measured.why and (plausible := more.get("plausible") or {}).get("reasons"):
+        told = stopped(measured.why, len(measured.readings), measured.planned)
+        more["plausible"] = {**plausible, "reasons": [told, *unexplained(plausible["reasons"])]}
     return found | more, knowledge, files, measured.text
 
 
@@ -233,6 +237,8 @@ def _before(machine: str, world: Ports) -> dict[str, Any]:
     # One that began while the last one measured was refused by it: the machine was measured all the same.
     gone = [n for n in nights if last is None or n.start_utc > last.end_utc][:MISSED]
     found: dict[str, Any] = {} if last is None else {"last_measured": last.night}
+    known = world.past.latest_knowledge(machine)
+    found |= {} if known is None else {"last_carried": known[0].night}
     return found | ({"unmeasured": [f"{n.night}: {n.headline}" for n in reversed(gone)]} if gone else {})
 
 
@@ -263,6 +269,10 @@ def _kept(
     record |= {"end_utc": stamp_of(ended), "duration_s": round(max((ended - started).total_seconds(), 0.0), 1)}
     for number, alarm in enumerate(record["alarms"], 1):
         alarm |= {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
+    if record["verdict"] == "not_measured" and record["status"] != "refused":
+        with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
+            waiting = standing(world.past, record["machine"], day_of(ended), {}, "none")
+            record |= {"standing": waiting} if waiting else {}
     record["headline"] = headline(record)
     trouble: list[str] = []
     if readings is not None:

@@ -149,8 +149,12 @@ def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     }
 
 
-def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: Mapping[str, Any]) -> dict[str, Any] | None:
+def behind(
+    k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: Mapping[str, Any], gone: Array | None = None
+) -> dict[str, Any] | None:
     """what is known, records newest first, state after tonight, limit that is crossed → the parameter that stands behind it.
+
+    `gone`: (p,) what the control takes away from parts, so that it does not stand behind anything.
 
     Against the first of the last `MONTH` nights that kept the limit: what has moved most since, by what it does to the volume, and
     the last night on which it had not. Where no night kept it, the parameter that does most, and no date.
@@ -160,7 +164,7 @@ def behind(k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: 
     share: list[tuple[float, int, float, float]] = []
     for i in k.followed.machine:
         name = k.followed.selection.label(k.followed.names[i])
-        then = kept[-1]["parameters"].get(name) if kept else {"value": 0.0, "std": 0.0}
+        then = kept[-1]["parameters"].get(name) if kept else {"value": 0.0 if gone is None else float(gone[i]), "std": 0.0}
         if limit["what"] not in ("volume", name) or then is None:
             continue
         size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))

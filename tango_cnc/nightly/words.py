@@ -179,13 +179,17 @@ def message(
     lines += [f"* {_checked(p, t)} {t('mail.not_moved')}" for p in failed]
     if record["verdict"] == "not_measured":
         lines += _unmeasured(record, owner, failed, t)
+    if record["status"] == "partial" and record.get("why"):
+        lines.append(f"* {_sentence(t.of(record['why']))}")
     if record["verdict"] == "doubtful":
         lines += [f"* {_sentence(t.of(r))}" for r in ((record.get("plausible") or {}).get("reasons") or ())]
         reasons = (record.get("plausible") or {}).get("reasons") or ()
         lines += [f"* {t('mail.do', text=orders(reasons, t))}", f"  {t('mail.owner', owner=owner)}"]
         if not record.get("carried", True):
-            lines.append(f"* {t('mail.not_carried', night=record.get('last_measured') or say('mail.no_night'))}")
+            lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
     lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
+    if held := record.get("in_control"):
+        lines.append(f"* {t('night.in_control', number=held['number'], target=held['target'], date=held['date'])}")
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")
@@ -276,7 +280,8 @@ def _unmeasured(record: Mapping[str, Any], owner: str, failed: Sequence[Mapping[
     if record["status"] == "refused":
         do, part = t("mail.do", text=t("night.refused_do")), t("mail.on_part", text=t("night.refused_part"))
         return [f"* {do}", f"* {part}", f"* {whose}"]
-    do = "" if any(p["do"] for p in failed) else t("mail.do", text=t("night.unmeasured_do", cell=record["cell"]))
+    key = "night.moved_do" if record.get("moved") else "night.unmeasured_do"  # it was at work: the control knows more
+    do = "" if any(p["do"] for p in failed) else t("mail.do", text=t(key, cell=record["cell"]))
     last = record.get("last_measured")
     never = t("night.unmeasured_unknown" if record.get("unread") else "night.unmeasured_never")
     known = t("night.unmeasured_part", date=last) if last else never

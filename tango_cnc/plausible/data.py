@@ -20,6 +20,7 @@ NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
 HARDLY = 0.25  # share below which a machine is hardly measured
 TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
+FIRST = 3  # touches that are named where many are missing
 FEW = 8  # numbers that a sentence names
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
 COARSE = 0.01  # mm: positions that are all whole multiples of it were rounded, or come from a display
@@ -55,10 +56,10 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     yield from _another_strategy(cell, touches, readings)
 
 
-def listed(numbers: tuple[int, ...] | list[int]) -> str:
-    """touch numbers → the first of them for a sentence."""
-    first = ", ".join(map(str, numbers[:FEW]))
-    return first if len(numbers) <= FEW else say("plausible.readings.more", first=first, count=len(numbers) - FEW)
+def listed(numbers: tuple[int, ...] | list[int], most: int = FEW) -> str:
+    """touch numbers, how many at most → the first of them for a sentence."""
+    first = ", ".join(map(str, numbers[:most]))
+    return first if len(numbers) <= most else say("plausible.readings.more", first=first, count=len(numbers) - most)
 
 
 def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
@@ -82,8 +83,8 @@ def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
             "plausible.readings.planned_touches_missing_made_no",
             count=len(lacking),
             expected=expected,
-            numbers=listed(numbers),
-            word=say("plausible.readings.them_not_file", gone=gone) if gone else "",
+            numbers=listed(numbers, FIRST),
+            word=say("plausible.readings.them_not_file", gone=gone) if 0 < gone < len(lacking) else "",
         )
         if share < NEEDED:
             hint = say("plausible.readings.go_on_with_tango_run") if gone else say("plausible.readings.look_for_what_kept_them")

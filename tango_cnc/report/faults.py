@@ -182,11 +182,12 @@ def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Te
     total = a.get("total") if a.get("total") is not None else a.get("size")
     if not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
         return ""
-    whole, change_ = float(now["value"]), float(total)
+    whole, change_ = float(now["value"]) - float(now.get("in_control") or 0.0), float(total)  # as parts have it
     was = whole - change_
     factor, unit = shown(str(a.get("unit") or "mm"))
     sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
     text = plain(t("part.whole", what=spoken(name, machine, t), **sizes), u, t, machine)
+    text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number
         return text
     slack = max(2 * float(now.get("std") or 0.0), SAME * abs(change_))

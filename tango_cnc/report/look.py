@@ -17,7 +17,7 @@ MOST = 3  # things to look at: the first reasons say most
 
 def looks(reasons: Sequence[Any], t: Texts) -> list[str]:
     """reasons of a record, texts → what to look at, each once, in the order of the reasons; at least one."""
-    found = [next((t(key) for key in _keys(r) if key in t), "") for r in reasons]
+    found = [next((t(key) for key in keys(r) if key in t), "") for r in reasons]
     told = list(dict.fromkeys(x for x in found if x))[:MOST]
     return told or [t("look.other")]
 
@@ -27,9 +27,9 @@ def orders(reasons: Sequence[Any], t: Texts) -> str:
     return " ".join([*looks(reasons, t), t("night.doubtful_do")])
 
 
-def _keys(text: Any) -> Iterator[str]:
+def keys(text: Any) -> Iterator[str]:
     """reason → keys that say what to look at: its own, then those of the sentences that were filled into it."""
     if isinstance(text, Said):
         yield f"look.{text.key}"
         for value in text.values.values():
-            yield from _keys(value)
+            yield from keys(value)

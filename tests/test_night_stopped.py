@@ -1,0 +1,175 @@
+"""A night that ends too early or does not begin: its own sentence comes first, and what it left open is still told."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.histories import knowledge, record
+from support.nights import knock
+
+from tango_cnc.cli import tango
+from tango_cnc.commands._cell_nights import nights_of
+from tango_cnc.files import read_cell
+from tango_cnc.files.nightly import Nightly
+from tango_cnc.history import Decision, History, opened
+from tango_cnc.nightly import Measured
+from tango_cnc.nightly.alarms import since
+from tango_cnc.nightly.night import _before, night
+from tango_cnc.nightly.ports import Ports
+from tango_cnc.nightly.words import message
+from tango_cnc.plan import plan
+from tango_cnc.records import InputError, LinkError
+from tango_cnc.texts import joined, say
+
+SILENT = "the control has been silent for longer than 41 s; all is sent. 19 of 226 touches are recorded. Look at the machine."
+MISSING = joined(
+    "",
+    (
+        say(
+            "plausible.readings.planned_touches_missing_made_no",
+            count=207,
+            expected=226,
+            numbers="20, 21, 22 and 204 more",
+            word="",
+        ),
+    ),
+)
+NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "verdict": "not_measured", "touches": 0, "parameters": {}}
+
+
+class Stopped:
+    """A control that ends as it is told, the disk, mail and analysis beside it; it keeps what was posted."""
+
+    def __init__(self, why: str, nothing: bool = False) -> None:
+        self.why, self.nothing, self.posted = why, nothing, ""
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *given: ()
+
+    def free_mb(self) -> float:
+        return 1e6
+
+    def post(self, stamp: str, text: str) -> None:
+        self.posted = text
+
+    def choice(self, past: Any, day: float) -> Any:
+        return "full", "", ()
+
+    def measure(self, kind: str, touches: Any) -> Measured:
+        if self.nothing:
+            raise LinkError(self.why)
+        return Measured(cast(Any, np.zeros(19)), "touch\n1\n", 226, 60.0, self.why, (), (), False)
+
+    def analysed(self, *given: Any) -> Any:
+        plausible = {"verdict": "implausible", "reasons": [MISSING]}
+        return {"verdict": "doubtful", "plausible": plausible, "carried": False, "next": None}, None, {}
+
+
+def told(history: History, why: str, nothing: bool = False) -> tuple[dict[str, Any], str]:
+    """history, why the control ended, whether before any touch → record and message of the night."""
+    world, now = Stopped(why, nothing), datetime(2026, 10, 9, 2, tzinfo=UTC)
+
+    class Free:
+        def __enter__(self) -> None: ...
+        def __exit__(self, *given: object) -> None: ...
+
+    clock = SimpleNamespace(now=lambda: now)
+    ports = Ports(
+        cast(Any, clock), cast(Any, world), cast(Any, world), cast(Any, world), history, cast(Any, world), cast(Any, Free())
+    )
+    return night("M", "/cells/m", Nightly(owner="Ann"), ports), world.posted
+
+
+@pytest.fixture
+def history(tmp_path: Path) -> Any:
+    with opened(tmp_path / "history.db") as found:
+        found.add_night(record(1), "touch\n1\n", knowledge(1))
+        yield found
+
+
+def test_why_a_night_broke_off_comes_before_any_guess(history: History) -> None:
+    found, text = told(history, SILENT)
+    assert found["status"] == "partial" and found["verdict"] == "doubtful"
+    assert "broke off after 19 of 226 touches: the control has been silent for longer than 41 s" in found["headline"]
+    assert "alarm screen of its control" in text and SILENT[4:-1] in text
+    assert "battery" not in text and "stylus" not in text and "door" not in text
+
+
+def test_a_night_that_somebody_stopped_says_so(history: History) -> None:
+    found, text = told(history, "stopped by the user. 24 of 226 touches are recorded.")
+    assert "stopped by the user after 19 of 226 touches" in found["headline"] and "Ask who stopped" in text
+    assert "battery" not in text and "door" not in text
+
+
+def test_a_silent_control_sends_people_to_its_alarm_screen(history: History) -> None:
+    found, text = told(history, "the control does not answer", nothing=True)
+    assert found["verdict"] == "not_measured" and "alarm screen of its control" in text
+
+
+def test_a_night_that_did_not_measure_still_asks_for_an_answer_to_an_alarm(history: History) -> None:
+    history.add_night(record(2, verdict="changed", alarms=[knock("2026-10-02")]), "touch\n1\n", knowledge(2))
+    found, text = told(history, "the control does not answer", nothing=True)
+    assert [a["id"] for a in found["standing"]] == ["2026-10-02-1"]
+    assert "alarm of 2026-10-02" in text and "tango history decide 2026-10-02-1" in text
+
+
+def test_what_is_known_is_of_the_last_night_that_was_believed(history: History) -> None:
+    history.add_night(record(2, verdict="doubtful", parameters={}), "touch\n1\n")
+    known = _before("M", cast(Ports, SimpleNamespace(past=history)))
+    assert (known["last_measured"], known["last_carried"]) == (record(2)["night"], record(1)["night"])
+    told = {
+        **record(3, verdict="doubtful", parameters={}),
+        **known,
+        "carried": False,
+        "preflight": [],
+        "owner": "",
+        "cell": "",
+        "limits": [],
+        "planned": 74,
+    }
+    text = message({**told, "headline": "", "artefacts": {"folder": ""}, "machine_time_s": 1.0}, (), ())[1]
+    assert f"what is known is that of {record(1)['night']}" in text and f"that of {record(2)['night']}" not in text
+
+
+def test_a_night_refused_while_another_is_at_work_stands_behind_it_everywhere(history: History) -> None:
+    """It began a minute later, and ended at once; the one at work ended an hour later."""
+    work = {"start_utc": "2026-10-03T02:00:00Z", "end_utc": "2026-10-03T03:00:00Z"}
+    refused = NOTHING | {"status": "refused", "start_utc": "2026-10-03T02:01:00Z", "end_utc": "2026-10-03T02:01:01Z"}
+    history.add_night(record(3, **refused, headline="not begun"))
+    begun = datetime.fromisoformat(work["start_utc"]).timestamp() / 86_400
+    assert "not measured" not in since(history, "M", begun).words  # tonight is the one at work
+    history.add_night(record(3, verdict="out_of_limits", **work), "touch\n1\n", knowledge(3))
+    assert [n.status for n in history.nights("M")][:2] == ["complete", "refused"]
+    assert [n.verdict for n in history.nights("M", last=1)] == ["out_of_limits"] and len(history.nights(last=2)) == 2
+
+
+def test_nights_that_cannot_be_compared_say_why(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(1), "touch\n1\n", knowledge(1))
+        history.add_night(record(2, verdict="doubtful", parameters={}), "touch\n1\n")
+    words = ["history", "compare", record(1)["night"], "last", "--history", str(tmp_path / "history.db")]
+    found = CliRunner().invoke(tango, words, standalone_mode=False)
+    assert isinstance(found.exception, InputError) and f"{record(2)['night']} is in doubt" in str(found.exception)
+
+
+def test_a_limit_in_the_wrong_unit_asks_whether_that_is_meant(root: Path) -> None:
+    cell = read_cell(root / "examples" / "hu40t")
+    for name, limit, meant in (("volume", 0.030, "30"), ("EC0Y", 0.02, "20")):
+        with pytest.raises(InputError, match=f"Did you mean {meant}\\?"):
+            nights_of(cell, Nightly(limits={name: limit}), plan(cell))
+
+
+@pytest.mark.parametrize(
+    ("action", "until", "words"), [("ignore", None, "ignore without until when"), ("accept", "2026-12-01", "ignore only")]
+)
+def test_a_decision_with_or_without_its_date_is_a_sentence(history: History, action: str, until: str | None, words: str) -> None:
+    history.add_night(record(2, verdict="changed", alarms=[knock("2026-10-02")]), "touch\n1\n", knowledge(2))
+    with pytest.raises(InputError, match=words) as found:
+        history.decide("M", Decision("2026-10-02-1", action, "Ann", "", until, "2026-10-05T08:00:00Z"))
+    assert "None" not in str(found.value)
