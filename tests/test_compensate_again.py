@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,9 +11,11 @@ from support.closing import SETTINGS
 from support.compensated import example, first, measured, truth, write
 
 from sim_controller.compensation import read
+from tango_cnc.commands._compensate import text
 from tango_cnc.compensate import Proposal, loop, propose
 from tango_cnc.compensate.hidden import Present, of_record
 from tango_cnc.compensate.outcome import outcome
+from tango_cnc.compensate.promise import Figure
 from tango_cnc.records import InputError
 
 NOW, LATER = "2026-01-01T00:00:00Z", "2026-02-01T00:00:00Z"
@@ -71,6 +74,13 @@ def test_it_asks_how_the_readings_were_made() -> None:
     assert propose(first("trunnion"), "haas", present=Present({}, {}), poses=100).given  # nothing acts in it only
     replaced = propose(first("trunnion"), "haas", present=Present(proposal.numbers, {}), poses=100, tcp=False)
     assert not replaced.fit.change.any() and replaced.fit.rms_before.value == pytest.approx(proposal.fit.rms_after.value, rel=0.05)
+
+
+def test_a_proposal_that_makes_the_largest_errors_worse_says_so() -> None:
+    proposal = propose(first("trunnion"), "haas", poses=100)
+    assert "largest errors get worse" not in text(proposal)
+    grown = replace(proposal.fit, largest_before=Figure(21.6, 21.0, 22.2), largest_after=Figure(22.7, 22.0, 23.4))
+    assert "below 21.6 µm now, and below 22.7 µm after" in text(replace(proposal, fit=grown))
 
 
 def test_millimetres_are_another_zero_and_hundredths_are_not() -> None:

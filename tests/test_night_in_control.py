@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner, Result
 from support.compensated import ROOT, example, first, measured
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
+from tango_cnc.cli import tango
 from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate.space import Poses
@@ -31,6 +33,10 @@ from tango_cnc.state.volume import LEVELS
 from tango_cnc.verify.volume import grid, set_up, setup_lever
 
 NOW, LATER = "2026-01-01T00:00:00Z", "2026-02-01T00:00:00Z"
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(tango, [str(a) for a in arguments])
 
 
 def worst(cell: Cell, world: World, control: Control | None) -> float:
@@ -88,3 +94,16 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     assert "is +20 µm today" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
     loop.note(folder, kept, LATER, "rolled back", text="spindle")
     assert night()["verdict"] == "out_of_limits"
+
+
+@pytest.mark.long
+def test_a_report_of_older_readings_asks_for_new_ones(tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", folder)
+    assert run("simulate", "-C", folder).exit_code == 0
+    assert run("compensate", "-C", folder, "--target", "fanuc", "--set", "tables=no", "--simulated").exit_code == 0
+    for noted, said in ((False, "Have the largest errors compensated"), (True, "older than compensation 1")):
+        if noted:
+            assert run("compensate", "-C", folder, "--written", 1).exit_code == 0
+        run("report", "-C", folder, "--limit-um", 20, "--no-pictures", "--no-diagnosis")
+        assert said in (folder / "report.html").read_text(encoding="utf-8")

@@ -29,6 +29,7 @@ from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..report.units import shown
 from ..state import Frame, frame
+from ..state.volume import levers
 from ..texts import instead, say
 from ..touches import of_facets
 from ._common import dialect, json_text
@@ -59,7 +60,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
-        in_control(cell.folder, followed),
+        in_control(cell.folder, followed.model, lambda: levers(followed)),
     )
 
 

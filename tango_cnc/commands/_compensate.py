@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ..compensate import targets
+from ..compensate.fit import Fit
 from ..compensate.proposal import Proposal
 from ..compensate.trial import Verdict
 from ..files.checked import load
 from ..records import InputError, Machine
 from ._common import table
 
+LEAST_WORSE = 0.1  # µm: a growth by less is rounding
 WORTH_IT = 0.98  # of what a control leaves: programs that leave as much, but for the scatter of the draws, take nothing away
 
 
@@ -107,6 +109,7 @@ def text(proposal: Proposal) -> str:
             ],
             "<><",
         ),
+        *_worse(best),
         *([] if gains else ["compensating programs as well would take nothing more away"]),
         "",
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
@@ -133,6 +136,17 @@ def text(proposal: Proposal) -> str:
     lines += ["", "not confirmed; check each on your control before you write:"]
     lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
     return "\n".join(lines)
+
+
+def _worse(best: Fit) -> list[str]:
+    """fit → a sentence where the largest errors grow while their mean square falls."""
+    now, after = best.largest_before.value, best.largest_after.value
+    if after <= now + LEAST_WORSE:
+        return []
+    return [
+        f"NOTE: the largest errors get worse: 95 % of the volume are below {now:.1f} µm now, and below {after:.1f} µm after. These "
+        "numbers make the mean smaller and cannot follow the rest. Where the largest error counts, leave them as they are"
+    ]
 
 
 def sign(found: Verdict, flips: Sequence[str] = ()) -> str:

@@ -1,7 +1,8 @@
-"""A cell, what its nights follow → what a kept compensation takes away and probing programs do not see."""
+"""A cell, a model of its machine → what a kept compensation takes away and probing programs do not see."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,38 +11,41 @@ from ..compensate import loop, targets
 from ..compensate.hidden import of_record, unseen
 from ..compensate.space import Poses
 from ..iso230.poses import at_poses
+from ..model import Model
 from ..nightly.control import InControl
+from ..records import Array
 from ..report.days import local_day
-from ..state import Frame
-from ..state.volume import LEVELS, levers
+from ..state.volume import LEVELS
 from ..verify.volume import grid, set_up, setup_lever
 from . import _compensate
 
 CALCULATED = "by calculation"  # in the text of an outcome without `tcp`: the run was made without tool center point control
 
 
-def in_control(folder: Path, followed: Frame) -> InControl | None:
-    """cell, what its nights follow → what parts do not have; None where no compensation was kept after a run without tool center
-    point control, as those of the nights are."""
+def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InControl | None:
+    """cell, model of its machine, function → (m, 3, p) what unknowns do at the corners of what is touched → what parts do not have.
+
+    None where no compensation was kept after a run without tool center point control, as those of this project are.
+    """
     kept = loop.in_control(folder)
     if kept is None or loop.state(folder, kept.number) != "kept":
         return None
     event = next(e for e in reversed(loop.history(folder)) if e["compensation"] == kept.number and e["event"] == "kept")
     if event.get("tcp", CALCULATED not in event.get("text", "")):
         return None
-    machine = followed.model.touches.machine
+    machine = model.touches.machine
     module = targets.load(kept.record["target"])
     limits = _compensate.volume_of(_compensate.volume_text(kept.record), machine)
     options = targets.options(module, _compensate.settings_of(kept.record))
-    held = module.held(targets.Request(machine, limits, options, followed.model.coefficients))
+    held = module.held(targets.Request(machine, limits, options, model.coefficients))
     present = of_record(kept.record)
     sizes = unseen(held, present.numbers, present.before(held))
     if not sizes.any():
         return None
-    position = grid(machine, followed.model.touches, LEVELS, "probed")
+    position = grid(machine, model.touches, LEVELS, "probed")
     poses = Poses(at_poses(machine, position, np.zeros_like(position)))
     moved = sum((h.lever(poses) * v for h, v in zip(held, sizes, strict=True) if v), np.zeros((len(poses), 3)))
     free = set_up(moved[:, :, None], setup_lever(poses.touches, poses.nominal), np.ones(len(poses), dtype=np.bool_))
-    flat = levers(followed).reshape(-1, len(followed.names))
-    gone = np.linalg.lstsq(flat, free.reshape(-1), rcond=1e-9)[0]
+    flat = lever()
+    gone = np.linalg.lstsq(flat.reshape(-1, flat.shape[2]), free.reshape(-1), rcond=1e-9)[0]
     return InControl(kept.number, kept.record["target"], local_day(event["utc"]), np.asarray(gone, dtype=np.float64))

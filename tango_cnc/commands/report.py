@@ -17,7 +17,7 @@ from .. import __version__
 from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
 from ..files.nightly import history_of, read_nightly
-from ..files.origin import current, read_origin
+from ..files.origin import check_values, current, read_origin
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
@@ -26,7 +26,7 @@ from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.course import jumps_of
 from ..report.days import local_day
-from ..report.facts import Facts, Nights, Paper, Wishes, effects, gather, verdict
+from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather, verdict
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
@@ -128,6 +128,7 @@ def command(
         trend=past,
         compensations=compensations(folder),
         nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
+        control=_in_control(folder, source, result),
     )
     target = output or folder / "report.html"
     values = page.context(found, texts_of(templates))
@@ -210,6 +211,22 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
         made = local_day(kept.record.get("created_utc"))
         found.append({"target": kept.record["target"], "date": made, "state": state, "rows": rows})
     return found
+
+
+def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
+    """cell, readings, estimate → the compensation in its control, as far as the readings lack it."""
+    from ..compensate import loop
+    from ..state.volume import levers_of
+    from ._in_control import in_control
+
+    beside = read_origin(source) or {}
+    rows = check_values(source.read_text(encoding="utf-8-sig"))
+    if (missed := loop.ignored(folder, rows, (beside.get("run") or {}).get("end_utc"))) is not None:
+        return Held(missed[0].number, missed[0].record["target"], True, None)
+    if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
+        return None
+    found = in_control(folder, result.model, lambda: levers_of(result))
+    return None if found is None else Held(found.number, found.target, False, found.gone)
 
 
 def _place(folder: Path) -> str | Path | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
@@ -119,6 +119,16 @@ class Nights:
 
 
 @dataclass(frozen=True)
+class Held:
+    """A compensation that is in the control: readings older than it do not contain it, and probing may not see all of it."""
+
+    number: int
+    target: str
+    older: bool
+    gone: Array | None  # (p,) of every unknown: what parts do not have
+
+
+@dataclass(frozen=True)
 class Facts:
     """Everything that goes on the page."""
 
@@ -143,6 +153,7 @@ class Facts:
     trend: Mapping[str, Any] | None
     compensations: tuple[Mapping[str, Any], ...]
     nights: Nights | None = None
+    control: Held | None = None
 
     @property
     def used(self) -> int:
@@ -184,9 +195,11 @@ def gather(
     trend: Mapping[str, Any] | None = None,
     compensations: Sequence[Mapping[str, Any]] = (),
     nights: Nights | None = None,
+    control: Held | None = None,
 ) -> Facts:
     """cell, readings, wishes, what is on record, estimate and what is thought of it, ISO figures or why none → facts."""
-    chart, cuts = _volume(cell, result)
+    have = result if control is None or control.gone is None else replace(result, values=result.values - control.gone)
+    chart, cuts = _volume(cell, have)
     held, why = None, ""
     try:
         groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
@@ -214,7 +227,7 @@ def gather(
         factor,
         sheet,
         _angles(result, factor),
-        of_estimate(result),
+        of_estimate(have),
         chart,
         cuts,
         held,
@@ -225,6 +238,7 @@ def gather(
         trend,
         tuple(compensations),
         nights,
+        control,
     )
 
 
@@ -375,9 +389,13 @@ def _limit(f: Facts, t: Texts) -> Check:
         return Check("limit", "good", value, t("check.limit_none"), t("todo.limit_none"), trust=False, open=True)
     passed = limits_of(f)[0]["passed"]
     text = t("check.limit_judged", worst=value, limit=length(f.wishes.limit * 1e3, u))
+    if f.control is not None and f.control.gone is not None:
+        text = f"{text}; {t('check.limit_in_control', number=f.control.number, target=f.control.target)}"
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")
+    if f.control is not None and f.control.older:
+        todo = t("todo.limit_older", number=f.control.number, target=f.control.target)
     return Check("limit", "good" if passed else "look", value, text, todo, trust=False, tone=tone, label=label)
 
 

@@ -51,11 +51,15 @@ def levers(followed: Frame, over: str = "probed") -> Array:
 
 def of_estimate(result: Estimate) -> Volume | None:
     """estimate → the same number as that of a night: errors over every corner of the touched ranges; None where it has none."""
+    lever = levers_of(result)
+    return over_volume(lever, result.values, result.covariance) if lever.any() else None
+
+
+def levers_of(result: Estimate) -> Array:
+    """estimate → (m, 3, p) mm by unknown: the tip at every corner of the touched ranges; 0 for all but errors of the machine."""
     model = result.model
     own = [i for i, c in enumerate(model.coefficients) if c.slot.axis and not is_setup(c.slot)]
-    if not own:
-        return None
-    return over_volume(_levers(model, own, len(result.values), "probed"), result.values, result.covariance)
+    return _levers(model, own, len(result.values), "probed")
 
 
 def _levers(model: Model, own: Sequence[int], count: int, over: str) -> Array:
