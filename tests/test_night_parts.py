@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from tango_cnc.files import read_cell
-from tango_cnc.nightly.alarms import Known, effect_of
+from tango_cnc.nightly.alarms import Known, Since, alarm_of, effect_of
 from tango_cnc.nightly.words import _about
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
 from tango_cnc.state.effect import alike
+from tango_cnc.state.naming import Hypothesis, Named
 
 UM = 1e-3
 
@@ -75,3 +79,19 @@ def test_locations_that_no_touch_tells_apart_are_named_for_each_other(root: Path
     assert "EX0C" in alike(machine, "EX0S") and "EX0S" in alike(machine, "EX0C")
     assert "EY0C" not in alike(machine, "EY0S") and "EY0S" not in alike(machine, "EY0C")
     assert not alike(machine, "EX0S-of-nothing") and not alike(machine, "EXX1")
+
+
+def test_a_pivot_whose_height_has_changed_is_not_told_as_a_stylus_alone(root: Path) -> None:
+    """A probe 15 µm longer and a cradle 15 µm lower touch alike; only one of them spoils parts, by the chord of 120°."""
+    cell = read_cell(root / "examples" / "trunnion")
+    directions = np.eye(3)
+    longer = Hypothesis("stylus", "stylus", directions, "mm", ("X", "Y", "Z"))
+    named = Named(longer, np.array([0.0, 0.0, 15 * UM]), np.full(3, 0.3 * UM), 900.0, 900.0, 1.0, ())
+    known = Known(cell, cast(Any, SimpleNamespace(names=("EXt", "EYt", "EZt"))), np.zeros((1, 3, 3)))
+    tonight = cast(Any, SimpleNamespace(statistic=900.0, scale=1.0, dof=3, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0)))
+    alarm = alarm_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, named)
+    assert alarm["cause"] == "stylus" and alarm["instead"] == ["EZ0A"]
+    assert alarm["on_part_um"] == pytest.approx(15 * 2 * math.sin(math.radians(60)), abs=0.05)
+    assert "where it is the stylus" in alarm["on_part"] and "A is turned by 120°" in alarm["on_part"] and "A axis" in alarm["do"]
+    aside = replace(named, size=np.array([15 * UM, 0.0, 0.0]))  # no pivot does that
+    assert alarm_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, aside)["instead"] == []

@@ -25,6 +25,9 @@ from tango_cnc.nightly.ports import Ports
 from tango_cnc.nightly.words import message
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
+from tango_cnc.report.answer import answer
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
 from tango_cnc.texts import joined, say
 
 SILENT = "the control has been silent for longer than 41 s; all is sent. 19 of 226 touches are recorded. Look at the machine."
@@ -135,6 +138,12 @@ def test_what_is_known_is_of_the_last_night_that_was_believed(history: History) 
     }
     text = message({**told, "headline": "", "artefacts": {"folder": ""}, "machine_time_s": 1.0}, (), ())[1]
     assert f"what is known is that of {record(1)['night']}" in text and f"that of {record(2)['night']}" not in text
+
+
+def test_a_page_calls_nothing_known_of_a_night_in_doubt() -> None:
+    before = record(2, verdict="doubtful", limits=[])
+    told = answer(record(3, **NOTHING, limits=[]), Units(), texts(), "", before)
+    assert told.may == "no" and "2 Oct 2026 were in doubt" in told.why and "was known" not in told.why
 
 
 def test_a_night_refused_while_another_is_at_work_stands_behind_it_everywhere(history: History) -> None:

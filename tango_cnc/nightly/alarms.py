@@ -16,7 +16,7 @@ from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
-from ..state.effect import Effect, alike, on_parts
+from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
 from ..texts import Said, instead, joined, say
 from .ports import Past
@@ -120,6 +120,12 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
             text = texts()("changed.more", text=text)
         alarm["instead"] = others(k, parameter, named.instead)
     effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
+    if cause == "stylus" and named is not None and (pivot := _pivot(k, named)) is not None:
+        name, found = pivot
+        (axis, angle), *_ = found.turned.items()
+        told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": f"{found.worst:.1f} µm", "since": before.date}
+        effect, on_part, do = found.worst, texts()("part.pivot_since", **told), texts()("part.pivot_do", axis=axis)
+        alarm["instead"] = [name, *(x for x in alarm["instead"] if x != name)]
     return alarm | {
         **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
         **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
@@ -168,6 +174,21 @@ def others(k: Known, parameter: str, near: Sequence[str] = ()) -> list[str]:
     no touch on this machine tells from it.
     """
     return [name for name in dict.fromkeys((*alike(k.cell.machine, parameter), *near)) if name != parameter]
+
+
+def _pivot(k: Known, named: Named) -> tuple[str, Effect] | None:
+    """what is known, a stylus that has moved → location that no touch tells from it, and what that does to a part; or None."""
+    moved, spread = np.zeros(3), np.zeros(3)
+    for axis, size, std in zip(named.hypothesis.axes, named.size, named.std, strict=True):
+        moved["XYZ".index(axis)], spread["XYZ".index(axis)] = size, std if np.isfinite(std) else 0.0
+    for name, direction in like_the_stylus(k.cell.machine).items():
+        along = np.array(direction)
+        size = float(moved @ along / (along @ along))
+        if np.all(np.abs(moved - size * along) <= np.maximum(4 * spread, 0.1 * abs(size))):
+            found = on_parts(k.cell, name, size)
+            if found is not None and found.turned:
+                return name, found
+    return None
 
 
 def _range(cell: Cell, axis: str, endless: float) -> float:

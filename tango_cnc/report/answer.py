@@ -61,7 +61,8 @@ def answer(
     if known is None and record.get("last_measured"):
         why = t("may.long_ago", date=day(record["last_measured"], t))
     if missing and known is not None:
-        key = "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
+        doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
+        key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
     elif late and may == "yes":  # an answer of a week ago is no yes of today
         may, state, why = "but", "late", t("may.late", date=day(late, t))

@@ -121,3 +121,26 @@ def alike(machine: Machine, parameter: str) -> tuple[str, ...]:
         return ()
     cosine = np.abs(rest[:, own] @ rest) / np.maximum(length[own] * length, 1e-300)
     return tuple(c.name for i, c in enumerate(candidates) if i != own and seen[i] and cosine[i] > 1 - SAME)
+
+
+@lru_cache(maxsize=16)
+def like_the_stylus(machine: Machine) -> dict[str, tuple[float, float, float]]:
+    """machine → {location error that no touch tells from another stylus: mm of stylus X Y Z that do the same as 1 mm of it}.
+
+    The height of a pivot is one of them: a probe that has become shorter touches as if the pivot had moved.
+    """
+    candidates = [c for c in inter_axis.coefficients(machine, 0) if c.slot.axis in machine.rotary and c.unit == "mm"]
+    setup = [setup_coefficient(name) for name in STYLUS]
+    matrix, could = columns(Model(rich_plan(machine), (*setup, *candidates)))
+    first, count = len(setup), len(candidates)
+    table = matrix[:, first + count :]
+    base, size, _ = np.linalg.svd(table, full_matrices=False)
+    base = base[:, size > 1e-9 * size[0]]
+    rest = matrix[:, : first + count] - base @ (base.T @ matrix[:, : first + count])
+    found = {}
+    for i, c in enumerate(candidates, first):
+        same, *_ = np.linalg.lstsq(rest[:, :first], rest[:, i], rcond=None)
+        left = float(np.linalg.norm(rest[:, i] - rest[:, :first] @ same))
+        if np.linalg.norm(rest[:, i]) > SEEN * could[i] > left:
+            found[c.name] = (float(same[0]), float(same[1]), float(same[2]))
+    return found
