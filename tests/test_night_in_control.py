@@ -94,6 +94,11 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     record = {**held, "verdict": "changed", "kind": "full", "parameters": {"EY0C": moved}, "alarms": [alarm]}
     (fault,) = faults(record, (), {}, Units(), texts())
     assert "is +20 µm today" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
+    second = loop.store(folder, proposal, LATER)  # on top of it: until it is kept, the first counts
+    for event in ("written", "undecided"):
+        loop.note(folder, second, LATER, event)
+        assert night()["verdict"] == "good" and night()["in_control"]["number"] == 1
+    loop.note(folder, second, LATER, "rolled back", text="spindle")
     loop.note(folder, kept, LATER, "rolled back", text="spindle")
     assert night()["verdict"] == "out_of_limits"
 

@@ -26,9 +26,10 @@ def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InCont
     """cell, model of its machine, function → (m, 3, p) what unknowns do at the corners of what is touched → what parts do not have.
 
     None where no compensation was kept after a run without tool center point control, as those of this project are. Nothing is
-    taken off for one that is only noted as written: nobody knows yet whether it acts.
+    taken off for one that is only noted as written: nobody knows yet whether it acts. Where it was made on top of one that was
+    kept, that one counts until then: the control has at least its numbers.
     """
-    kept = loop.in_control(folder)
+    kept = _proven(folder) or loop.in_control(folder)
     state = "" if kept is None else loop.state(folder, kept.number)
     if kept is None or state not in ("kept", "written"):
         return None
@@ -53,3 +54,10 @@ def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InCont
     flat = lever()
     gone = np.linalg.lstsq(flat.reshape(-1, flat.shape[2]), free.reshape(-1), rcond=1e-9)[0]
     return InControl(kept.number, kept.record["target"], local_day(event["utc"]), np.asarray(gone, dtype=np.float64))
+
+
+def _proven(folder: Path) -> loop.Kept | None:
+    """cell → the last compensation that was kept, of the target that is in the control; None where nothing was."""
+    last = loop.in_control(folder)
+    same = [k for k in loop.found(folder) if last is not None and k.record["target"] == last.record["target"]]
+    return next((k for k in reversed(same) if loop.state(folder, k.number) == "kept"), None)
