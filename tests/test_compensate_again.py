@@ -79,6 +79,8 @@ def test_it_asks_how_the_readings_were_made() -> None:
 def test_a_proposal_that_makes_the_largest_errors_worse_says_so() -> None:
     proposal = propose(first("trunnion"), "haas", poses=100)
     assert "largest errors get worse" not in text(proposal)
+    idle = replace(proposal.fit, rms_after=proposal.fit.rms_before)
+    assert "leave the control as it is" in text(replace(proposal, fit=idle))
     grown = replace(proposal.fit, largest_before=Figure(21.6, 21.0, 22.2), largest_after=Figure(22.7, 22.0, 23.4))
     assert "below 21.6 µm now, and below 22.7 µm after" in text(replace(proposal, fit=grown))
 

@@ -139,7 +139,9 @@ def text(proposal: Proposal) -> str:
 
 
 def _worse(best: Fit) -> list[str]:
-    """fit → a sentence where the largest errors grow while their mean square falls."""
+    """fit → a sentence where nothing is gained, or where the largest errors grow while their mean square falls."""
+    if best.rms_after.value > WORTH_IT * best.rms_before.value:
+        return ["NOTE: this takes hardly anything away, and a second measurement could not confirm it: leave the control as it is"]
     now, after = best.largest_before.value, best.largest_after.value
     if after <= now + LEAST_WORSE:
         return []
