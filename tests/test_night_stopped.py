@@ -47,7 +47,7 @@ NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "verdict": "not_m
 
 
 class Stopped:
-    """A control that ends as it is told, the disk, mail and analysis beside it; it keeps what was posted."""
+    """The world of one night: its control stops as the test says, and it keeps every message that the night sends."""
 
     def __init__(self, why: str, nothing: bool = False) -> None:
         self.why, self.nothing, self.posted = why, nothing, ""

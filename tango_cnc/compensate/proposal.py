@@ -37,9 +37,7 @@ class Proposal:
     given: bool  # whether the present values were given and not assumed
     over: str
     uncorrected: Mapping[str, float]  # by place: what a control that corrects nothing stores where tool center point control acts
-    unseen: (
-        float  # µm rms over the volume that the control takes away and readings without tool center point control do not contain
-    )
+    unseen: float  # µm rms over the volume that the control takes away and the readings do not contain
 
     @property
     def held(self) -> tuple[Held, ...]:

@@ -47,7 +47,7 @@ def sharpened(draft: Draft, seconds: float, many: Criterion) -> None:
         leaving, told, left = leaving[left >= 1e-9], told[left >= 1e-9], left[left >= 1e-9]
         if not len(entering) or not len(leaving):
             break
-        # Without touch a: (a, k) variances, and what is told by each of the others (b, k), their covariance (a, b) and size.
+        # a: a touch that leaves, b: one that enters. (a, k) variances without a; (b, k) covariances of b with the aims.
         lost, along = told @ aims.T, draft.rows[entering] @ covariance @ aims.T
         cross = told @ draft.rows[entering].T / left[:, None]
         without = aimed + lost**2 / left[:, None]

@@ -68,7 +68,7 @@ ASSUMED = Thermal(SHOP, SHOP, USUAL, USUAL, assumed=True)
 
 
 def state_of(thermal: Thermal | None, at_reference: bool) -> str:
-    """temperatures, whether at 20 °C or as found → what scales are said to be at."""
+    """temperatures, whether the person wants figures at 20 °C → the words for what the scales refer to."""
     if thermal is None:
         return "not stated"
     return ("20 °C" if at_reference else "as found") + (", assumed" if thermal.assumed else "")

@@ -152,7 +152,7 @@ def effect_of(
 
 
 def _turned(found: Effect, tilted: str, unit: str, since: str) -> str:
-    """what an error does to a part, rotary axis that is tilted or '', unit of the error, date or '' → the same in words."""
+    """effect on a part, tilted rotary axis or '', unit of the error, date of the change or '' → a sentence."""
     size, turned = f"{found.worst:.1f} µm", list(found.turned.items())
     if unit == "mm" and turned:
         (axis, angle), *more = turned
