@@ -26,6 +26,7 @@ _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
 _MACHINE, _WORK, _PROBE, _STOP = 83, 800, 825, 1003
 _WAIT = ["While IsMoving()", "  Sleep 20", "Wend"]
 _DONE = f"Call SetVar({DONE}, GetVar({CALL}))"
+CHANGED = 0.005  # mm; the sum of three differences of positions that may come rounded to 0.001
 SHORTEST = 0.26  # mm of a G31: below 0.254 RS274/NGC complains, and what Mach3 does then nobody has written down
 _HALF_DEGREE = 0.00872664626  # rad
 
@@ -169,7 +170,7 @@ def _measure(machine: Machine) -> list[str]:
         _code("G31", "XYZ", f"GetVar({FEED})"),
         *_WAIT,
         *places,
-        *_stop(f"{moved} > 0.001", "WORK OFFSET CHANGED"),
+        *_stop(f"{moved} > {CHANGED}", "WORK OFFSET CHANGED"),
         *_stop(f"{lag} > 1", "PLACE OF THE CONTACT IS AN OLD ONE"),
         "Flag = 1",
         f"If Sqr({way}) < GetVar({EARLY}) Then",

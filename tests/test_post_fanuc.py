@@ -68,6 +68,7 @@ def flags(events: list[Any]) -> list[int]:
         ({"decimals": 4, "print_format": "44"}, True, {"padding": "none", "line_end": "crlf"}),
         ({"probe_state": 1004}, True, {"probe_variable": 1004, "read_ahead": True}),
         ({"probe_state": 1004, "macros": "called"}, False, {"probe_variable": 1004}),
+        ({}, True, {"counts": True}),
     ],
 )
 def test_every_touch_is_made_where_it_is_planned(

@@ -61,6 +61,12 @@ def test_records_are_machine_coordinates_whatever_the_offset(made: Plan) -> None
     assert run(lines_of(made), made, g54={"X": 11.5, "Y": -3.25, "Z": 100.25}).lines == run(lines_of(made), made).lines
 
 
+def test_positions_that_come_in_whole_thousandths_are_no_changed_work_offset(made: Plan) -> None:
+    """Three differences of rounded positions are summed: each may be one count off."""
+    ran = run(lines_of(made), made, rounded=0.001, g54={"X": 11.5003, "Y": -3.2506, "Z": 100.2504})
+    assert not ran.why and ran.flags(made) == [1] * len(made.touches)
+
+
 def test_a_miss_and_an_early_contact_are_flagged(made: Plan) -> None:
     assert run(lines_of(made), made, World(facets={"4": -8.0})).flags(made)[-1] == 0
     assert run(lines_of(made), made, World(facets={"4": 7.0})).flags(made)[-1] == 2
