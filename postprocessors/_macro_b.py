@@ -126,6 +126,8 @@ class _Steps:
         yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
 
     def retract(self, job: Job, leg: Leg) -> Iterator[str]:
+        if not leg.came:  # nothing has moved yet
+            yield from text.stepped(job, self.words)
         yield "(NEAR)" if leg.kind == "near" else "(UP)"
         yield from self._protected(job, leg)
 

@@ -154,17 +154,17 @@ def test_a_move_shorter_than_the_control_takes_stops_with_a_text_before_the_cont
     """RS274/NGC: no G31 to a place nearer than 0.254 mm; here the first move is made a second time."""
     lines = lines_of(made)
     at = lines.index("M881") + 1
-    again = [*lines[:at], "#114=3", "M881", *lines[at:]]
-    stopped(run(again, made), "START IS TOO NEAR TO THE TARGET", 1)
+    again = [*lines[:at], "#114=4", "M881", *lines[at:]]
+    stopped(run(again, made), "START IS TOO NEAR TO THE TARGET", 2)
     text = "\n".join(library(made))
     unasked = re.sub(r"\n *If Sqr[^\n]*< 0\.26 Then\n.*?End If", "", text, count=1, flags=re.DOTALL)
     assert unasked != text
     assert "too close" in run(again, made, stored=unasked.splitlines()).why
 
 
-def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
+def test_a_machine_in_inches_is_found_at_the_step(made: Plan) -> None:
     ran = run(lines_of(made), made, inches=True)
-    stopped(ran, "UNITS ARE NOT MM", 1)
+    stopped(ran, "POSITIONS ARE IN INCHES", 1)
 
 
 def test_a_board_that_probes_along_one_axis_only_is_found(made: Plan) -> None:
