@@ -31,6 +31,7 @@ ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmoni
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
 FINEST = 1e-5  # mm: beside a finer scatter the widths of all error motions leave the matrix without an inverse
+FAINT = 0.01  # of itself: a harmonic of which the touches show no more (sin 4C at every 45°) is not fitted; see `unseen`
 ROUNDS = (4, 2, 2)  # most steps with one weight of the touches
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
@@ -199,11 +200,16 @@ def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterato
 def _candidates(machine: Machine, highest: int) -> Iterator[Coefficient]:
     yield from inter_axis.coefficients(machine, DEGREE)
     yield from backlash.coefficients(machine, DEGREE)
-    turning = [name for name, known in causes().items() if known.turning]
     for axis in machine.rotary:
         for order in range(1, highest + 1):
-            for name in turning:
-                yield from cause(name, machine, {"axis": axis, "order": order})
+            yield from waves(machine, axis, order)
+
+
+def waves(machine: Machine, axis: str, order: int) -> Iterator[Coefficient]:
+    """machine, rotary axis, order → cosine and sine of every error motion of that axis at this harmonic, mm and rad."""
+    for name, known_cause in causes().items():
+        if known_cause.turning:
+            yield from cause(name, machine, {"axis": axis, "order": order})
 
 
 def _series(touches: Touches, highest: int) -> Iterator[Coefficient]:
@@ -251,5 +257,5 @@ def widths(model: Model) -> Array:
         size = float(np.max(np.abs(model.regressors[j])))
         turns = c.slot.axis in machine.rotary if c.slot.stage == "motion" else c.slot.component >= 3
         wide = PLACED if c.slot.stage in ("inter", "stylus", "table") else WIDTH
-        found[j] = wide[int(turns)] / size if size > 1e-12 else 0.0
+        found[j] = wide[int(turns)] / size if size > FAINT else 0.0
     return found
