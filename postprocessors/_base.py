@@ -20,6 +20,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, MethodType
 from typing import Any
@@ -390,11 +391,12 @@ def number(value: float, decimals: int = 4) -> str:
     if not math.isfinite(value):
         raise InputError(f"a position is {value!r}: no number for a program; check machine and artefact")
     text = f"{value:.{decimals}f}".rstrip("0") if decimals else f"{value:.0f}."
-    if len(text.replace(".", "").replace("-", "")) > 8:
+    if len(text) > 8 and len(text.replace(".", "").replace("-", "")) > 8:
         raise InputError(f"the number {text} has more than the eight digits that controls read; check machine and artefact")
     return "0." if text in ("-0.", "0.") else text
 
 
+@lru_cache(maxsize=4096, typed=True)  # the same few names stand at thousands of touches
 def comment(text: object, length: int = 60) -> str:
     """any text, from any file → what may stand in a comment or message: capitals, digits, blanks and . - +, no mark."""
     plain = "".join(c if c.isascii() and (c.isalnum() or c in " .-+") else " " for c in str(text).upper())

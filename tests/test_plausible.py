@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands._trust import usable
 from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
 from tango_cnc.judgement import Judgement
@@ -96,6 +97,12 @@ def test_nothing_is_made_of_an_implausible_estimate(
     code, _, err = called(capsys, *command, "-C", cell, "--readings", readings_of(cell))
     assert code == 1 and "the estimate is implausible and is not used" in err
     assert not (cell / "compensations").exists()
+
+
+def test_who_makes_something_of_a_doubtful_estimate_reads_why_it_is_doubtful(capsys: pytest.CaptureFixture[str]) -> None:
+    usable(Judgement("doubtful", ("the table moved at touch 70",), ("30 °C",), untrusted=("EX0C",)), False, "compensate")
+    err = capsys.readouterr().err
+    assert "DOUBTFUL" in err and "the table moved at touch 70" in err and "not to be trusted: EX0C" in err and "note: 30 °C" in err
 
 
 @pytest.mark.long

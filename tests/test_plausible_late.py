@@ -17,6 +17,7 @@ from tango_cnc.judgement import Judgement
 from tango_cnc.kinematics import chain, tip
 from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
+from tango_cnc.plausible.spindle import standing
 from tango_cnc.records import Array, Cell, Readings, TangoError, World
 from tango_cnc.touches import from_readings
 
@@ -93,6 +94,36 @@ def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Mea
     else:
         assert judgement.verdict == "doubtful" and {"EX0S", "EY0S", "EXt", "EYt"} <= set(judgement.untrusted)
         assert judgement.suspicions[0].kind == "spindle_still"
+
+
+@pytest.mark.parametrize(
+    ("runout", "stated", "verdict"), [(0.0, None, "doubtful"), (1e-3, None, "trustworthy"), (0.0, 1e-3, "trustworthy")]
+)
+def test_a_stylus_that_runs_true_is_in_doubt_only_where_a_lost_M19_is_likelier(
+    measured: Measured, runout: float, stated: float | None, verdict: str
+) -> None:
+    cell, world, _ = measured
+    known = replace(cell.machine, tolerances=replace(cell.machine.tolerances, runout=stated))
+    cell, true = replace(cell, machine=known), replace(world, stylus={**world.stylus, "EXt": runout, "EYt": 0.0})
+    judgement = judged(cell, simulate(cell.machine, cell.artefact, cell.strategy, true, seed=33))
+    assert judgement.verdict == verdict
+    assert set(judgement.untrusted) == {"EX0S", "EY0S", "EXt", "EYt"}, "whatever the verdict, these four rest on the spindle"
+    assert any("tolerances.runout" in text for text in (*judgement.reasons, *judgement.remarks))
+
+
+@pytest.mark.parametrize(
+    ("runout", "std", "usual", "least", "most"),
+    [
+        (0.0, 0.0002, 0.005, 10, 15),  # nothing seen, and known well: the spindle stood still, most likely
+        (0.0002, 0.0002, 0.005, 5, 10),
+        (0.0007, 0.0002, 0.005, 0.01, 0.05),
+        (0.0, 0.001, 0.005, 0.05, 1),  # nothing seen, but hardly known: styli that run so true are not rare
+        (0.0, 0.0002, 0.0005, 0.05, 1),  # it was stated to run so true
+        (0.002, 0.0002, 0.005, 0.0, 1e-6),
+    ],
+)
+def test_the_odds_of_a_spindle_that_stands_still(runout: float, std: float, usual: float, least: float, most: float) -> None:
+    assert least <= standing(np.array([runout, 0.0]), np.eye(2) * std**2, usual) < most
 
 
 def _linear(cell: Cell) -> Array:

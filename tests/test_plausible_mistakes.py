@@ -74,6 +74,23 @@ def test_an_axis_the_wrong_way_that_leaves_no_covariance_is_named(root: Path) ->
     assert found is not None and found.judgement.verdict == "implausible" and found.rank == 1
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("example", "slip", "seed"),
+    [
+        ("three_axis", "normal_along_another_axis", 1),  # the facet had lost all its touches, and nothing was said of it
+        ("three_axis", "a_column_that_never_changes", 211),
+        ("huron", "work_coordinates", 5),
+        ("huron", "tool_length_still_active", 5),
+        ("fork_head", "tool_length_still_active", 211),  # the table may be shifted by just that length, which is no likely shift
+        ("huron", "one_indexation_turned_by_hand", 318),
+    ],
+)
+def test_mistakes_that_were_not_named_are_named_first(example: str, slip: str, seed: int, root: Path) -> None:
+    found = case(*measured(root, example, seed), slip, seed)
+    assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1
+
+
 def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), "sense of first rotary axis", 1)
     assert found is not None

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 from support.histories import record
 
@@ -76,3 +77,26 @@ def test_what_scipy_asks_of_numpy_and_nobody_uses_is_not_loaded(tmp_path: Path) 
         assert CliRunner().invoke(tango, words).exit_code == 0
     done = subprocess.run([sys.executable, "-c", COMMAND, str(cell)], capture_output=True, text=True, check=False, cwd=cell)
     assert done.returncode == 0, done.stderr
+
+
+REPORT = """
+import sys
+from tango_cnc.cli import main
+sys.argv = ["tango", "report", "-C", sys.argv[1], "--readings", "measured.csv", "-o", "report.html"]
+try:
+    main()
+except SystemExit as end:
+    assert end.code in (0, 1), end.code
+assert "tango_cnc.report.page" in sys.modules
+assert "sqlalchemy" not in sys.modules
+"""
+
+
+@pytest.mark.long
+def test_a_report_of_a_cell_without_nights_loads_no_database(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    for words in (["init", str(cell)], ["simulate", "-C", str(cell), "-o", str(cell / "measured.csv")]):
+        assert CliRunner().invoke(tango, words).exit_code == 0
+    done = subprocess.run([sys.executable, "-c", REPORT, str(cell)], capture_output=True, text=True, check=False, cwd=cell)
+    assert done.returncode == 0, done.stderr
+    assert (cell / "report.html").exists()

@@ -115,12 +115,12 @@ def made_up(readings: Path) -> bool:
 
 def usable(judgement: Judgement, despite: bool, what: str) -> None:
     """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
-    for text in judgement.remarks:
-        click.echo(f"note: {text}", err=True)
+    lines = "\n".join(told(judgement))
     if status(judgement, despite):
-        lines = "\n".join(told(judgement))
         why = "implausible" if judgement.verdict == "implausible" else "incomplete"
         raise TangoError(f"{what}: the estimate is {why} and is not used (--despite uses it all the same)\n{lines}")
+    if lines:
+        click.echo(lines, err=True)
 
 
 def status(judgement: Judgement, despite: bool) -> int:

@@ -25,6 +25,7 @@ from .groups import common
 from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
+from .program import another_program
 from .search import less, place, suspects
 from .setup import stylus
 from .spare import spare
@@ -66,7 +67,7 @@ def judge(
     `agrees`: these touches are where earlier nights predicted them, so that a pattern in their residuals has to be surer.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
-    found = [*remarks(cell, readings, run), *approaches(touches), *turns(touches)]
+    found = [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
     untrusted: list[str] = []
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -120,7 +121,7 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     else:
         first = []
     # Positions that no probe made: that a spindle seems to stand still, or a table to have moved, follows from it.
-    copied = [s for s in own if s.kind == "copied_positions" and not s.touches]
+    copied = [s for s in own if s.kind in ("copied_positions", "constant_column") and not s.touches]
     first = [
         *copied,
         *rounded,

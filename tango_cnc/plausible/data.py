@@ -11,7 +11,7 @@ import numpy as np
 from ..asked import Asked, asked
 from ..judgement import Verdict
 from ..kinematics import chain, tip
-from ..records import Array, Cell, Readings
+from ..records import Cell, Readings
 from ..texts import joined, say
 from .copies import copied, last_digit, too_alike
 from .rounding import counted, partly
@@ -19,7 +19,6 @@ from .rounding import counted, partly
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
 HARDLY = 0.25  # share below which a machine is hardly measured
-TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
 FIRST = 3  # touches that are named where many are missing
 FEW = 8  # numbers that a sentence names
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
@@ -53,7 +52,6 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     yield from _rounded(cell, readings)
     yield from _alike(readings)
     yield from _nominal(cell, readings)
-    yield from _another_strategy(cell, touches, readings)
 
 
 def listed(numbers: tuple[int, ...] | list[int], most: int = FEW) -> str:
@@ -226,57 +224,6 @@ def _alike(readings: Readings) -> Iterator[Remark]:
             text = say("plausible.readings.same_all_touches_column_readings", name=name)
             yield Remark(
                 "implausible", text, (), "constant_column", name, say("plausible.readings.see_what_control_writes_for", name=name)
-            )
-
-
-def _another_strategy(cell: Cell, touches: Asked, readings: Readings) -> Iterator[Remark]:
-    facets, position = touches.facet, touches.position
-    machine = cell.machine
-    inside = (readings.touch >= 1) & (readings.touch <= len(facets))
-    rows = np.flatnonzero(inside)
-    place = readings.touch[rows] - 1
-    names = (*machine.rotary, "S")
-    turning = [machine.column(name) for name in names]
-    made, meant = readings.position[rows][:, turning], position[place][:, turning]
-
-    def apart(one: Array, two: Array) -> Array:
-        return np.asarray(np.abs((one - two + np.pi) % (2 * np.pi) - np.pi) > np.radians(TURNED))
-
-    off = apart(made, meant)
-    elsewhere = [int(readings.touch[r]) for r in rows[off.any(axis=1)]]
-    columns = [name for name, wrong in zip(names, off.T, strict=True) if wrong.any()]
-    counted = [n for n, wrong, other in zip(names, off.T, apart(made, -meant).T, strict=True) if wrong.any() and not other.any()]
-    backward = say("plausible.readings.has_other_sign_everywhere_counts", counted=counted[0]) if counted else ""
-    other = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != facets[p]]
-    for wrong, what, key, more in (
-        (other, say("plausible.readings.name_another_facet_than_strategy"), "facet", ""),
-        (
-            elsewhere,
-            say("plausible.readings.have_other_positions_than_strategy", columns=", ".join(columns)),
-            ", ".join(columns),
-            backward,
-        ),
-    ):
-        if wrong:
-            change = (
-                say("plausible.readings.see_whether_column_has_sign")
-                if more
-                else say("plausible.readings.take_strategy_yaml_program_was")
-            )
-            yield Remark(
-                "doubtful",
-                say(
-                    "plausible.readings.touches_readings_another_program_strategy",
-                    count=len(wrong),
-                    count2=len(readings),
-                    what=what,
-                    wrong=listed(wrong),
-                    more=more,
-                ),
-                tuple(wrong),
-                "another_program",
-                key,
-                change,
             )
 
 

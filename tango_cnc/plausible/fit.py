@@ -22,6 +22,9 @@ from ..records import Array, Artefact, Machine, Readings
 from ..touches import Touches, from_readings
 
 STAGES = (0.5, 0.1, 0.03)  # mm: scales of the loss on the way to the final one
+SPREAD = 4.0  # times what half of the touches are off: with it nearly all of them count
+NARROW = 2.0  # mm: down to this the scale is halved before the first stage
+STEPS = 12
 ROUNDING = 1e-12  # of each element of the diagonal: touches that are all alike leave a matrix that rounding makes indefinite
 BESIDE = 2.0  # mm: scale of the loss for touches beside their nominal contact
 FREE = 1e4  # mm or rad: prior of an unknown that is given up
@@ -135,7 +138,8 @@ def explain(
         run = kinematics.trace(touches.chain, touches.position, acting)
         gaps, jacobian = _linear(columns, values, touches, run)
         before = gaps if before is None else before
-        old, values = values, _robust(gaps, jacobian, values, prior, (*STAGES, final, final) if not again else (final,) * 3)
+        first = (*(_wide(gaps) if free else ()), *STAGES, final, final)
+        old, values = values, _robust(gaps, jacobian, values, prior, first if not again else (final,) * 3)
         if again and np.abs(jacobian @ (values - old)).max(initial=0.0) < STRAIGHT:
             break
     tip = kinematics.tip(touches.chain, touches.position, _acting(columns, values, touches))
@@ -145,6 +149,14 @@ def explain(
     cost = float(np.log1p((gaps / final) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2 + np.log1p((bar / 0.05) ** 2))
     cost += float(np.sum((values / prior) ** 2) / 2)
     return Explained(cost, before, gaps, beside, {u.name: float(v) for u, v in zip(columns, values, strict=True)})
+
+
+def _wide(gaps: Array) -> list[float]:
+    """(n,) mm → scales of the loss before the first of the stages, none where touches are near: a narrow loss finds no way from a
+    cell that is decimetres off."""
+    half = float(np.median(np.abs(gaps)))
+    scales = SPREAD * half / 2.0 ** np.arange(STEPS)
+    return list(scales[scales > NARROW])
 
 
 def _acting(columns: Sequence[Unknown], values: Array, touches: Touches) -> dict[Slot, Array]:

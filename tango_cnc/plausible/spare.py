@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimate import Estimate
 from ..judgement import Verdict
-from ..texts import say
+from ..texts import joined, say
+from ..touches import Touches
 from .data import Remark, listed
 
 MANY = 0.1  # share of touches that do not fit, which makes a result doubtful
@@ -21,6 +23,7 @@ FEWEST = 10  # touches to spare, below which a fit cannot show that it is wrong
 FEW = 20  # the same where a large part of the touches was not used
 LARGE = 0.2  # share of all planned touches that is a large part of them
 SEVERAL = 3  # touches that are far off, and set aside, before somebody is asked to look why
+TWO = 2  # the same on a facet of which no touch counts: one is a chip
 
 
 def spare(result: Estimate, lost: int, alone: bool = True) -> Iterator[Remark]:
@@ -55,8 +58,22 @@ def _gross(result: Estimate) -> Iterator[Remark]:
     """
     touches, n = result.model.touches, len(result.residuals)
     allowed = touches.machine.tolerances.scatter
-    numbers = tuple(int(i) for i in touches.number[result.out & (np.abs(result.residuals) > allowed)])
-    if numbers:
+    far = result.out & (np.abs(result.residuals) > allowed)
+    numbers = tuple(int(i) for i in touches.number[far])
+    if lost := [
+        f for f, rows in _facets(touches) if rows.sum() >= SEVERAL and result.unused[rows].all() and far[rows].sum() >= TWO
+    ]:
+        text = say(
+            "plausible.judge.facet_without_weight", facets=joined(", ", lost), numbers=listed(numbers), allowed=f"{allowed:g}"
+        )
+        yield Remark("doubtful", text, numbers)
+    elif numbers:
         text = say("plausible.judge.gross_touches", count=len(numbers), count2=n, allowed=f"{allowed:g}", numbers=listed(numbers))
         verdict: Verdict = "doubtful" if len(numbers) >= SEVERAL else "trustworthy"
         yield Remark(verdict, text, numbers, "single_touches", "touch", say("mistake.single_touches.look_for_chips_there_for"))
+
+
+def _facets(touches: Touches) -> list[tuple[str, NDArray[np.bool_]]]:
+    """touches → (name, which of them) of each facet that is no part of a ball."""
+    plain = touches.ball_index < 0
+    return [(f, plain & (touches.facet_index == i)) for i, f in enumerate(touches.facets)]

@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterator, Mapping
 from functools import partial
 
+import numpy as np
+
 from ...records import Machine
 from ...texts import joined, say
 from ._case import Case, Hypothesis, moved_column
 
 NEAR = 1.0  # mm
 LEAST = math.radians(0.1)
+ALONG = 0.99  # cosine between an axis and the spindle
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
@@ -21,6 +24,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     for name in machine.linear:
         yield Hypothesis("", "readings", name, "", free=[f"E_zero_{name}"], words=partial(_linear, machine), price=3.0,
                          least={f"E_zero_{name}": least})  # fmt: skip
+    yield from _tool_length(case)
     names = [f"E_zero_{name}" for name in machine.linear]
     yield Hypothesis("", "readings", ", ".join(machine.linear), "", free=names, words=partial(_linear, machine), price=5.5,
                      least=dict.fromkeys(names, least))  # fmt: skip
@@ -38,6 +42,19 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
                 price=2.5,
                 least={} if turn else {f"E_zero_{name}": LEAST},
             )
+
+
+def _tool_length(case: Case) -> Iterator[Hypothesis]:
+    """The axis along the spindle is off by just the length of the probe: no table is shifted by that."""
+    machine, readings = case.machine, case.readings
+    spindle, length = np.array(machine.spindle.direction), machine.probe.length
+    for name in machine.linear:
+        along = abs(float(np.array(machine.axis(name).direction) @ spindle))
+        for off in (length, -length) if along > ALONG else ():
+            text, change = _linear(machine, {f"E_zero_{name}": off})
+            column = machine.column(name)
+            counted = moved_column(readings, column, readings.position[:, column] + off)
+            yield Hypothesis(text, "readings", name, change, readings=counted, price=1.0)
 
 
 def _linear(machine: Machine, values: Mapping[str, float]) -> tuple[str, str]:
