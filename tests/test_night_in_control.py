@@ -75,6 +75,11 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     written = night()
     assert written["verdict"] == bare["verdict"] == "out_of_limits"  # nobody has measured yet whether it acts
     assert "tango compensate' writes" in bare["behind"][0]["do"] and "Enter nothing again" in written["behind"][0]["do"]
+    for event in ("undecided", "not as promised"):  # a measurement that did not show that it acts
+        loop.note(folder, kept, LATER, event, tcp=False)
+        unsure = night()
+        assert unsure["limits"] == bare["limits"] and unsure["in_control"]["event"] == event
+        assert "measured with it was " + event in unsure["behind"][0]["do"]
     loop.note(folder, kept, LATER, "kept", tcp=True)
     assert night()["limits"] == bare["limits"]  # where probing sees it, nothing is taken off
     loop.note(folder, kept, LATER, "kept", tcp=False)

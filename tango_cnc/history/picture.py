@@ -10,9 +10,11 @@ import numpy as np
 
 from ..records import Array, InputError
 from ..texts import say
+from .compensated import compensations
 from .records import Trend
 from .store import History
 
+GIVEN = ("written", "rolled back")  # events after which the control is another one
 SCALE = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "mm/mm": (1e6, "µm/m")}
 
 
@@ -43,6 +45,7 @@ def picture(history: History, machine: str, trends: Sequence[Trend], file: Path,
 
     alarms = [datetime.fromisoformat(n.start_utc) for n in history.nights(machine) if n.alarms]
     figure, axes = plt.subplots(len(trends), 1, sharex=True, figsize=(9, 1.2 + 1.7 * len(trends)), squeeze=False)
+    control = [(datetime.fromisoformat(e.utc), e) for e in compensations(history, machine) if e.event in GIVEN]
     for axis, trend in zip(axes[:, 0], trends, strict=True):
         name = trend.name
         factor, unit = SCALE.get(trend.unit, (1.0, trend.unit))
@@ -60,6 +63,11 @@ def picture(history: History, machine: str, trends: Sequence[Trend], file: Path,
             axis.set_title(say("picture.one_false_alarm", nights=f"{drawn.nights_to_false_alarm:.0f}"), fontsize=8, loc="right")
         for alarm in alarms:
             axis.axvline(alarm, color="tab:red", lw=1, alpha=0.6)
+        begin, end = (when[0], when[-1]) if when else (None, None)
+        for at, event in [(a, e) for a, e in control if begin is not None and end is not None and begin <= a <= end]:
+            axis.axvline(at, color="tab:gray", lw=1, ls=":")
+            said = say("picture.compensation", number=event.number, event=event.event)
+            axis.annotate(said, (at, 1), xycoords=("data", "axes fraction"), fontsize=6, rotation=90, va="top", ha="right")
     title = say("picture.nights", machine=machine) if chart is None else machine
     if history.simulated(machine):
         title = f"{say('audit.simulated')}\n{title}"

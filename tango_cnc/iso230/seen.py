@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..estimate import Estimate
 from ..records import Array
 from .onpart import Ask
 from .sizes import sized
+from .unseen import Unseen, unseen
 from .whole import DEGREE, ORDER, Whole, disturbed, orders
 
 WORTH = 0.01  # of an order of the model that counts
@@ -35,10 +36,12 @@ class Seen:
     others: tuple[tuple[Whole, float], ...]  # other orders under learned sizes, and what they are worth
     tried: tuple[tuple[tuple[int, int], float], ...]  # every order and what it is worth
     expected: float | None  # mm, scatter of a touch that the budget allows for
+    unseen: Unseen  # harmonics that these touches do not tell
 
     def spread(self, asks: Sequence[Ask], again: Callable[[Whole], Sequence[Ask]]) -> dict[tuple[str, str], tuple[Array, ...]]:
-        """figures, the same for a machine of another order → (kind, name): what each order adds to the uncertainty."""
-        found: dict[tuple[str, str], tuple[Array, ...]] = {}
+        """figures, the same for a machine of another order → (kind, name): what other orders and unseen harmonics add to
+        the uncertainty."""
+        found = self.unseen.parts(asks, again(replace(self.learned, coefficients=self.unseen.coefficients)))
         values = {(a.kind, a.name): a.factor * a.curve @ self.learned.values for a in asks}
         for other, worth in self.others:
             for a in again(other):
@@ -58,10 +61,11 @@ def seen(result: Estimate, budget: Budget | None = None) -> Seen:
     wide, total = full[0][0], sum(worth for _, worth in full)
     learned, expected = sized(wide), None
     others = tuple((sized(w), worth / total) for w, worth in full[1:] if worth > WORTH * total)
+    beside = unseen(wide, learned)
     if budget is not None:
         wide, expected = disturbed(wide, budget.factors, budget.beside_scatter)
         learned, _ = disturbed(learned, budget.factors, budget.beside_scatter)
-    return Seen(wide, learned, others, tuple((w.order, worth) for w, worth in compared), expected)
+    return Seen(wide, learned, others, tuple((w.order, worth) for w, worth in compared), expected, beside)
 
 
 def root_of(curve: Array, covariance: Array) -> Array:

@@ -22,6 +22,7 @@ from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
 from .temperature import NO_CHANGE, Known, Thermal, scale, state_of
 from .trajectory import Reference, reference
+from .unseen import positions
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
@@ -61,6 +62,7 @@ class Sheet:
     thermal: Thermal | None = None
     budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
     expected: float | None = None  # mm, scatter of a touch that the budget allows for
+    unseen: tuple[str, ...] = ()  # sentences: which harmonics of rotary axes these touches do not tell
     whole: Whole | None = None  # the machine that the figures were read off, budget in it, expansion not
 
     @property
@@ -96,7 +98,8 @@ def signed(
     state = state_of(thermal, at_reference)
     figures = (*found, *_relative(asks, found, wide, learned, warm))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
-    return Sheet(figures, at, sigma, freedom, state, machine.tried, order, thermal, budget, machine.expected, machine.wide)
+    beside = machine.unseen.said(wide.touches)
+    return Sheet(figures, at, sigma, freedom, state, machine.tried, order, thermal, budget, machine.expected, beside, machine.wide)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
@@ -184,17 +187,17 @@ def told(
     The touches alone decide what is withheld. An expansion that nobody knows makes an interval wider, and its value no larger.
     """
     axis = ask.own[2:3] if ask.range is not None else ""
-    positions = len(np.unique(np.round(wide.touches.axis(axis), 3))) if axis in wide.touches.machine.names else 0
+    differ = positions(wide.touches, axis) if axis in wide.touches.machine.names else 0
     expands = felt is not None and feels(ask, felt)
     if (doubt := _undecided(ask, wide)) is not None:
-        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, positions, expands)
+        return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, differ, expands)
     value, interval = _interval(ask, wide, learned, more)
     if felt is not None and expands and warm != NO_CHANGE:
         grown, sure = with_column(ask, felt), Known(warm.value, 0.0)
         value, _ = _interval(grown, expanded(wide, sure), expanded(learned, sure), more)
         _, (low, high) = _interval(grown, expanded(wide, warm), expanded(learned, warm), more)
         interval = min(low, value), max(high, value)
-    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", positions, expands)
+    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", differ, expands)
 
 
 def _interval(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:

@@ -35,7 +35,7 @@ Kind = tuple[str, bool, bool]  # place, wave, series, or its degree (P1); of a l
 
 
 def sized(w: Whole) -> Whole:
-    """machine under the wide prior → the same touches under sizes that they show; values, covariance and gain are new.
+    """machine under the wide prior → the same touches under sizes that they show; values, covariance, gain and widths are new.
 
     The touches are in the old values as a likelihood: precision less that of the wide prior. Nothing is fitted again.
     """
@@ -53,7 +53,9 @@ def sized(w: Whole) -> Whole:
     if w.gain is not None:
         gain = np.zeros_like(w.gain)
         gain[seen] = width[:, None] * (inverse @ (precision @ (w.gain[seen] / width[:, None])))
-    return replace(w, values=values, covariance=covariance, gain=gain)
+    widths = w.widths.copy()
+    widths[seen] *= size
+    return replace(w, values=values, covariance=covariance, gain=gain, widths=widths)
 
 
 def _sizes(w: Whole, seen: NDArray[np.int64], told: Array, pull: Array) -> Array:

@@ -8,10 +8,10 @@ depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelm
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -31,6 +31,7 @@ ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmoni
 WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched range
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
 FINEST = 1e-5  # mm: beside a finer scatter the widths of all error motions leave the matrix without an inverse
+FAINT = 0.01  # of itself: a harmonic of which the touches show no more (sin 4C at every 45°) is not fitted; see `unseen`
 ROUNDS = (4, 2, 2)  # most steps with one weight of the touches
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
@@ -199,11 +200,16 @@ def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterato
 def _candidates(machine: Machine, highest: int) -> Iterator[Coefficient]:
     yield from inter_axis.coefficients(machine, DEGREE)
     yield from backlash.coefficients(machine, DEGREE)
-    turning = [name for name, known in causes().items() if known.turning]
     for axis in machine.rotary:
         for order in range(1, highest + 1):
-            for name in turning:
-                yield from cause(name, machine, {"axis": axis, "order": order})
+            yield from waves(machine, axis, order)
+
+
+def waves(machine: Machine, axis: str, order: int) -> Iterator[Coefficient]:
+    """machine, rotary axis, order → cosine and sine of every error motion of that axis at this harmonic, mm and rad."""
+    for name, known_cause in causes().items():
+        if known_cause.turning:
+            yield from cause(name, machine, {"axis": axis, "order": order})
 
 
 def _series(touches: Touches, highest: int) -> Iterator[Coefficient]:
@@ -216,19 +222,27 @@ def _series(touches: Touches, highest: int) -> Iterator[Coefficient]:
         low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
         if high - low < SHORTEST:
             continue
+        value = _polynomials(axis, highest, low, high)
         for component, letter in enumerate(COMPONENTS):
             slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", component)
             for degree in range(1, highest + 1):
-                yield _legendre(slot, f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", degree, low, high)
+                regressor = partial(value, degree)
+                yield Coefficient(f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", slot, regressor)
 
 
-def _legendre(slot: Slot, name: str, unit: str, degree: int, low: float, high: float) -> Coefficient:
-    weights = np.eye(degree + 1)[degree]
+def _polynomials(axis: str, highest: int, low: float, high: float) -> Callable[[int, Touches], Array]:
+    """axis, highest degree, mm or rad → degree, touches → (n,) that Legendre polynomial at each touch.
 
-    def regressor(touches: Touches) -> Array:
-        return np.asarray(legendre.legval((2 * touches.axis(slot.axis) - low - high) / (high - low), weights))
+    The touches that were asked about last are remembered: six error motions of an axis have the same polynomials.
+    """
+    last: list[tuple[Touches, Array]] = []
 
-    return Coefficient(name, unit, slot, regressor)
+    def value(degree: int, touches: Touches) -> Array:
+        if not last or last[0][0] is not touches:
+            last[:] = [(touches, legendre.legvander((2 * touches.axis(axis) - low - high) / (high - low), highest))]
+        return np.asarray(last[0][1][:, degree])
+
+    return value
 
 
 def motion_of(c: Coefficient) -> str:
@@ -243,5 +257,5 @@ def widths(model: Model) -> Array:
         size = float(np.max(np.abs(model.regressors[j])))
         turns = c.slot.axis in machine.rotary if c.slot.stage == "motion" else c.slot.component >= 3
         wide = PLACED if c.slot.stage in ("inter", "stylus", "table") else WIDTH
-        found[j] = wide[int(turns)] / size if size > 1e-12 else 0.0
+        found[j] = wide[int(turns)] / size if size > FAINT else 0.0
     return found

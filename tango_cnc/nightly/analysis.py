@@ -39,7 +39,7 @@ from ..texts import say
 from ..touches import from_readings
 from . import parts
 from .alarms import Known, after_repair, alarm_of, ignored, since, standing
-from .control import COVER, InControl, limited
+from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
 from .trend import SLOPE, as_alarm, behind, drift, slopes
@@ -82,6 +82,7 @@ class Nights:
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
     control: InControl | None = None
+    given: tuple[Given, ...] = ()  # when the control got or lost a compensation, oldest first
 
     @cached_property
     def lever(self) -> Array:
@@ -245,6 +246,9 @@ class Nights:
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
         alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
+        if (newest := past.latest_knowledge(machine)) is not None:
+            anew = [g for g in self.given if g.utc >= newest[0].end_utc]
+            alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         waiting = standing(past, machine, day, parameters if judged.believed else {}, kind)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
@@ -253,7 +257,8 @@ class Nights:
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         if self.control is not None and not self.control.measured:
-            again = say("night.measure_first", number=self.control.number, target=self.control.target)
+            key = "measure_first" if self.control.event == "written" else "measure_again"
+            again = say(f"night.{key}", number=self.control.number, target=self.control.target, event=self.control.event)
             causes = [cause if cause["since"] else {**cause, "do": again} for cause in causes]
         told = {
             "verdict": "doubtful"

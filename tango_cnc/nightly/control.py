@@ -10,6 +10,7 @@ from ..records import Array
 from ..report.units import shown
 from ..state import Frame, State
 from ..state.volume import Volume
+from ..texts import say
 
 COVER = 1.959964  # standard deviations of 95 %
 
@@ -20,13 +21,35 @@ class InControl:
 
     number: int
     target: str
-    date: str  # on which it was found to help, or written
+    date: str  # of the event that counts
     gone: Array  # (p,) of every unknown that is followed: what parts do not have
-    measured: bool = True  # whether it was found to help
+    event: str = "kept"  # or written, undecided, not as promised: then nothing is gone, as nobody knows that it acts
+
+    @property
+    def measured(self) -> bool:
+        """→ whether it was found to help."""
+        return self.event == "kept"
 
     def as_json(self) -> dict[str, Any]:
         """→ member `in_control` of the record."""
-        return {"number": self.number, "target": self.target, "date": self.date, "measured": self.measured}
+        return {"number": self.number, "target": self.target, "date": self.date, "event": self.event, "measured": self.measured}
+
+
+@dataclass(frozen=True)
+class Given:
+    """The control got a compensation, or lost it: runs that see it measure another machine since then."""
+
+    utc: str
+    date: str
+    number: int
+    target: str
+    taken_out: bool = False
+
+    def told(self, alarm: dict[str, Any]) -> dict[str, Any]:
+        """alarm of the first night after that → the same, saying so, and who decides."""
+        key = "compensation_taken_out" if self.taken_out else "compensation_given"
+        words = {"number": self.number, "target": self.target, "date": self.date}
+        return alarm | {"text": say(f"changed.after_{key}", text=alarm["text"], **words), "do": say(f"night.{key}_do", **words)}
 
 
 def limited(followed: Frame, stated: Mapping[str, float], have: State, chart: Volume) -> list[dict[str, Any]]:

@@ -189,8 +189,9 @@ def message(
             lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
     lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
     if held := record.get("in_control"):
-        key = "night.in_control" if held["measured"] else "night.in_control_written"
-        lines.append(f"* {t(key, number=held['number'], target=held['target'], date=held['date'])}")
+        event = held.get("event") or ("kept" if held["measured"] else "written")
+        key = {"kept": "night.in_control", "written": "night.in_control_written"}.get(event, "night.in_control_open")
+        lines.append(f"* {t(key, number=held['number'], target=held['target'], date=held['date'], event=event)}")
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from html import escape
 from typing import Any
@@ -14,6 +14,7 @@ from ..diagnose import Diagnosis, Finding
 from ..diagnose.sentences import covariate, towards
 from ..records import Array
 from ..verify import held_out
+from .compensated import placed
 from .facts import Facts
 from .over import covariate_of, shown_over
 from .svg import BLUE, CYCLE, INK, LINE, ORANGE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
@@ -268,7 +269,8 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
 
 
 def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, height: float = 240) -> str:
-    """`title`, `first` day, `days` (n,) from it, `value`, `half`, `alarm`, `limit` or None → a parameter by night."""
+    """`title`, `first` day, `days` (n,) from it, `value`, `half`, `alarm`, `limit` or None, `events` (day, words) → a
+    parameter by night."""
     x = np.array(points["days"], dtype=float)
     y, half = np.array(points["value"], dtype=float), np.array(points["half"], dtype=float)
     alarm = np.array(points.get("alarm") or np.zeros(len(x)), dtype=bool)
@@ -279,15 +281,26 @@ def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, heigh
     ]
     if alarm.any():
         series.append(Series(x[alarm], y[alarm], "squares", RED, t("trend.alarm"), size=4))
-    marks = []
+    marks = _marked(points.get("events") or ())
     if points.get("limit"):
         limit = float(np.copysign(points["limit"], np.mean(y)))
         marks.append(Mark(t("trend.allowed", limit=f"{abs(limit):g}", unit=unit), y=limit, color=INK, dash="7 3"))
     return chart(series, Frame(width, height, points["title"], points["x_label"], unit, first_day=points["first"]), marks)
 
 
-def tip(nights: Sequence[tuple[date, float, str]], limit: float | None, unit: str, t: Texts, width: float, height: float) -> str:
-    """(day, largest error, good | look | stop) of nights, oldest first, limit, unit → the tool tip by night; a gap stays a gap."""
+def tip(
+    nights: Sequence[tuple[date, float, str]],
+    limit: float | None,
+    unit: str,
+    t: Texts,
+    width: float,
+    height: float,
+    events: Mapping[str, str] | None = None,
+) -> str:
+    """(day, largest error, good | look | stop) of nights, oldest first, limit, unit → the tool tip by night; a gap stays a gap.
+
+    `events`: {date: words} of what was done to the control.
+    """
     first = nights[0][0]
     x = np.array([(day - first).days for day, _, _ in nights], dtype=float)
     y = np.array([value for _, value, _ in nights])
@@ -305,13 +318,17 @@ def tip(nights: Sequence[tuple[date, float, str]], limit: float | None, unit: st
             said = [inches(v) if unit == "in" else f"{v:.1f} {unit}" for v in y[keep]]
             tips = tuple(f"{nights[i][0]}: {text}" for i, text in zip(np.flatnonzero(keep).tolist(), said, strict=True))
             series.append(Series(x[keep], y[keep], kind, color, t(f"trend.{word}"), size=size, tips=tips))
-    marks = []
+    marks = _marked(placed(events or {}, first, nights[-1][0]))
     if limit is not None:
         allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
         marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
     span = f"{nights[0][0]} … {nights[-1][0]}"
     frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first)
     return chart(series, frame, marks)
+
+
+def _marked(events: Sequence[tuple[float, str]]) -> list[Mark]:
+    return [Mark(words, x=at, row=i % 3) for i, (at, words) in enumerate(events)]
 
 
 def compensated(rows: Sequence[tuple[str, Sequence[float | None]]], names: Sequence[str], unit: str, said: str) -> str:

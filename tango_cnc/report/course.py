@@ -7,7 +7,7 @@ than its nights reach back.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import date, timedelta
 from typing import Any
 
@@ -36,12 +36,19 @@ def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequenc
     return found
 
 
-def jumps_of_tip(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], value: Array, std: float) -> list[Jump]:
-    """{entry: alarms of that night}, entries, (n,) error at the tool tip, its standard deviation → its jumps on such nights."""
+def jumps_of_tip(
+    alarms: Mapping[int, Sequence[Mapping[str, Any]]],
+    entries: Sequence[int],
+    value: Array,
+    std: float,
+    begins: Collection[int] = (),
+) -> list[Jump]:
+    """{entry: alarms of that night}, entries, (n,) error at the tool tip, its standard deviation, places of nights that begin with
+    another compensation → its jumps on such nights."""
     found = []
     for place, entry in enumerate(entries):
         moved = any(not a.get("rate_per_day") and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
-        if moved and place and abs(float(value[place] - value[place - 1])) > SURE * np.sqrt(2) * std:
+        if (moved or place in begins) and place and abs(float(value[place] - value[place - 1])) > SURE * np.sqrt(2) * std:
             found.append((place, float(value[place] - value[place - 1])))
     return found
 

@@ -53,6 +53,7 @@ class Mark:
     y: float | None = None
     color: str = SOFT
     dash: str = "4 3"
+    row: int = 0  # of its text, so that texts of lines near each other do not lie on each other
 
 
 @dataclass(frozen=True)
@@ -278,7 +279,7 @@ class _Plot:
             end = x > self.left + 0.75 * (self.right - self.left)
             parts = [_path(f"M{x:.1f} {self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
             side = f'x="{x - 4:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
-            return [*parts, f'<text {side} y="{self.top + 10:.1f}" fill="{m.color}">{escape(m.text)}</text>']
+            return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}">{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
         return [

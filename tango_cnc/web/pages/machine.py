@@ -13,8 +13,9 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from ...history import Night, compensations
+from ...history import Compensation, Night, compensations
 from ...report.charts import tip
+from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
 from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of, who_of
@@ -120,13 +121,22 @@ def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
 
 def written_of(state: State, machine: Machine) -> str:
     """what pages share, machine → date on which a compensation was last written; '' where none was."""
+    return last_written(_compensations(state, machine))
+
+
+def events_of(state: State, machine: Machine) -> Mapping[str, str]:
+    """what pages share, machine → {date: what happened to its compensations}, in the words of the page."""
+    return marked(_compensations(state, machine), state.texts)
+
+
+def _compensations(state: State, machine: Machine) -> Sequence[Compensation]:
     history, name = machine.history, machine.name
 
-    def read() -> str:
+    def read() -> Sequence[Compensation]:
         known = () if history is None else state.places.kept(f"names {id(history)}", history.machines)
-        return last_written(compensations(history, name)) if history is not None and name in known else ""
+        return compensations(history, name) if history is not None and name in known else ()
 
-    return state.places.kept(f"written {machine.slug}", read)
+    return state.places.kept(f"compensations {machine.slug}", read)
 
 
 def run_of(request: Request, machine: Machine) -> Run | None:
@@ -167,7 +177,8 @@ def curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
         return None
     limit = allowed["volume"] * k if "volume" in allowed else None
     wide, narrow = (
-        tip(part, limit, unit, state.texts, *size) for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
+        tip(part, limit, unit, state.texts, *size, events_of(state, machine))
+        for part, size in ((found, (860, 240)), (found[-STRIP:], (360, 270)))
     )
     return Markup(wide), Markup(narrow)
 
@@ -194,7 +205,8 @@ def course_of_tip(request: Request, machine: Machine) -> str:
     value = np.array([float(n.volume_um or 0.0) * k for n in known])
     first = date.fromisoformat(known[0].night)
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
-    jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std)
+    anew = begins(events_of(state, machine), [n.night for n in known])
+    jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std, anew)
     limit = allowed["volume"] * k if "volume" in allowed else None
     return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
 

@@ -14,12 +14,13 @@ from starlette.routing import Route
 
 from ...history import Trend
 from ...report.charts import trend as drawn
+from ...report.compensated import placed
 from ...report.course import course, jumps_of
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import LAST, alarms_by_entry, busy_of, course_of_tip, curves, limits_of, morning_of, simulated
+from .machine import LAST, alarms_by_entry, busy_of, course_of_tip, curves, events_of, limits_of, morning_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -37,7 +38,7 @@ def trends(request: Request) -> Response:
     marks = alarms_by_entry(request, found)
     axes = state.places.geometry(found)
     allowed = limits_of(request, found)
-    charts = []
+    charts, events = [], events_of(state, found)
     for name in names:
         series = every[name]
         factor, unit = state.units.coefficient(series.unit)
@@ -52,6 +53,7 @@ def trends(request: Request) -> Response:
             "half": INTERVAL * series.std * abs(factor),
             "alarm": alarm,
             "x_label": f"{series.nights[0]} … {series.nights[-1]}",
+            "events": placed(events, date.fromisoformat(series.nights[0]), date.fromisoformat(series.nights[-1])),
         }
         sizes = ((880, 340), (360, 300)) if wanted else ((425, 240),)
         said = course(
