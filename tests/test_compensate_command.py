@@ -120,6 +120,9 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     assert json.loads(again.stdout)["volume"] == json.loads((folder / "compensation.json").read_text())["volume"]
     values = json.loads(again.stdout)["values"]
     assert max(abs(v["new"] - v["present"]) for v in values) < 0.2 * max(abs(v["present"]) for v in values)
+    # The readings that it was made from, taken by default, would have it twice. The answer names the ones made after it.
+    twice = run("compensate", "-C", mill, "--target", "siemens", "--present", folder, "--simulated")
+    assert isinstance(twice.exception, InputError) and "made after it are after.csv" in str(twice.exception)
     assert [e["event"] for e in loop.history(mill)] == ["proposed", "written", "kept"]
     # The nights' history has the same, newest first, in its chain; taking it out again is one more entry with its reason.
     listed = json.loads(run("history", "list", "-C", mill, "--json", "-").stdout)["compensations"]
@@ -134,6 +137,14 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     shown = run("history", "list", "-C", mill).output.splitlines()
     assert "rolled back" in shown[1] and "the spindle was changed" in shown[1] and len(shown) == 5
     assert "4 entries" in run("history", "verify", "-C", mill).output
+
+
+def test_numbers_of_a_person_are_taken_with_a_note_and_another_file_is_named(cell: Path, tmp_path: Path) -> None:
+    own = tmp_path / "own.yaml"
+    own.write_text("CEC X to Y at X 0 mm: 0.001\n")
+    done = run("compensate", "-C", cell, "--target", "siemens", "--present", cell / "machine.yaml")
+    assert "no file of numbers" in str(done.exception) and "a folder that 'tango compensate' has written" in str(done.exception)
+    assert "nobody knows whether" in run("compensate", "-C", cell, "--target", "siemens", "--present", own, "--dry-run").output
 
 
 def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_path: Path) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from support.compensated import example, first, measured, write
 
 from sim_controller.compensation import read
+from tango_cnc.commands._present import present
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate.outcome import Outcome, asked_otherwise, outcome
 from tango_cnc.compensate.targets import SIGN_TRIAL
@@ -44,6 +46,31 @@ def test_readings_from_before_a_compensation_do_not_contain_it(cell: Path) -> No
     earlier = loop.ignored(cell, ["other"], "2025-12-31T00:00:00Z")
     assert earlier is not None and "before the compensation" in earlier[1]
     assert loop.ignored(cell, ["other"], LATER) is None
+
+
+def test_readings_of_an_earlier_compensation_are_from_before_the_later_one(cell: Path) -> None:
+    """1 was made from `rows`, 2 on top of it from `second`, 3 from what was measured with 2: each knows what it cannot be in."""
+    rows, second, third = ([f"{i:08x}" for i in range(start, start + 10)] for start in (0, 10, 20))
+    proposal, days = propose(first("trunnion"), "haas"), (NOW, LATER, "2026-03-01T00:00:00Z")
+    one, two, _ = (loop.store(cell, proposal, day, rows=made) for day, made in zip(days, (rows, second, third), strict=True))
+    assert "10 of 10 rows" in loop.before(cell, one.record, rows, None)
+    assert "4 of 4 rows" in loop.before(cell, one.record, rows[3:7], None)  # some of them are the same touches
+    assert "compensation 1, which is older" in loop.before(cell, two.record, rows, None)
+    assert "10 of 10 rows" in loop.before(cell, two.record, second, None)
+    assert "before the compensation" in loop.before(cell, two.record, ["other"], NOW)
+    assert not loop.before(cell, one.record, second, None)  # made with 1 in the control; 2 need not have been loaded
+    assert not loop.before(cell, two.record, third, "2026-02-02T00:00:00Z")
+
+
+def test_another_compensation_than_the_one_in_the_control_is_refused(cell: Path) -> None:
+    proposal = propose(first("trunnion"), "haas", poses=100)
+    one, two = (loop.store(cell, proposal, day) for day in (NOW, LATER))
+    asked: dict[str, Any] = {"present": one.folder, "file": None, "trial_of": None, "target": "haas"}
+    assert present(cell, asked)[1] == one.record  # nothing is noted as written: the person knows
+    loop.note(cell, two, LATER, "written")
+    with pytest.raises(InputError, match=r"compensation 2 \(haas\) is in the control; allowed: --present .*002-haas"):
+        present(cell, asked)
+    assert present(cell, {**asked, "present": two.folder})[1] == two.record
 
 
 def test_a_folder_that_is_no_cell_is_named(tmp_path: Path) -> None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 from ..compensate import targets
 from ..compensate.fit import Fit
 from ..compensate.proposal import Proposal
 from ..compensate.trial import Verdict
-from ..files.checked import load
 from ..records import InputError, Machine
 from ._common import table
 
@@ -48,11 +46,6 @@ def volume_text(record: Mapping[str, Any]) -> str:
 def settings_of(record: Mapping[str, Any]) -> list[str]:
     """record of a compensation, or nothing → its settings as --set has them."""
     return [f"{key}={value}" for key, value in record.get("options", {}).items()]
-
-
-def present_of(source: Path) -> dict[str, float]:
-    """YAML file of {place: number} → the control's numbers. Raises InputError for what is no number."""
-    return {key: node.position() for key, node in load(source).items()}
 
 
 def listed() -> str:

@@ -11,17 +11,17 @@ from typing import Any
 import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
-from ..compensate.hidden import Present, of_record, uncorrected
 from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import check_values, current, read_origin
+from ..files.origin import current
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
+from ._present import contained, ended, present, rows
 from ._trust import despite_option, judged, made_up, usable
 
 PLACE = "Act 10"  # in the list of commands
@@ -102,7 +102,7 @@ def command(**options: Any) -> int:
     if options["sign_of"] is not None:
         return _sign_of(cell, options)
     if options["source"] is not None:
-        _contained(cell.folder, options)
+        contained(cell.folder, options)
         result, options["of_no_machine"] = _estimate(cell, options), _consented(cell.folder, options)
         data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
@@ -111,13 +111,13 @@ def command(**options: Any) -> int:
     if options["target"] is None:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
+    there, last = present(folder, options)
     result = _estimate(cell, options)
-    present, last = _present(folder, options)
     proposal = propose(
         result,
         options["target"],
         (*_compensate.settings_of(last), *options["settings"]),
-        present,
+        there,
         options["over"],
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
@@ -131,7 +131,7 @@ def command(**options: Any) -> int:
     if options["dry_run"]:
         return 0
     simulated = _consented(folder, options)
-    kept = loop.store(folder, proposal, _now(), options["out"], _rows(current(folder, options["file"])), simulated=simulated)
+    kept = loop.store(folder, proposal, _now(), options["out"], rows(current(folder, options["file"])), simulated=simulated)
     if options["out"] is None:
         recorded(folder)
     click.echo(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
@@ -163,49 +163,6 @@ def _consented(folder: Path, options: dict[str, Any]) -> bool:
         )
     click.echo(loop.SIMULATED, err=True)
     return True
-
-
-def _contained(folder: Path, options: dict[str, Any]) -> None:
-    """cell, options → nothing. Raises InputError where readings lack what is in the control: a program would correct it again."""
-    source = current(folder, options["file"])
-    if source.exists() and (missed := loop.ignored(folder, _rows(source), _ended(source))):
-        kept, why = missed
-        raise InputError(
-            f"--readings: found {source}: {why}, and compensation {kept.number} ({kept.record['target']}) is in the control. The "
-            "program would correct the same errors once more. Nothing was written; allowed: readings made with the compensation in "
-            f"the control (--readings FILE), or 'tango compensate -C {folder} --rolled-back {kept.number} --reason TEXT' when it "
-            "has been taken out"
-        )
-
-
-def _ended(readings: Path) -> str | None:
-    return ((read_origin(readings) or {}).get("run") or {}).get("end_utc")
-
-
-def _rows(readings: Path) -> list[str]:
-    return check_values(readings.read_text(encoding="utf-8-sig"))
-
-
-def _present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapping[str, Any]]:
-    """cell, options → what the control holds, record of the compensation that was given (empty without one)."""
-    source: Path | None = options["present"]
-    last = loop.in_control(folder)
-    if source is None:
-        if last is not None:
-            raise InputError(
-                f"--present: found nothing, and compensation {last.number} ({last.record['target']}) is in the control; "
-                f"allowed: --present {last.folder} when the readings were made with it, --present none when without"
-            )
-        return None, {}
-    if str(source) == "none":
-        return Present({}, {}), {}
-    if source.is_dir():
-        record = loop.check(source)
-        if record["target"] != options["target"]:
-            raise InputError(f"--present: found a compensation for {record['target']}; allowed: one for {options['target']}")
-        return of_record(record), record
-    same = last is not None and last.record["target"] == options["target"]
-    return Present(_compensate.present_of(source), uncorrected(last.record) if same and last is not None else {}), {}
 
 
 def _volume(cell: Cell, options: dict[str, Any], record: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
@@ -278,7 +235,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
             "--readings: found none; allowed: readings that were made with the compensation in the control "
             f"('tango run -C {cell.folder} --readings after.csv' makes them)"
         )
-    if file.exists() and (why := loop.older(kept.record, _rows(file), _ended(file))):
+    if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     result = _estimate(cell, options)
     again = propose(

@@ -254,6 +254,21 @@ def ignored(cell: Path, rows: Sequence[str], ended: str | None) -> tuple[Kept, s
     return (kept, why) if kept is not None and why else None
 
 
+def before(cell: Path, record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> str:
+    """cell, record of the compensation that its control holds, check values of rows of readings, when they ended (UTC) → why the
+    readings cannot contain it; '' if they can.
+
+    Readings that an earlier compensation of this cell was made from are from before this one, too.
+    """
+    made = str(record["created_utc"])
+    if why := older(record, rows, ended):
+        return why
+    for kept in found(cell):
+        if str(kept.record["created_utc"]) < made and (why := older(kept.record, rows, None)):
+            return f"{why}, in this case compensation {kept.number}, which is older than the one in the control"
+    return ""
+
+
 def older(record: Mapping[str, Any], rows: Sequence[str], ended: str | None) -> str:
     """record, check values of rows of readings, when they ended (UTC) → why they cannot be of a second run; '' if they can."""
     same = len(set(rows) & set(record.get("readings_rows", ())))

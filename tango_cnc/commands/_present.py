@@ -1,0 +1,113 @@
+"""What the control holds while it is measured, and whether readings can contain it: what they lack would be corrected twice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..compensate import loop
+from ..compensate.hidden import Present, of_record, uncorrected
+from ..files.checked import load
+from ..files.origin import check_values, current, read_origin
+from ..records import InputError
+
+WANTED = (
+    "a folder that 'tango compensate' has written, or a YAML file with a line `place: number` for every number of the "
+    "control (--dry-run --json - lists places of a target)"
+)
+
+
+def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapping[str, Any]]:
+    """cell, options → what the control holds, record of the compensation that was given (empty without one).
+
+    Raises InputError where it is not stated though a compensation is in the control, and where the readings cannot contain it. A
+    sign trial changes one place, whatever the readings contain.
+    """
+    source: Path | None = options["present"]
+    last = loop.in_control(folder)
+    if source is None:
+        if last is not None:
+            raise InputError(
+                f"--present: found nothing, and compensation {last.number} ({last.record['target']}) is in the control; "
+                f"allowed: --present {last.folder} when the readings were made with it, --present none when without"
+            )
+        return None, {}
+    if str(source) == "none":
+        return Present({}, {}), {}
+    readings, judged = current(folder, options["file"]), options["trial_of"] is None
+    if source.is_dir():
+        record = loop.check(source)
+        if record["target"] != options["target"]:
+            raise InputError(f"--present: found a compensation for {record['target']}; allowed: one for {options['target']}")
+        if last is not None and last.record["digest"] != record["digest"]:
+            raise InputError(
+                f"--present: found {source}, and compensation {last.number} ({last.record['target']}) is in the control; allowed: "
+                f"--present {last.folder}, or 'tango compensate -C {folder} --rolled-back {last.number} --reason TEXT' when it is "
+                "not in it any more"
+            )
+        if judged and readings.exists() and (why := loop.before(folder, record, rows(readings), ended(readings))):
+            raise InputError(_lacking(folder, source, record, readings, why))
+        return of_record(record), record
+    numbers = _values(source)
+    if judged:
+        contained(folder, options, "What they find would be added to numbers that take it away already")
+        click.echo(
+            f"note: nobody knows whether {readings} was made with the numbers of {source} in the control. If it was not, the same "
+            "errors are corrected twice",
+            err=True,
+        )
+    same = last is not None and last.record["target"] == options["target"]
+    return Present(numbers, uncorrected(last.record) if same and last is not None else {}), {}
+
+
+def contained(folder: Path, options: dict[str, Any], twice: str = "The program would correct the same errors once more") -> None:
+    """cell, options → nothing. Raises InputError where readings lack what is in the control: it would be corrected again."""
+    source = current(folder, options["file"])
+    if source.exists() and (missed := loop.ignored(folder, rows(source), ended(source))):
+        kept, why = missed
+        raise InputError(
+            f"--readings: found {source}: {why}, and compensation {kept.number} ({kept.record['target']}) is in the control. "
+            f"{twice}. Nothing was written; allowed: readings made with the compensation in the control (--readings FILE), or "
+            f"'tango compensate -C {folder} --rolled-back {kept.number} --reason TEXT' when it has been taken out"
+        )
+
+
+def ended(readings: Path) -> str | None:
+    """readings → UTC at which their run ended, or at which they were written; None where nobody knows."""
+    known = read_origin(readings) or {}
+    return (known.get("run") or {}).get("end_utc") or known.get("written_utc")
+
+
+def rows(readings: Path) -> list[str]:
+    """readings → check value of every row."""
+    return check_values(readings.read_text(encoding="utf-8-sig"))
+
+
+def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Path, why: str) -> str:
+    """cell, folder of the compensation in the control, its record, readings that lack it, why → what to do."""
+    later = [
+        file.name
+        for file in sorted(folder.glob("*.csv"))
+        if (when := ended(file)) is not None
+        and when[:19] >= str(record["created_utc"])
+        and not loop.before(folder, record, rows(file), when)
+    ]
+    those = f"; made after it are {', '.join(later)} in {folder}" if later else ""
+    return (
+        f"--present: found {source} and {readings}: {why}. These readings were made without it: what it takes away would be taken "
+        f"away twice. Nothing was written; allowed: readings made with it in the control, with --readings FILE{those}. "
+        f"'tango run -C {folder} --readings after.csv' measures again"
+    )
+
+
+def _values(source: Path) -> dict[str, float]:
+    """YAML file of {place: number} → the control's numbers. Raises InputError for what is no number."""
+    try:
+        return {key: node.position() for key, node in load(source).items()}
+    except InputError as error:
+        raise InputError(
+            f"--present: found {source}, which is no file of numbers of a control ({error}); allowed: {WANTED}"
+        ) from None
