@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from tango_cnc.gate import INCH, STEP, STEP_FEED, step
+
 from ._base import Job, early_distance, number
 from ._common import axis_numbers, signed
 
@@ -101,6 +103,22 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
         yield f"#31=ABS[{place}-{signed(_value(given, name))}]"
         yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
         yield f"IF[#31GT{number(ARRIVED)}]THEN{words.stop(3, 'ROTARY AXIS NOT IN PLACE')}"
+
+
+def stepped(job: Job, words: Words) -> Iterator[str]:
+    """Before all else a step: where positions come in inches, the difference of the frames would send the first move anywhere."""
+    name, by = step(job.plan)
+    place = f"#{5020 + axis_numbers(job)[name]}"
+    yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM)"
+    yield from _free(job, words)
+    yield f"#{WORK + 1}={place}"
+    yield f"G91 {job.options['skip']} {name}{number(by)} F{number(STEP_FEED)}"
+    yield "G90"
+    yield from _skipped(job)
+    yield f"#{WORK + 1}=ABS[{place}-#{WORK + 1}]"
+    yield f"IF[ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005]THEN{words.stop(10, 'POSITIONS ARE IN INCHES')}"
+    short = f"ABS[#{WORK + 1}-{number(STEP)}]GT{number(job.options['tolerance'])}"
+    yield f"IF[{short}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
 
 
 Piece = Callable[[Job, Words, Arguments], Iterator[str]]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -51,6 +52,11 @@ class Joint:
     frame: Array | None  # (3, 3), None where it is parallel to the machine frame
     point: Array  # (3,)
     steps: tuple[Element, ...]
+
+    @cached_property
+    def motion(self) -> tuple[Element, ...]:
+        """→ the steps that a machine without errors makes."""
+        return tuple(step for step in self.steps if step.column is not None)
 
 
 @dataclass(frozen=True)
@@ -177,8 +183,10 @@ def tip(chain: Chain, position: Array, errors: Errors | None = None) -> Array:
     errors = errors or {}
     x = _start(chain, position, errors)
     for joint in chain.joints:
+        if not (steps := joint.steps if errors else joint.motion):
+            continue  # a body that nothing moves
         x = _enter(joint, x)
-        for step in joint.steps:
+        for step in steps:
             amount = _amount(step, position, errors)
             if amount is None:
                 continue

@@ -11,7 +11,7 @@ from scipy import special
 from ..compensate.fit import Known
 from ..estimate import Estimate
 from ..iso230.expansion import stretches
-from ..iso230.poses import at_poses, steady
+from ..iso230.poses import all_steady, at_poses
 from ..iso230.signed import UNDECIDED, OnPart, Sheet
 from ..iso230.temperature import NO_CHANGE, scale
 from ..nc import features
@@ -75,7 +75,7 @@ def known_of(sheet: Sheet, setup: Setup) -> Known:
         raise TangoError("accept: the figures were made without the machine behind them, so no part can be predicted")
     machine = setup.machine
     poses = _some(whole.touches)
-    own = [i for i, c in enumerate(whole.coefficients) if c.slot.stage not in ("stylus", "table") and steady(c, poses)]
+    own, _ = all_steady(whole.coefficients, poses)
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
     if sheet.thermal is not None and sheet.temperature != "not stated":

@@ -125,8 +125,8 @@ def levers(machine: Machine, coefficients: Sequence[Coefficient], count: int, po
     moving = at_poses(machine, position, np.ones_like(position))
     run = kinematics.trace(where.chain, position)
     still, jumps = np.zeros((len(position), 3, count)), np.zeros((len(position), 3, count))
-    own = all_steady(coefficients, where)
-    regressors = {j: coefficients[j].regressor(where) for j in own}
+    own, values = all_steady(coefficients, where)
+    regressors = dict(zip(own, values, strict=True))
     changes = {j: coefficients[j].regressor(moving) - regressors[j] for j in own}
     for i in range(3):
         slots = kinematics.sensitivity(where.chain, run, np.tile(np.eye(3)[i], (len(position), 1))).slots

@@ -12,7 +12,7 @@ from .. import kinematics
 from ..estimate import Estimate
 from ..iso230.expansion import expanded, stretches, with_column
 from ..iso230.onpart import Ask
-from ..iso230.poses import at_poses, steady
+from ..iso230.poses import all_steady, at_poses
 from ..iso230.seen import Budget, seen
 from ..iso230.signed import OnPart, told
 from ..iso230.temperature import NO_CHANGE, Thermal, scale, state_of
@@ -92,9 +92,8 @@ def _shift(path: Path, coefficients: Sequence[Coefficient]) -> Array:
     run = kinematics.trace(poses.chain, path.position)
     found = np.zeros((n, 3, len(coefficients)))
     levers = [kinematics.sensitivity(poses.chain, run, np.tile(e, (n, 1))).slots for e in np.eye(3)]
-    for j, c in enumerate(coefficients):
-        if steady(c, poses):
-            found[:, :, j] = np.stack([lever[c.slot] for lever in levers], axis=1) * c.regressor(poses)[:, None]
+    for j, value in zip(*all_steady(coefficients, poses), strict=True):
+        found[:, :, j] = np.stack([lever[coefficients[j].slot] for lever in levers], axis=1) * value[:, None]
     return found
 
 

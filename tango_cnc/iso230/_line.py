@@ -46,9 +46,8 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
     frame, base, sense = axis_frame(axis.name, axis.direction)
     own = base + (0 if axis.kind == "linear" else 3)
     mine = [j for j, c in enumerate(coefficients) if c.slot.axis == axis.name]
-    for i in all_steady([coefficients[j] for j in mine], still):
+    for i, value in zip(*all_steady([coefficients[j] for j in mine], still), strict=True):
         j, c = mine[i], coefficients[mine[i]]
-        value = c.regressor(still)
         if c.slot.stage == "inter":
             inter[c.slot.component, j] = value[-1]
             continue

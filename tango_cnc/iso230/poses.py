@@ -31,15 +31,14 @@ def steady(coefficient: Coefficient, poses: Touches) -> bool:
 
     What drifts is zero at time 0 and stays; what remembers the last move gives other values for the same poses backwards.
     """
-    return bool(all_steady([coefficient], poses))
+    return bool(all_steady([coefficient], poses)[0])
 
 
-def all_steady(coefficients: Sequence[Coefficient], poses: Touches) -> list[int]:
-    """coefficients, poses → places of those that are `steady`; the poses are turned round once for all of them."""
+def all_steady(coefficients: Sequence[Coefficient], poses: Touches) -> tuple[list[int], Array]:
+    """coefficients, n poses → places of the q that are `steady`, and their values (q, n); poses are turned round once for all."""
     backwards = at_poses(poses.machine, poses.position[::-1], poses.direction[::-1])
-
-    def same(c: Coefficient) -> bool:
-        there, back = c.regressor(poses), c.regressor(backwards)[::-1]
-        return bool((np.abs(there - back) <= 1e-12 * np.abs(back)).all())
-
-    return [j for j, c in enumerate(coefficients) if c.slot.axis and not is_setup(c.slot) and same(c)]
+    own = [j for j, c in enumerate(coefficients) if c.slot.axis and not is_setup(c.slot)]
+    there, back = (np.array([coefficients[j].regressor(at) for j in own]) for at in (poses, backwards))
+    there, back = there.reshape(len(own), len(poses)), back.reshape(len(own), len(poses))[:, ::-1]
+    same = np.flatnonzero((np.abs(there - back) <= 1e-12 * np.abs(back)).all(axis=1))
+    return [own[i] for i in same.tolist()], there[same]

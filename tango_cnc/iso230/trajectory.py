@@ -92,26 +92,18 @@ def relative(machine: Machine, coefficients: Sequence[Coefficient], position: Ar
     n, p = len(position), len(coefficients)
     shift, turn, moves = np.zeros((n, 3, p)), np.zeros((n, 3, p)), np.zeros((n, 3, p))
     nominal = kinematics.tip(still.chain, position)
-    use = all_steady(coefficients, still)
-    value = np.array([coefficients[j].regressor(still) for j in use])
-    jump = np.array([coefficients[j].regressor(forward) - v for j, v in zip(use, value, strict=True)])
+    use, value = all_steady(coefficients, still)
     if not use:
         return Relative(nominal, shift, turn, moves)
-    slots = [coefficients[j].slot for j in use]
-    points = [np.zeros(3), *(ARM * np.eye(3))]
-    moved, tips = [], []
-    for offset in points:
-        run = kinematics.trace(still.chain, position, {Slot("t", "stylus", i): float(offset[i]) for i in range(3)})
-        ways = np.zeros((n, 3, len(use)))
-        for i in range(3):
-            lever = kinematics.sensitivity(still.chain, run, np.tile(np.eye(3)[i], (n, 1))).slots
-            ways[:, i, :] = np.array([lever[s] for s in slots]).T
-        moved.append(ways)
-        tips.append(run.tip)
-    spokes = [(t - tips[0]) / ARM for t in tips[1:]]  # three unit vectors at right angles
-    around = np.zeros_like(moved[0])
-    for spoke, ways in zip(spokes, moved[1:], strict=True):
-        around += np.cross(spoke[:, :, None], (ways - moved[0]) / ARM, axis=1) / 2
+    jump = np.array([coefficients[j].regressor(forward) for j in use]) - value
+    offset = np.vstack([np.zeros(3), ARM * np.eye(3)])[:, :, None]  # of the tip and of the ends of three spokes around it
+    run = kinematics.trace(still.chain, position, {Slot("t", "stylus", i): offset[:, i] for i in range(3)})
+    ways = np.broadcast_to(np.eye(3)[:, None, None], (3, 1, n, 3))
+    lever = kinematics.sensitivity(still.chain, run, ways).slots
+    # (4, n, 3, p): where each of the four points goes
+    moved = np.stack([np.broadcast_to(lever[coefficients[j].slot], (3, 4, n)) for j in use], axis=-1).transpose(1, 2, 0, 3)
+    spokes = (run.tip[1:] - run.tip[0]) / ARM  # three unit vectors at right angles
+    around = np.cross(spokes[..., None], (moved[1:] - moved[0]) / ARM, axis=2).sum(axis=0) / 2
     shift[:, :, use] = moved[0] * value.T[:, None, :]
     turn[:, :, use] = around * value.T[:, None, :]
     moves[:, :, use] = moved[0] * jump.T[:, None, :]

@@ -8,10 +8,10 @@ depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelm
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -222,19 +222,27 @@ def _series(touches: Touches, highest: int) -> Iterator[Coefficient]:
         low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
         if high - low < SHORTEST:
             continue
+        value = _polynomials(axis, highest, low, high)
         for component, letter in enumerate(COMPONENTS):
             slot = Slot(axis, "motion") if letter == axis else Slot(axis, "intra", component)
             for degree in range(1, highest + 1):
-                yield _legendre(slot, f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", degree, low, high)
+                regressor = partial(value, degree)
+                yield Coefficient(f"E{letter}{axis}.P{degree}", "mm" if component < 3 else "rad", slot, regressor)
 
 
-def _legendre(slot: Slot, name: str, unit: str, degree: int, low: float, high: float) -> Coefficient:
-    weights = np.eye(degree + 1)[degree]
+def _polynomials(axis: str, highest: int, low: float, high: float) -> Callable[[int, Touches], Array]:
+    """axis, highest degree, mm or rad → degree, touches → (n,) that Legendre polynomial at each touch.
 
-    def regressor(touches: Touches) -> Array:
-        return np.asarray(legendre.legval((2 * touches.axis(slot.axis) - low - high) / (high - low), weights))
+    The touches that were asked about last are remembered: six error motions of an axis have the same polynomials.
+    """
+    last: list[tuple[Touches, Array]] = []
 
-    return Coefficient(name, unit, slot, regressor)
+    def value(degree: int, touches: Touches) -> Array:
+        if not last or last[0][0] is not touches:
+            last[:] = [(touches, legendre.legvander((2 * touches.axis(axis) - low - high) / (high - low), highest))]
+        return np.asarray(last[0][1][:, degree])
+
+    return value
 
 
 def motion_of(c: Coefficient) -> str:

@@ -4,7 +4,7 @@ from .build import OBSTRUCTED, USUAL, attempt, by_stylus, part, plan, reachable
 from .digest import plan_hash
 from .guarded import refuse
 from .motion import last_motion, last_moves
-from .split import split
+from .split import can_be_cut, split
 from .standing import standing
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "USUAL",
     "attempt",
     "by_stylus",
+    "can_be_cut",
     "last_motion",
     "last_moves",
     "part",

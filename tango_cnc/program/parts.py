@@ -29,7 +29,7 @@ def parts(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: int |
     most = len(whole.touches)
     while (largest := max(sizes := _sizes(post, whole, options, found))) > room * KB:
         longest = found[sizes.index(largest)]
-        if len(planner.split(longest, 1)) == 1:
+        if not planner.can_be_cut(longest):
             first, last = longest.touches[0].number, longest.touches[-1].number
             raise InputError(
                 f"controller.memory: found {room} kB; touches {first} … {last} are of one indexation, which is never cut, and take "

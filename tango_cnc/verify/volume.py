@@ -104,7 +104,7 @@ def volume(result: Estimate, position: Array) -> VolumeMap:
     poses = at_poses(touches.machine, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)
     outside, extrapolated = probed(touches, position)
-    own = all_steady(result.model.coefficients, poses)
+    own, _ = all_steady(result.model.coefficients, poses)
     coefficients, values = [result.model.coefficients[i] for i in own], result.values[own]
     acting = errors(Model(poses, tuple(coefficients)), values)
     levers, reversal = _levers(coefficients, values, poses, acting)
