@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from support.compensated import example, first, measured, write
 
 from sim_controller.compensation import read
 from tango_cnc.commands._present import present
 from tango_cnc.compensate import loop, propose
-from tango_cnc.compensate.outcome import Outcome, asked_otherwise, outcome
+from tango_cnc.compensate.contradicted import contradicted
+from tango_cnc.compensate.hidden import of_record
+from tango_cnc.compensate.outcome import Outcome, asked_otherwise, judged, outcome
+from tango_cnc.compensate.promise import Figure
+from tango_cnc.compensate.space import Held
 from tango_cnc.compensate.targets import SIGN_TRIAL
 from tango_cnc.compensate.targets.siemens import steps
+from tango_cnc.estimate import Estimate
 from tango_cnc.records import InputError
 
 NOW, LATER = "2026-01-01T00:00:00Z", "2026-02-01T00:00:00Z"
@@ -79,14 +86,45 @@ def test_a_folder_that_is_no_cell_is_named(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, Outcome]:
-    """The answer about tool center point control → outcome of a run that was made with it on."""
+def second(tmp_path_factory: pytest.TempPathFactory) -> tuple[loop.Kept, Estimate, list[Held]]:
+    """A compensation, what a run with it in the control finds (made with tool center point control on), what its target holds."""
     folder = tmp_path_factory.mktemp("cell")
     cell, world = example("trunnion")
     proposal = propose(measured(cell, world), "siemens")
     kept = loop.store(folder, proposal, NOW)
     again = measured(cell, world, read(write(proposal, folder / "loaded"), cell.machine), seed=11)
-    return {tcp: outcome(kept, again, list(proposal.held), tcp=tcp) for tcp in (True, False)}
+    return kept, again, list(proposal.held)
+
+
+@pytest.fixture(scope="module")
+def answers(second: tuple[loop.Kept, Estimate, list[Held]]) -> dict[bool, Outcome]:
+    """The answer about tool center point control → outcome of a run that was made with it on."""
+    kept, again, held = second
+    return {tcp: outcome(kept, again, held, tcp=tcp) for tcp in (True, False)}
+
+
+def test_readings_that_another_answer_explains_are_named(second: tuple[loop.Kept, Estimate, list[Held]]) -> None:
+    """Made with tool center point control and with the tables; a knock of 50 µm that nothing explains says nothing."""
+    kept, again, held = second
+    assert not contradicted(kept, again, held, tcp=True)
+    assert "made with it on, they leave" in contradicted(kept, again, held, tcp=False)
+    assert "made without it, it would leave" in contradicted(kept, first("trunnion"), held, tcp=True)
+    knock = np.array([0.05 if c.name == "EY0C" else 0.0 for c in again.model.coefficients])
+    assert knock.any()
+    for tcp in (True, False):
+        assert not contradicted(kept, replace(again, values=again.values + knock), held, tcp=tcp)
+
+
+@pytest.mark.parametrize("tcp", [True, False])
+def test_what_is_left_is_one_number(
+    second: tuple[loop.Kept, Estimate, list[Held]], answers: dict[bool, Outcome], tcp: bool
+) -> None:
+    """The same readings: what `--measured` finds left is what a next proposal says is there now."""
+    kept, again, _ = second
+    limits = {n: tuple(np.radians(v) if n in "AC" else v) for n, v in kept.record["volume"].items()}
+    now = propose(again, "siemens", present=of_record(kept.record), volume=limits, tcp=tcp).fit.rms_before
+    left = answers[tcp].measured
+    assert [left.value, left.low, left.high] == pytest.approx([now.value, now.low, now.high], rel=1e-3)
 
 
 def test_a_wrong_answer_decides_nothing(answers: dict[bool, Outcome]) -> None:
@@ -101,6 +139,36 @@ def test_with_it_on_the_verdict_stays_and_both_reasons_are_named(answers: dict[b
     asked = asked_otherwise(answers[False], answers[True], tcp=True)
     assert asked.verdict == answers[False].verdict
     assert "state --no-tcp" in asked.text and "does not use the kinematics" in asked.text
+
+
+@pytest.mark.parametrize(
+    ("before", "promised", "left", "share", "word"),
+    [
+        # Second compensations of a simulated machine, as a user had them: each keeps its promise, and each was "rolled back".
+        ((3.81, 3.15, 5.45), (3.41, 3.10, 3.95), (3.54, 3.21, 4.22), (1.20, 0.86, 1.54), "kept"),
+        ((2.07, 0.83, 4.88), (1.48, 0.70, 2.91), (2.42, 1.41, 3.82), (1.03, 0.93, 1.14), "kept"),
+        ((1.80, 0.45, 4.05), (0.90, 0.48, 1.97), (1.45, 0.87, 2.76), (1.43, 0.78, 2.07), "kept"),
+        # A large one: loaded, not loaded, half of its tables, with a wrong sign, held twice.
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (1.3, 0.8, 2.5), (1.00, 0.99, 1.01), "kept"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.0, 29.7, 30.4), (0.00, -0.02, 0.02), "rolled back"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (16.6, 16.2, 17.0), (0.70, 0.69, 0.71), "not as promised"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (60.2, 59.8, 60.6), (-1.0, -1.02, -0.98), "rolled back"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.1, 29.7, 30.5), (2.00, 1.98, 2.02), "rolled back"),
+        # A small one that these touches cannot tell from none, one that is not loaded and seen as such, one with a knock after it.
+        ((2.0, 0.8, 4.9), (1.4, 0.7, 2.9), (1.9, 0.8, 4.0), (0.55, 0.10, 0.95), "undecided"),
+        ((2.0, 0.8, 4.9), (1.4, 0.7, 2.9), (2.1, 1.0, 4.0), (0.50, -0.30, 1.30), "undecided"),
+        ((2.0, 1.6, 2.9), (1.0, 0.7, 1.5), (2.0, 1.6, 2.9), (0.10, -0.20, 0.40), "rolled back"),
+        ((3.81, 3.15, 5.45), (3.41, 3.10, 3.95), (24.0, 23.5, 24.5), (1.10, 0.80, 1.40), "not as promised"),
+    ],
+)  # fmt: skip
+def test_only_evidence_against_it_rolls_a_compensation_back(
+    before: tuple[float, float, float],
+    promised: tuple[float, float, float],
+    left: tuple[float, float, float],
+    share: tuple[float, float, float],
+    word: str,
+) -> None:
+    assert judged(Figure(*before), Figure(*promised), Figure(*left), Figure(*share)) == word
 
 
 def test_a_sign_trial_asks_for_no_sign_trial(cell: Path) -> None:

@@ -135,12 +135,20 @@ def _worse(best: Fit) -> list[str]:
     """fit → a sentence where nothing is gained, or where the largest errors grow while their mean square falls."""
     if best.rms_after.value > WORTH_IT * best.rms_before.value:
         return ["NOTE: this takes hardly anything away, and a second measurement could not confirm it: leave the control as it is"]
+    notes = []
+    if best.rms_after.value > best.rms_before.low:
+        low, high = best.rms_before.low, best.rms_before.high
+        notes.append(
+            f"NOTE: hardly any gain: the error now is between {low:.2f} and {high:.2f} µm, so it may be as small as what is "
+            "promised, and a second measurement could not tell. Leave the control as it is, or measure with more touches first"
+        )
     now, after = best.largest_before.value, best.largest_after.value
     if after <= now + LEAST_WORSE:
-        return []
+        return notes
     return [
+        *notes,
         f"NOTE: the largest errors get worse: 95 % of the volume are below {now:.1f} µm now, and below {after:.1f} µm after. These "
-        "numbers make the mean smaller and cannot follow the rest. Where the largest error counts, leave them as they are"
+        "numbers make the mean smaller and cannot follow the rest. Where the largest error counts, leave them as they are",
     ]
 
 

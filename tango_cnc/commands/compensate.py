@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
+from ..compensate.contradicted import contradicted
 from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
@@ -125,6 +126,12 @@ def command(**options: Any) -> int:
     )
     if options["trial_of"] is not None:
         return _sign_trial(cell, proposal, result, options)
+    if last and not options["despite"]:
+        kept = loop.Kept(0, options["present"], dict(last))
+        if why := contradicted(kept, result, proposal.held, tcp=options["tcp"] is not False):
+            raise InputError(
+                f"--readings: found {current(folder, options['file'])}: {why}; --despite where the machine is really so"
+            )
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
         click.echo(_compensate.text(proposal))

@@ -17,7 +17,7 @@ from ..model import Model, errors
 from ..records import Array, Machine, TangoError
 from ..terms import Coefficient
 from ..touches import Touches
-from .promise import Figure, likely, mean, most, with_programs
+from .promise import Figure, likely, mean, most, there, with_programs
 from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
 
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
@@ -139,12 +139,8 @@ class Holding:
 
     def now(self, found: Known, unseen: Array | None = None) -> Array:
         """what is known, (h,) what the control takes away unseen → (k, m, n) mm, draws of the error as it is now."""
-        if unseen is None or not unseen.any():
-            return likely(found.values, found.covariance, self.levers, self.levers, freedom=found.freedom)
-        gone = self.space @ unseen
-        values = np.linalg.lstsq(self.levers, gone, rcond=1e-9)[0]  # so that what is left is drawn towards zero, and not all of it
-        rest = self.levers @ values - gone
-        return likely(found.values - values, found.covariance, self.levers, self.levers, rest, freedom=found.freedom)
+        gone = None if unseen is None else self.space @ unseen
+        return there(found.values, found.covariance, self.levers, gone, found.freedom)
 
     def left(self, found: Known, rounded: Array) -> Array:
         """what is known, (h,) what rounding takes off the numbers → (k, m, n) mm, draws of what is truly left."""

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..estimate import Estimate
-from .fit import known, rms
+from ..records import Array
+from .fit import Known, known, rms
 from .hidden import of_record, unseen
 from .loop import Kept
-from .promise import DRAWS, Figure, mean, sizes
+from .promise import DRAWS, Figure, mean, there
 from .space import Held, Poses, sample
 
 SEEN = 0.9  # of what was changed, so that touches can decide
@@ -31,8 +32,24 @@ class Outcome:
     text: str
 
 
-def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
-    """compensation, estimate of readings made with it in the control, what its target holds → what became of the promise.
+@dataclass(frozen=True)
+class Run:
+    """What a run with a compensation in the control finds, over its volume, set-up taken out."""
+
+    levers: Array  # (3n, p) mm per unit of every coefficient
+    error: Array  # (3n,) mm, `told` taken off
+    told: Array  # (3n,) mm that the kinematics take away and the run did not see
+    moved: Array  # (3n,) mm of what was changed that the run could see
+    now: Known
+
+    def left(self, *, loaded: bool = True) -> Figure:
+        """→ what is left, µm rms, as a proposal says it; not `loaded`: what would be, were it not in these readings."""
+        gone = self.told if loaded else self.told + self.moved
+        return mean(there(self.now.values, self.now.covariance, self.levers, gone, self.now.freedom))
+
+
+def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run:
+    """compensation, estimate of readings made with it in the control, what its target holds → what they find.
 
     `tcp`: the readings were made with tool center point control on. Without it a probing cycle sees the axes and not the
     control's kinematics: what the kinematics hold is then taken off the second estimate by calculation.
@@ -42,49 +59,86 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     limits = {n: (low * scale[n], high * scale[n]) for n, (low, high) in kept.record["volume"].items()}
     at = sample(machine, limits)
     now = known(result, at)
-    told = _unseen(kept, proposal_held, at) if not tcp else np.zeros(3 * len(at))
-    error = at.free((now.error(at).ravel() - told)[:, None])
-    levers = at.free(now.levers(at))
-    scatter = now.draws(DRAWS)
-    drawn = error + levers @ scatter
-    measured = mean(sizes(scatter.T, levers, -error[:, 0])[None])
-    promise = kept.record["promise"]
-    before, promised = (Figure(**promise[key]) for key in ("rms_before_um", "rms_after_um"))
-    moved = at.free(_moved(kept, proposal_held, at, [tcp or not h.tcp for h in proposal_held])[:, None])[:, 0]
-    helped = _helped(moved, levers, drawn)
+    told = _unseen(kept, held, at) if not tcp else np.zeros(3 * len(at))
+    columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, [tcp or not h.tcp for h in held])]
+    error, told, moved = at.free(np.stack(columns, axis=1)).T
+    return Run(at.free(now.levers(at)), error, told, moved, now)
+
+
+def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
+    """compensation, estimate of readings made with it in the control, what its target holds → what became of the promise.
+
+    `tcp`: the readings were made with tool center point control on.
+    """
+    run = ran(kept, result, proposal_held, tcp=tcp)
+    measured = run.left()
+    before, promised = promises(kept.record)
+    helped = _helped(run.moved, run.levers, run.error[:, None] + run.levers @ run.now.draws(DRAWS))
+    verdict = judged(before, promised, measured, helped)
     left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
     undo = f"load the files of {kept.folder / 'undo'}"
     calculated = ""
-    if told.any():
-        size = rms(at.free(told[:, None]))
-        calculated = f". What the kinematics hold ({size:.2f} µm) is taken off by calculation: this run could not see it"
+    if run.told.any():
+        calculated = f". What the kinematics hold ({rms(run.told):.2f} µm) is taken off by calculation: this run could not see it"
     share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
-    if helped is None or helped.low <= 0 < 1 <= helped.high:
-        verdict = "undecided"
-        if helped is None and told.any():
-            text = (
-                "a run without tool center point control sees too little of what was changed to decide anything. Measure again "
-                "with it on, and state --tcp"
-            )
-        else:
-            why = "these touches see too little of what was changed" if helped is None else share
-            text = f"{why}: that decides nothing. Measure again with the strategy and the terms that the compensation was made from"
-    elif helped.high < HELPED or measured.low > 0.9 * before.low:
-        verdict = "rolled back"
+    again = "Measure again with the strategy and the terms that the compensation was made from"
+    if helped is None and run.told.any():
+        text = (
+            "a run without tool center point control sees too little of what was changed to decide anything. Measure again "
+            "with it on, and state --tcp"
+        )
+    elif helped is None or _spans(helped):
+        why = "these touches see too little of what was changed" if helped is None else share
+        text = f"{why}: that decides nothing. {again}"
+    elif verdict == "undecided":
+        text = f"{left}; {share}{calculated}. The gain is too small for these touches. {again}, or with more touches"
+    elif verdict == "rolled back":
         text = (
             f"{left}: it has not helped; {share}{calculated}. Now {undo}: it is noted as taken out. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
         )
-    elif measured.low <= promised.high:
-        verdict = "kept"
+    elif verdict == "kept":
         text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
+        if not _less(measured, before):
+            text += f". Whether less is left than before ({before.low:.2f} to {before.high:.2f} µm), these touches cannot tell"
     else:
-        verdict = "not as promised"
-        text = (
-            f"{left}, but no more than {promised.high:.2f} µm were promised; {share}{calculated}. It has helped in part: look for "
-            f"a table that the control does not use; to go back, {undo}"
-        )
+        text = f"{left}, but no more than {promised.high:.2f} µm were promised; {share}{calculated}. "
+        if _less(measured, before):
+            text += f"It has helped in part: look for a table that the control does not use; to go back, {undo}"
+        else:
+            text += f"The control uses what was written: look for what else has changed since (a knock, warmth); to go back, {undo}"
     return Outcome(before, promised, measured, verdict, text)
+
+
+def promises(record: Mapping[str, Any]) -> tuple[Figure, Figure]:
+    """record of a compensation → what was there before, and what it promised to leave, µm rms."""
+    before, promised = (Figure(**record["promise"][key]) for key in ("rms_before_um", "rms_after_um"))
+    return before, promised
+
+
+def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | None) -> str:
+    """what was before, promised, is left; share of what the run could see that is gone → the verdict.
+
+    Rolled back is what has evidence against it: less than half is gone, or so much more than all that no less is left than
+    before. The sizes alone are none: where little was to be gained, their intervals overlap whatever has happened.
+    """
+    if helped is None or _spans(helped):
+        return "undecided"
+    too_much = helped.low > 2 - HELPED and measured.low > promised.high and not _less(measured, before)
+    if helped.high < HELPED or too_much:
+        return "rolled back"
+    if not (_less(measured, before) or HELPED < helped.low < 2 - HELPED):
+        return "undecided"
+    return "kept" if measured.low <= promised.high else "not as promised"
+
+
+def _spans(helped: Figure) -> bool:
+    return helped.low <= 0 < 1 <= helped.high
+
+
+def _less(measured: Figure, before: Figure) -> bool:
+    """→ whether less is left than before, beyond both intervals."""
+    return measured.high < before.low
 
 
 def asked_otherwise(found: Outcome, other: Outcome, *, tcp: bool) -> Outcome:
@@ -114,7 +168,7 @@ def _percent(share: Figure) -> str:
     return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
 
 
-def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -> np.ndarray:
+def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -> Array:
     """→ (3n,) mm of tip error that these entries take away."""
     numbers = {v["place"]: v["new"] - v["present"] for v in kept.record["values"]}
     result = np.zeros(3 * len(at))
@@ -124,14 +178,14 @@ def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -
     return result
 
 
-def _unseen(kept: Kept, held: Sequence[Held], at: Poses) -> np.ndarray:
+def _unseen(kept: Kept, held: Sequence[Held], at: Poses) -> Array:
     """→ (3n,) mm of tip error that the kinematics take away in all, by this compensation and those before it."""
     present = of_record(kept.record)
     sizes = unseen(held, present.numbers, present.before(held))
     return sum((h.lever(at).ravel() * v for h, v in zip(held, sizes, strict=True) if v), np.zeros(3 * len(at)))
 
 
-def _helped(moved: np.ndarray, levers: np.ndarray, left: np.ndarray) -> Figure | None:
+def _helped(moved: Array, levers: Array, left: Array) -> Figure | None:
     """(3n,) mm that a compensation takes away, (3n, p) what touches can tell, (3n, m) draws of what is left → share that is gone.
 
     What a fit leaves is at right angles to what it takes away: whatever of `moved` is found in the rest has not been taken.

@@ -69,6 +69,18 @@ def likely(
     return np.array(found)
 
 
+def there(values: Array, covariance: Array, levers: Array, gone: Array | None = None, freedom: float | None = None) -> Array:
+    """(p,) (p, p) estimate, (3n, p) tip error of every coefficient → (k, m, n) mm, draws of the error as it is now.
+
+    `gone`: (3n,) mm that the control takes away and the readings do not contain. What is left of it is drawn towards zero, not all
+    of it. A sum of estimate and scatter would contain the scatter twice: the estimate has it already.
+    """
+    if gone is None or not gone.any():
+        return likely(values, covariance, levers, levers, freedom=freedom)
+    known = np.linalg.lstsq(levers, gone, rcond=1e-9)[0]
+    return likely(values - known, covariance, levers, levers, levers @ known - gone, freedom)
+
+
 def _even(rng: np.random.Generator, rows: int) -> Array:
     """generator, k → (k, m) probabilities in random order, one in each m-th of 0 … 1: tails are drawn as often as they are likely.
 

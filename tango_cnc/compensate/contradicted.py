@@ -1,0 +1,44 @@
+"""Readings that contradict what is stated of them: only with another state of the control they are as promised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..estimate import Estimate
+from .loop import Kept
+from .outcome import promises, ran
+from .promise import Figure
+from .space import Held
+
+
+def contradicted(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> str:
+    """compensation in the control, estimate of readings made with it, what its target holds → what the readings say instead.
+
+    '' where they agree with the promise, and where nothing else does: then the machine itself may have changed.
+    """
+    promised = promises(kept.record)[1]
+    run = ran(kept, result, held, tcp=tcp)
+    left = run.left()
+    if left.low <= promised.high:
+        return ""
+    stated = f"they leave {_size(left)} µm, and no more than {promised.high:.2f} were promised"
+    if any(h.tcp for h in held):
+        other = ran(kept, result, held, tcp=not tcp).left()
+        if other.low <= promised.high:
+            was, meant = ("off", "--no-tcp") if tcp else ("on", "--tcp")
+            return (
+                f"made with tool center point control {'on' if tcp else 'off'}, {stated}; made with it {was}, they leave "
+                f"{_size(other)}, as promised. Find out how they were made; allowed: {meant} when it was {was}"
+            )
+    without = run.left(loaded=False)
+    if without.low <= promised.high:
+        return (
+            f"made with {kept.folder} in the control, {stated}; made without it, it would leave {_size(without)}, as promised. "
+            "What it takes away would be taken away twice; allowed: readings made with it. When it is not in the control any "
+            "more, note that (--rolled-back), and give what is there"
+        )
+    return ""
+
+
+def _size(figure: Figure) -> str:
+    return f"{figure.value:.2f} ({figure.low:.2f} to {figure.high:.2f})"
