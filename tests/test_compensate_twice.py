@@ -150,18 +150,18 @@ def test_with_it_on_the_verdict_stays_and_both_reasons_are_named(answers: dict[b
         ((1.80, 0.45, 4.05), (0.90, 0.48, 1.97), (1.45, 0.87, 2.76), (1.43, 0.78, 2.07), "kept"),
         # A large one: loaded, not loaded, half of its tables, with a wrong sign, held twice.
         ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (1.3, 0.8, 2.5), (1.00, 0.99, 1.01), "kept"),
-        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.0, 29.7, 30.4), (0.00, -0.02, 0.02), "rolled back"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.0, 29.7, 30.4), (0.00, -0.02, 0.02), "no help"),
         ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (16.6, 16.2, 17.0), (0.70, 0.69, 0.71), "not as promised"),
-        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (60.2, 59.8, 60.6), (-1.0, -1.02, -0.98), "rolled back"),
-        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.1, 29.7, 30.5), (2.00, 1.98, 2.02), "rolled back"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (60.2, 59.8, 60.6), (-1.0, -1.02, -0.98), "no help"),
+        ((30.1, 29.8, 30.5), (0.9, 0.5, 1.9), (30.1, 29.7, 30.5), (2.00, 1.98, 2.02), "no help"),
         # A small one that these touches cannot tell from none, one that is not loaded and seen as such, one with a knock after it.
         ((2.0, 0.8, 4.9), (1.4, 0.7, 2.9), (1.9, 0.8, 4.0), (0.55, 0.10, 0.95), "undecided"),
         ((2.0, 0.8, 4.9), (1.4, 0.7, 2.9), (2.1, 1.0, 4.0), (0.50, -0.30, 1.30), "undecided"),
-        ((2.0, 1.6, 2.9), (1.0, 0.7, 1.5), (2.0, 1.6, 2.9), (0.10, -0.20, 0.40), "rolled back"),
+        ((2.0, 1.6, 2.9), (1.0, 0.7, 1.5), (2.0, 1.6, 2.9), (0.10, -0.20, 0.40), "no help"),
         ((3.81, 3.15, 5.45), (3.41, 3.10, 3.95), (24.0, 23.5, 24.5), (1.10, 0.80, 1.40), "not as promised"),
     ],
 )  # fmt: skip
-def test_only_evidence_against_it_rolls_a_compensation_back(
+def test_only_evidence_against_it_is_no_help(
     before: tuple[float, float, float],
     promised: tuple[float, float, float],
     left: tuple[float, float, float],

@@ -26,6 +26,7 @@ from tango_cnc.iso230.poses import at_poses
 from tango_cnc.nightly.ports import Measured
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, World
+from tango_cnc.report.compensated import held
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -33,6 +34,8 @@ from tango_cnc.state.volume import LEVELS
 from tango_cnc.verify.volume import grid, set_up, setup_lever
 
 NOW, LATER = "2026-01-01T00:00:00Z", "2026-02-01T00:00:00Z"
+
+DECIDES = {"undecided": "--measured 1 --tcp", "not as promised": "--measured 1", "no help": "load its undo/"}
 
 
 def run(*arguments: object) -> Result:
@@ -75,34 +78,37 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     written = night()
     assert written["verdict"] == bare["verdict"] == "out_of_limits"  # nobody has measured yet whether it acts
     assert "tango compensate' writes" in bare["behind"][0]["do"] and "Enter nothing again" in written["behind"][0]["do"]
-    for event in ("undecided", "not as promised"):  # a measurement that did not show that it acts
+    for event in ("undecided", "not as promised", "no help"):  # a measurement that did not show that it acts
         loop.note(folder, kept, LATER, event, tcp=False)
         unsure = night()
         assert unsure["limits"] == bare["limits"] and unsure["in_control"]["event"] == event
         assert "measured with it was " + event in unsure["behind"][0]["do"]
+        assert DECIDES[event] in unsure["behind"][0]["do"] and DECIDES[event] in held(unsure, texts())
     loop.note(folder, kept, LATER, "kept", tcp=True)
     assert night()["limits"] == bare["limits"]  # where probing sees it, nothing is taken off
     loop.note(folder, kept, LATER, "kept", tcp=False)
-    held = night()
-    assert held["verdict"] == "good" and "behind" not in held and held["in_control"]["target"] == "fanuc"
+    own = night()
+    assert own["verdict"] == "good" and "behind" not in own and own["in_control"]["target"] == "fanuc"
     true = worst(cell, world, read(kept.folder, cell.machine))
-    print(bare["volume"], held["volume"], true)
-    assert held["limits"][0]["low"] < true < held["limits"][0]["high"]
-    for name, value in held["parameters"].items():  # the trend goes on as it was measured
+    print(bare["volume"], own["volume"], true)
+    assert own["limits"][0]["low"] < true < own["limits"][0]["high"]
+    for name, value in own["parameters"].items():  # the trend goes on as it was measured
         assert value["value"] == bare["parameters"][name]["value"]
-    assert abs(held["parameters"]["EY0C"]["value"] - held["parameters"]["EY0C"]["in_control"]) < 0.002
+    assert abs(own["parameters"]["EY0C"]["value"] - own["parameters"]["EY0C"]["in_control"]) < 0.002
     # A change of 20 µm after that: the whole error of parts is the change, and the page does not ask for what is there already.
-    moved = {**held["parameters"]["EY0C"]}
+    moved = {**own["parameters"]["EY0C"]}
     moved["value"] += 0.020
     alarm = {"id": "2026-02-02-1", "parameter": "EY0C", "cause": "axis_location", "size": 0.020, "std": 5e-4, "unit": "mm"}
     alarm |= {"text": "EY0C has moved", "since": "2026-02-01", "on_part_um": 20.0}
-    record = {**held, "verdict": "changed", "kind": "full", "parameters": {"EY0C": moved}, "alarms": [alarm]}
+    record = {**own, "verdict": "changed", "kind": "full", "parameters": {"EY0C": moved}, "alarms": [alarm]}
     (fault,) = faults(record, (), {}, Units(), texts())
     assert "is +20 µm today" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
     second = loop.store(folder, proposal, LATER)  # on top of it: until it is kept, the first counts
     for event in ("written", "undecided"):
         loop.note(folder, second, LATER, event)
         assert night()["verdict"] == "good" and night()["in_control"]["number"] == 1
+    loop.note(folder, second, LATER, "no help")  # a wrong sign, perhaps: then not even the first one acts
+    assert night()["verdict"] == "out_of_limits" and night()["in_control"]["number"] == 2
     loop.note(folder, second, LATER, "rolled back", text="spindle")
     loop.note(folder, kept, LATER, "rolled back", text="spindle")
     assert night()["verdict"] == "out_of_limits"

@@ -26,11 +26,13 @@ def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InCont
     """cell, model of its machine, function → (m, 3, p) what unknowns do at the corners of what is touched → what parts do not have.
 
     None where no compensation is in the control, or where the runs see all of it: it was kept after one with tool center point
-    control. Nothing is taken off for one that is only noted as written, or whose measurement was undecided or not as promised:
-    nobody knows that it acts. Where it was made on top of one that was kept, that one counts until then: the control has at least
-    its numbers.
+    control. Nothing is taken off for one that is only noted as written, or whose measurement was undecided, not as promised or
+    no help: nobody knows that it acts. Where it was made on top of one that was kept, that one counts until then: the control
+    has at least its numbers. After no help even that is not known.
     """
-    kept = _proven(folder) or loop.in_control(folder)
+    kept = loop.in_control(folder)
+    if kept is not None and loop.state(folder, kept.number) != "no help":
+        kept = _proven(folder) or kept
     state = "" if kept is None else loop.state(folder, kept.number)
     if kept is None or state not in loop.IN_CONTROL:
         return None

@@ -230,7 +230,9 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
         return None
     found = in_control(folder, result.model, lambda: levers_of(result))
-    return None if found is None or not found.measured else Held(found.number, found.target, False, found.gone)
+    if found is None:
+        return None
+    return Held(found.number, found.target, False, found.gone if found.measured else None, found.event)
 
 
 def _place(folder: Path) -> str | Path | None:

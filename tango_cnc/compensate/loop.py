@@ -1,4 +1,4 @@
-"""Proposed → written → measured → kept or rolled back: the folder `compensations/` of a cell.
+"""Proposed → written → measured → kept, or rolled back by a person: the folder `compensations/` of a cell.
 
 Every compensation has a folder of its own with the files for the control, `undo/` with the same files as they were before,
 `steps.txt` and `compensation.json`, which holds all values and texts once more. What happens to it is added to
@@ -26,7 +26,7 @@ from .targets import SIGN_TRIAL
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 STEPS, CELL = "steps.txt", "tango.yaml"
-IN_CONTROL = ("written", "kept", "not as promised", "undecided")  # after these events the control has it
+IN_CONTROL = ("written", "kept", "not as promised", "undecided", "no help")  # until a person notes that undo/ is loaded
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 FIGURE = {"value": float, "low?": float, "high?": float}
@@ -155,7 +155,7 @@ def history(cell: Path) -> list[dict[str, Any]]:
 
 
 def state(cell: Path, number: int) -> str:
-    """cell, number → proposed, written, kept, not as promised, undecided, rolled back."""
+    """cell, number → proposed, written, kept, not as promised, undecided, no help, rolled back."""
     return next((e["event"] for e in reversed(history(cell)) if e["compensation"] == number), "proposed")
 
 

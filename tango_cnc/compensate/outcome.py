@@ -1,4 +1,4 @@
-"""What a second measurement says of a compensation: kept, not as promised, undecided, rolled back."""
+"""What a second measurement says of a compensation: kept, not as promised, undecided, no help."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Outcome:
     before: Figure
     promised: Figure
     measured: Figure
-    verdict: str  # kept, not as promised, undecided, rolled back
+    verdict: str  # kept, not as promised, undecided, no help
     text: str
 
 
@@ -92,9 +92,10 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
         text = f"{why}: that decides nothing. {again}"
     elif verdict == "undecided":
         text = f"{left}; {share}{calculated}. The gain is too small for these touches. {again}, or with more touches"
-    elif verdict == "rolled back":
+    elif verdict == "no help":
         text = (
-            f"{left}: it has not helped; {share}{calculated}. Now {undo}: it is noted as taken out. "
+            f"{left}: it has not helped; {share}{calculated}. Now {undo}, and note it: "
+            f"tango compensate --rolled-back {kept.number} --reason TEXT. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
         )
     elif verdict == "kept":
@@ -119,14 +120,14 @@ def promises(record: Mapping[str, Any]) -> tuple[Figure, Figure]:
 def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | None) -> str:
     """what was before, promised, is left; share of what the run could see that is gone → the verdict.
 
-    Rolled back is what has evidence against it: less than half is gone, or so much more than all that no less is left than
+    No help is what has evidence against it: less than half is gone, or so much more than all that no less is left than
     before. The sizes alone are none: where little was to be gained, their intervals overlap whatever has happened.
     """
     if helped is None or _spans(helped):
         return "undecided"
     too_much = helped.low > 2 - HELPED and measured.low > promised.high and not _less(measured, before)
     if helped.high < HELPED or too_much:
-        return "rolled back"
+        return "no help"
     if not (_less(measured, before) or HELPED < helped.low < 2 - HELPED):
         return "undecided"
     return "kept" if measured.low <= promised.high else "not as promised"

@@ -257,9 +257,8 @@ class Nights:
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         if self.control is not None and not self.control.measured:
-            key = "measure_first" if self.control.event == "written" else "measure_again"
-            again = say(f"night.{key}", number=self.control.number, target=self.control.target, event=self.control.event)
-            causes = [cause if cause["since"] else {**cause, "do": again} for cause in causes]
+            causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
+            alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
         told = {
             "verdict": "doubtful"
             if doubtful

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..records import Array
+from ..report.compensated import order
 from ..report.units import shown
 from ..state import Frame, State
 from ..state.volume import Volume
-from ..texts import say
+from ..texts import Said, joined, say
 
+ENTERING = ("cause.axis_location.do", "part.square_do", "night.most_do", "night.beyond_do")  # that speak of a compensation
 COVER = 1.959964  # standard deviations of 95 %
 
 
@@ -23,12 +25,22 @@ class InControl:
     target: str
     date: str  # of the event that counts
     gone: Array  # (p,) of every unknown that is followed: what parts do not have
-    event: str = "kept"  # or written, undecided, not as promised: then nothing is gone, as nobody knows that it acts
+    event: str = "kept"  # or written, undecided, not as promised, no help: then nothing is gone, as nobody knows that it acts
 
     @property
     def measured(self) -> bool:
         """→ whether it was found to help."""
         return self.event == "kept"
+
+    def instead(self, do: Said | str, *, changed: bool) -> Said | str:
+        """what to do about an error → the same while nobody knows whether the compensation acts: none is entered once more.
+
+        `changed`: since another night, as after a knock, so that a compensation on top of it may be right.
+        """
+        words = {"number": self.number, "target": self.target, "event": self.event}
+        if not changed:
+            return say(order(self.event), **words)
+        return joined(" ", [do, say("night.on_top", **words)]) if isinstance(do, Said) and do.key in ENTERING else do
 
     def as_json(self) -> dict[str, Any]:
         """→ member `in_control` of the record."""

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
+from ..report.compensated import held
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
@@ -188,10 +189,8 @@ def message(
         if not record.get("carried", True):
             lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
     lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
-    if held := record.get("in_control"):
-        event = held.get("event") or ("kept" if held["measured"] else "written")
-        key = {"kept": "night.in_control", "written": "night.in_control_written"}.get(event, "night.in_control_open")
-        lines.append(f"* {t(key, number=held['number'], target=held['target'], date=held['date'], event=event)}")
+    if line := held(record, t):
+        lines.append(f"* {line}")
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")

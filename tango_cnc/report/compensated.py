@@ -10,6 +10,8 @@ from .days import local_day
 from .texts import Texts
 
 SHOWN = {"written": "written", "kept": "kept", "rolled back": "taken_out"}  # event: key of its words; others change nothing
+HELD = {"kept": "in_control", "written": "in_control_written"}  # event: key of what the night says of it
+ORDERS = {"written": "measure_first", "undecided": "decide", "no help": "take_out"}  # event: key of what to do
 
 
 def marked(events: Sequence[Any], t: Texts) -> dict[str, str]:
@@ -20,6 +22,22 @@ def marked(events: Sequence[Any], t: Texts) -> dict[str, str]:
             said = t(f"trend.compensation_{SHOWN[e.event]}", number=e.number)
             found.setdefault(local_day(e.utc), []).append(said)
     return {day: ", ".join(dict.fromkeys(said)) for day, said in found.items()}
+
+
+def held(record: Mapping[str, Any], t: Texts) -> str:
+    """record of a night, texts → what to say of a compensation in the control that probing may not see; '' without one."""
+    if not (known := record.get("in_control")):
+        return ""
+    event = str(known.get("event") or ("kept" if known["measured"] else "written"))
+    line = t(
+        f"night.{HELD.get(event, 'in_control_open')}", **{key: known[key] for key in ("number", "target", "date")}, event=event
+    )
+    return line if event == "kept" else f"{line} {t(order(event), number=known['number'], target=known['target'], event=event)}"
+
+
+def order(event: str) -> str:
+    """event after which nobody knows whether a compensation acts → key of what to do before anything else is entered."""
+    return f"night.{ORDERS.get(event, 'measure_again')}"
 
 
 def placed(marks: Mapping[str, str], first: date, last: date) -> list[tuple[float, str]]:

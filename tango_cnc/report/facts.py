@@ -31,6 +31,7 @@ from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
 from .answer import LEVELS, Answer, answer
+from .compensated import order
 from .days import at, day
 from .pace import Ahead
 from .plain import length, plain
@@ -126,6 +127,7 @@ class Held:
     target: str
     older: bool
     gone: Array | None  # (p,) of every unknown: what parts do not have
+    event: str = "kept"  # or written, undecided, not as promised, no help: nobody knows that it acts
 
 
 @dataclass(frozen=True)
@@ -396,6 +398,8 @@ def _limit(f: Facts, t: Texts) -> Check:
     todo = t("todo.limit_open" if passed is None else "todo.limit")
     if f.control is not None and f.control.older:
         todo = t("todo.limit_older", number=f.control.number, target=f.control.target)
+    elif f.control is not None and f.control.event != "kept" and not passed:
+        todo = t(order(f.control.event), number=f.control.number, target=f.control.target, event=f.control.event)
     return Check("limit", "good" if passed else "look", value, text, todo, trust=False, tone=tone, label=label)
 
 

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from ..records import InputError, Machine
 from . import svg
 from .answer import Answer, answer, measuring
+from .compensated import held
 from .days import day, ended, local_day
 from .faults import alarm, answered, begun, faults, sentence, still_open, whole_sentence
 from .look import looks
@@ -144,6 +145,7 @@ def context(
         "volume": _volume(record, u),
         "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(t.of((record.get("next") or {}).get("why") or ""))},
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
+        "held": held(record, t),
         "look": looks((record.get("plausible") or {}).get("reasons") or (), t),
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
