@@ -17,7 +17,7 @@ import importlib.util
 import math
 import re
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -33,6 +33,7 @@ from ._confirmed import confirmed
 from ._options import GATE, KEPT, OBEYS, UNPROVEN, memory, stated
 from ._options import PROVES as PROVES
 from ._options import Option as Option
+from ._options import settled as settled
 from ._options import with_defaults as with_defaults
 from ._remedies import Remedies
 
@@ -189,6 +190,14 @@ def reach(plan: Plan) -> tuple[str, ...]:
     return (*facing, *own)
 
 
+def in_order(doubts: Sequence[str], each_run: Sequence[str]) -> tuple[str, ...]:
+    """what is unverified, what a person must know of this plan → the list of a header, the most dangerous first."""
+    from tango_cnc.commission import by_danger  # here: it knows the experiments, and reads numpy for them
+
+    bare = tuple(doubt for doubt in doubts if doubt == UNPROVEN)
+    return (*bare, *each_run, *by_danger(doubt for doubt in doubts if doubt != UNPROVEN))
+
+
 def of_part(post: Post, given: Mapping[str, Any], part: tuple[int, int]) -> dict[str, Any]:
     """post, `controller` keys, (which part, of how many) → the keys for it: a program that has a number gets one of its own.
 
@@ -232,7 +241,7 @@ def length(
 
 def _marked(post: Post, plan: Plan, given: Mapping[str, Any], plan_mark: str, part: tuple[int, int]) -> Callable[[str], Job]:
     """what `program` is given → {mark of the program → its job}."""
-    options, doubts = settings(post, given), (*unverified(post, given), *reach(plan))
+    options, doubts = settings(post, given), in_order(unverified(post, given), reach(plan))
     if part[1] > 1:
         plan_mark = f"{plan_mark} PART {part[0]} OF {part[1]}"
     return lambda mark: Job(plan, _counted(plan, options), plan_mark, mark, doubts, part)

@@ -129,7 +129,9 @@ def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
 
 def kept_in_mind(job: Job) -> Iterator[str]:
     """job → the text of remarks on what the profile says of this control, and a person has to do in every run."""
-    if job.options.get("feed_override") == "acts":
+    if job.options.get("feed_override") != "acts":
+        yield "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES - HAND ON FEED HOLD"
+    else:
         yield "KEEP THE FEED OVERRIDE AT 100 PERCENT - IT ACTS ON MEASURING MOVES"
     if job.options.get("records_file") == "anew":
         yield "COPY THE FILE OF THE RECORDS BEFORE THE NEXT PROGRAM - THAT BEGINS IT ANEW"
@@ -137,6 +139,8 @@ def kept_in_mind(job: Job) -> Iterator[str]:
 
 def doubted(job: Job, width: int) -> Iterator[str]:
     """job, characters a line → the text of remarks that say all that is unverified, broken between words."""
+    if job.unverified:
+        yield "WHAT NOBODY HAS CONFIRMED HERE - THE MOST DANGEROUS FIRST"
     for doubt in job.unverified:
         yield from wrap(f"UNVERIFIED {comment(doubt, LONGEST)}", width, subsequent_indent="  ")
 

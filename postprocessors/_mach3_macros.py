@@ -1,6 +1,7 @@
 """Mach3's macros in Basic, one an M code: everything that moves, looks or stops is in them, as Mach3's G-code knows no conditions.
 
     M880 start    M881 protected move    M882 measuring move    M883 off the facet    M884 a rotary axis    M885 record    M886 end
+    M887 the step that shows whether positions come in mm
 
 Public macros do it the same way: G31 by Code, waiting for IsMoving, GetVar(2000 …), GetOEMDRO for positions, GetOEMLED(825) for
 the probe. Variables: #101 #102 #103 target, #104 feed, #105 angle of an axis, #106 #107 #108 stand-off (machine coordinates, mm),
@@ -16,9 +17,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
+from tango_cnc.gate import INCH
 from tango_cnc.records import OFF, Machine
 
-START, PROTECTED, MEASURE, FREE, TURN, RECORD, END = range(880, 887)
+START, PROTECTED, MEASURE, FREE, TURN, RECORD, END, STEPS = range(880, 888)
 PLACE = {name: i for i, name in enumerate("XYZABC")}
 TARGET, FEED, ANGLE, STANDOFF, EARLY, TOLERANCE, MISSES, SPINDLE = 101, 104, 105, 106, 109, 110, 111, 112
 SET, CALL, MOVES, DONE = 113, 114, 141, 152
@@ -26,6 +28,7 @@ _FLAG, _AT, _FRAME, _STOPPED, _MISSED = 120, 121, 131, 150, 151
 _MACHINE, _WORK, _PROBE, _STOP = 83, 800, 825, 1003
 _WAIT = ["While IsMoving()", "  Sleep 20", "Wend"]
 _DONE = f"Call SetVar({DONE}, GetVar({CALL}))"
+CHANGED = 0.005  # mm; the sum of three differences of positions that may come rounded to 0.001
 SHORTEST = 0.26  # mm of a G31: below 0.254 RS274/NGC complains, and what Mach3 does then nobody has written down
 _HALF_DEGREE = 0.00872664626  # rad
 
@@ -40,6 +43,7 @@ def macros(machine: Machine, readings: str, probe_off: str = "") -> dict[str, li
         TURN: ("turns rotary axis P (4 A, 5 B, 6 C)", _turn()),
         RECORD: ("writes touch P", _record(machine, readings)),
         END: ("writes the end mark", _end(readings)),
+        STEPS: ("a step that shows whether positions come in mm", _steps()),
     }
     number = _number("\n".join(line for code, (_, body) in texts.items() for line in _switched(_whole(0, code, body), probe_off)))
     return {
@@ -153,6 +157,28 @@ def _protected() -> list[str]:
     ]
 
 
+def _steps() -> list[str]:
+    """A step of so much in each of X Y Z; positions in inches would make a wrong frame, and send the first move anywhere."""
+    axes = " & ".join(f'" {n}" & Format(GetVar({TARGET + PLACE[n]}), "0.0000")' for n in "XYZ")
+    way = " + ".join(f"Abs(GetOEMDRO({_MACHINE + PLACE[n]}) - From{n})" for n in "XYZ")
+    wanted = " + ".join(f"Abs(GetVar({TARGET + PLACE[n]}))" for n in "XYZ")
+    return [
+        *_stop(f"GetOEMLED({_PROBE}) <> 0", "PROBE IS DEFLECTED"),
+        *(f"From{n} = GetOEMDRO({_MACHINE + PLACE[n]})" for n in "XYZ"),
+        f'Code "G91 G21 G31" & {axes} & " F" & GetVar({FEED})',
+        *_WAIT,
+        'Code "G90"',
+        *_WAIT,
+        f"Off = {way}",
+        f"Wanted = {wanted}",
+        *_stop(f"Abs(Off - Wanted / {INCH:g}) < 0.005", "POSITIONS ARE IN INCHES"),
+        *_stop(
+            f"Abs(Off - Wanted) > GetVar({TOLERANCE}) Or GetOEMLED({_PROBE}) <> 0",
+            "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM",
+        ),
+    ]
+
+
 def _measure(machine: Machine) -> list[str]:
     places = []
     for name in "XYZ":
@@ -169,7 +195,7 @@ def _measure(machine: Machine) -> list[str]:
         _code("G31", "XYZ", f"GetVar({FEED})"),
         *_WAIT,
         *places,
-        *_stop(f"{moved} > 0.001", "WORK OFFSET CHANGED"),
+        *_stop(f"{moved} > {CHANGED}", "WORK OFFSET CHANGED"),
         *_stop(f"{lag} > 1", "PLACE OF THE CONTACT IS AN OLD ONE"),
         "Flag = 1",
         f"If Sqr({way}) < GetVar({EARLY}) Then",

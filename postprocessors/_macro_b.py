@@ -74,13 +74,15 @@ OPTIONS: tuple[Option, ...] = (
     common.MISSED,
 )
 
-DOUBTS = (
-    "G31 ends at once when the probe is deflected and stores the end point in #506x when nothing is met",
+AT_ONCE = "G31 ends at once when the probe is deflected"
+SKIPS_SO = f"{AT_ONCE} and stores the end point in #506x when nothing is met"
+READS_SO = "G31 and a block with G53 alone stop the control from reading ahead"
+COMMON = (  # to the whole family; the other three are settled on some of it, and each post says on which
     "G53 G0 turns a rotary axis in machine coordinates",
     "#506x, #502x and #504x of axes at rest differ by constants, and come in millimetres after G21",
-    "G31 and a block with G53 alone stop the control from reading ahead",
     "a probe that is off stops nothing: protected moves protect only while it is on",
 )
+DOUBTS = (SKIPS_SO, READS_SO, *COMMON)
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,8 @@ class _Steps:
         yield f"DPRNT[TANGO*START*{job.mark}*#{FLAG}[60]]"
 
     def retract(self, job: Job, leg: Leg) -> Iterator[str]:
+        if not leg.came:  # nothing has moved yet
+            yield from text.stepped(job, self.words)
         yield "(NEAR)" if leg.kind == "near" else "(UP)"
         yield from self._protected(job, leg)
 
@@ -260,7 +264,7 @@ def _check(job: Job, words: Words) -> None:
         known = isinstance(code, int | float) and not isinstance(code, bool) and 0 <= code < 1000
         if group not in range(4001, 4023) or not known:
             raise InputError(f"controller.must_be_off: found {group!r}: {code!r}; allowed: 4001 … 4022 and a G code, e.g. 4011: 51")
-    if job.options["probe_state"] not in (0, *STATES):
+    if not words.look and job.options["probe_state"] not in (0, *STATES):
         raise InputError(
             f"controller.probe_state: found {job.options['probe_state']}; allowed: 0 or 1000 … 1063, e.g. 1004 for #1004"
         )

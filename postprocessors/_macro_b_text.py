@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from tango_cnc.gate import INCH, STEP, STEP_FEED, step
+
 from ._base import Job, early_distance, number
 from ._common import axis_numbers, signed
 
@@ -27,6 +29,7 @@ class Words:
     end: str = "M30"
     wait: str = "G53"  # where it is no option: a block after which #5021 is read with the axes at rest
     dwell: str = "G4 X{}."  # s
+    look: str = ""  # where it is an M code of ours: the block that stops while the probe is deflected
     settle: str = ""  # a block behind the words that switch the probe on
     alarm: str = "#3000={number}({text})"
     first_alarm: int = 81
@@ -103,6 +106,22 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
         yield f"IF[#31GT{number(ARRIVED)}]THEN{words.stop(3, 'ROTARY AXIS NOT IN PLACE')}"
 
 
+def stepped(job: Job, words: Words) -> Iterator[str]:
+    """Before all else a step: where positions come in inches, the difference of the frames would send the first move anywhere."""
+    name, by = step(job.plan)
+    place = f"#{5020 + axis_numbers(job)[name]}"
+    yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM)"
+    yield from _free(job, words)
+    yield f"#{WORK + 1}={place}"
+    yield f"G91 {job.options['skip']} {name}{number(by)} F{number(STEP_FEED)}"
+    yield "G90"
+    yield from _skipped(job)
+    yield f"#{WORK + 1}=ABS[{place}-#{WORK + 1}]"
+    yield f"IF[ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005]THEN{words.stop(10, 'POSITIONS ARE IN INCHES')}"
+    short = f"ABS[#{WORK + 1}-{number(STEP)}]GT{number(job.options['tolerance'])}"
+    yield f"IF[{short}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
+
+
 Piece = Callable[[Job, Words, Arguments], Iterator[str]]
 PIECES: tuple[tuple[str, Piece], ...] = (
     ("PROTECTED MOVE TO MACHINE X Y Z AT F", protected),
@@ -114,7 +133,9 @@ PIECES: tuple[tuple[str, Piece], ...] = (
 
 def _free(job: Job, words: Words) -> Iterator[str]:
     """Where the profile knows a variable for it: a deflected probe is an alarm, before a G31 that might not notice."""
-    if job.options["probe_state"]:
+    if job.options["probe_state"] and words.look:
+        yield words.look
+    elif job.options["probe_state"]:
         yield from waited(job)
         yield f"IF[#{job.options['probe_state']}NE0]THEN{words.stop(6, 'PROBE IS DEFLECTED')}"
 

@@ -81,6 +81,14 @@ def stated(option: Option, value: Any) -> Any:
     return value
 
 
+def settled(options: tuple[Option, ...], *names: str) -> tuple[Option, ...]:
+    """options of a family, names → the same; their defaults are known of this control. Raises KeyError for an unknown name."""
+    for name in names:
+        if name not in {option.name for option in options}:
+            raise KeyError(name)
+    return tuple(replace(option, verified=True) if option.name in names else option for option in options)
+
+
 def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
     """options of a family, name=value → the same with other defaults. Raises KeyError for an unknown name."""
     for name in defaults:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from tango_cnc.gate import INCH, STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -20,7 +21,7 @@ from ._remedies import CENTROID
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
 FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
-BIT, ON = 29122, 29123
+BIT, ON, FROM = 29122, 29123, 29124
 WAIT = "IF #50010"  # reading an input stops the look-ahead
 TRIPPED = "#25022"
 ARRIVED = 0.000087  # sine of half of 0.01 deg
@@ -33,8 +34,9 @@ STOPS = (
     "PROBE IS DEFLECTED",
     "ROTARY AXIS NOT IN PLACE",
     common.UNTOUCHED,
+    "POSITIONS ARE IN INCHES",
 )
-ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED = range(9001, 9007)
+ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES = range(9001, 9008)
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
 OPTIONS = (
@@ -103,7 +105,24 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"IF [[{TRIPPED} != 0] || [[{short}] > {number(job.options['tolerance'])}]] THEN GOTO {ON_THE_WAY}"
 
 
-retract = clear = back = move
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step: positions in inches would make a wrong frame, and send it anywhere."""
+    if not leg.came:
+        name, by = step(job.plan)
+        place = f"#{5020 + common.axis_numbers(job)[name]}"
+        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM"
+        yield f"#{FROM} = {place}"
+        yield "G91"
+        yield f"M125 /{name}[{number(by)}] P#9011 F{number(STEP_FEED)}"
+        yield "G90"
+        yield f"#{FROM} = ABS[{place} - #{FROM}]"
+        yield f"IF [ABS[#{FROM} - {number(STEP / INCH)}] < 0.005] THEN GOTO {INCHES}"
+        short = f"ABS[#{FROM} - {number(STEP)}] > {number(job.options['tolerance'])}"
+        yield f"IF [[{TRIPPED} != 0] || [{short}]] THEN GOTO {ON_THE_WAY}"
+    yield from move(job, leg)
+
+
+clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -185,10 +204,10 @@ def end(job: Job) -> Iterator[str]:
     """End mark, and what the stops say."""
     yield f'M223 "TANGO END {job.mark} {len(job.plan.touches)}\\n"'
     yield f"GOTO {LAST}"
-    for label, text in enumerate((*STOPS[:-1], common.unproven(job)), 9001):
+    for label, text in enumerate(STOPS, 9001):
         yield f"N{label}"
         yield from filter(None, [job.options["probe_off"]])
-        yield f'M225 #{SECONDS} "TANGO STOPPED. {text}"'
+        yield f'M225 #{SECONDS} "TANGO STOPPED. {common.unproven(job) if label == UNTOUCHED else text}"'
         yield f"GOTO {LAST}"
     yield f"N{LAST}"
 

@@ -15,6 +15,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from tango_cnc.gate import INCH, STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -26,7 +27,8 @@ VARIABLE = re.compile(r"V\.A\.[A-Z]{2,12}")
 STATE = re.compile(r"(V\.[A-Z0-9.]{2,20})?")
 FILE = re.compile(r"[A-Z]:(\\[A-Z0-9_-]{1,20}){1,5}\.[A-Z]{3}")
 ARRIVED = 0.000087  # sine of half of 0.01 deg: the names of rounding functions differ between the controls
-CHANGED = 0.001  # mm
+ON_ITS_WAY = "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE"
+CHANGED = 0.005  # mm; the sum of three differences of positions that may come rounded to 0.001
 LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 FOUND = ("P6", "P7", "P8", "P9", "P10", "P11")
@@ -105,9 +107,8 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield from _at_rest(job)
     yield _measure(job, place, job.options["positioning_feed"])
     yield f"{SHORT}={_distance(job, place)}"
-    yield from _stop_if(job, f"{SHORT}>{number(job.options['tolerance'])}", "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE")
-    if job.options["met"]:
-        yield from _stop_if(job, f"{_met(job)}!=0", "PROBE MET SOMETHING ON ITS WAY")
+    yield from _stop_if(job, f"{SHORT}>{number(job.options['tolerance'])}", ON_ITS_WAY)
+    yield from _met_nothing(job)
 
 
 def index(job: Job, leg: Leg) -> Iterator[str]:
@@ -125,7 +126,24 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield from _stop_if(job, f"{SHORT}>{number(ARRIVED, 6)}", "ROTARY AXIS NOT IN PLACE")
 
 
-retract = clear = back = move
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step: positions in inches would make a wrong frame, and send it anywhere."""
+    if not leg.came:
+        name, by = step(job.plan)
+        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM"
+        yield from _at_rest(job)
+        yield f"{SHORT}={_machine(job, name)}"
+        yield "G91"
+        yield f"G100 {name}{number(by)} F{number(STEP_FEED)}"
+        yield "G90"
+        yield f"{SHORT}=ABS[{_machine(job, name)}-{SHORT}]"
+        yield from _stop_if(job, f"ABS[{SHORT}-{number(STEP / INCH)}]<0.005", "POSITIONS ARE IN INCHES")
+        yield from _stop_if(job, f"ABS[{SHORT}-{number(STEP)}]>{number(job.options['tolerance'])}", ON_ITS_WAY)
+        yield from _met_nothing(job)
+    yield from move(job, leg)
+
+
+clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -203,6 +221,11 @@ def _stop_if(job: Job, condition: str, text: str) -> Iterator[str]:
     """No way out leaves the probe on or the file open."""
     off = filter(None, [job.options["probe_off"]])
     yield from _if(condition, *off, "#CLOSE", f'#ERROR ["TANGO {text}"]', "M30")
+
+
+def _met_nothing(job: Job) -> Iterator[str]:
+    if job.options["met"]:
+        yield from _stop_if(job, f"{_met(job)}!=0", "PROBE MET SOMETHING ON ITS WAY")
 
 
 def _if(condition: str, *then: str) -> Iterator[str]:

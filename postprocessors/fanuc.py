@@ -1,7 +1,7 @@
 """Fanuc 0i, 16i, 18i, 21i, 30i with custom macro B (B-63534EN, B-63944EN; docs/dialects.md says which facts are confirmed)."""
 
-from ._base import Post
-from ._macro_b import DOUBTS, OPTIONS, steps
+from ._base import Post, settled
+from ._macro_b import AT_ONCE, COMMON, OPTIONS, steps
 from ._macro_b_text import Words
 from ._remedies import FANUC
 
@@ -9,9 +9,9 @@ POST = Post(
     title="Fanuc macro B",
     extension="nc",
     language="macro_b",
-    options=OPTIONS,
+    options=settled(OPTIONS, "wait"),
     memory=512,
     remedies=FANUC,
-    doubts=DOUBTS,
+    doubts=(AT_ONCE, *COMMON),
     **steps(Words()),
 )

@@ -5,7 +5,7 @@ on axes by their letters (G54 X, Y, Z, A, B). An optical probe needs a second af
 """
 
 from ._base import Post, with_defaults
-from ._macro_b import DOUBTS, OPTIONS, steps
+from ._macro_b import AT_ONCE, COMMON, OPTIONS, steps
 from ._macro_b_text import Words
 from ._remedies import HAAS
 
@@ -25,7 +25,8 @@ POST = Post(
     memory=512,
     remedies=HAAS,
     doubts=(
-        *DOUBTS,
+        AT_ONCE,
+        *COMMON,
         "dynamic work offset G254 and tool centre point control G234 are off, and so are the settings for mirror images",
     ),
     **steps(Words(o_digits=5, dwell="G4 P{}.", settle="G4 P1.", fastest=2500.0)),

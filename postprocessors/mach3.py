@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from tango_cnc.gate import STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -19,7 +20,7 @@ from ._alive import proving
 from ._base import Job, Leg, Option, Post, early_distance, number
 from ._remedies import MACH3
 
-CALLS = re.compile(rf"M({'|'.join(map(str, range(basic.START, basic.END + 1)))})\b")
+CALLS = re.compile(rf"M({'|'.join(map(str, range(basic.START, basic.STEPS + 1)))})\b")
 FILE = re.compile(r"[A-Z]:\\(?:[A-Za-z0-9_ -]{1,40}\\){0,6}[A-Za-z0-9_-]{1,40}\.[a-z]{1,4}")
 
 OPTIONS = (
@@ -60,7 +61,7 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield from common.titled(job, "(%s)")
-    needs = f"NEEDS ITS MACROS M{basic.START} TO M{basic.END} IN THE MACROS FOLDER OF THE PROFILE"
+    needs = f"NEEDS ITS MACROS M{basic.START} TO M{basic.STEPS} IN THE MACROS FOLDER OF THE PROFILE"
     yield from common.warned(job, "(%s)", needs, "RECORDS END WITH THEIR CHECK SUM K")
     yield options["reset"]
     yield f"#{basic.EARLY}={number(early_distance(plan))}"
@@ -82,7 +83,18 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"M{basic.PROTECTED}"
 
 
-retract = clear = back = move
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step that shows whether positions come in mm."""
+    if not leg.came:
+        axis, by = step(job.plan)
+        yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM)"
+        yield _three(basic.TARGET, {name: by * (name == axis) for name in "XYZ"})
+        yield f"#{basic.FEED}={number(STEP_FEED)}"
+        yield f"M{basic.STEPS}"
+    yield from move(job, leg)
+
+
+clear = back = move
 approach = common.approaching("(%s)", move)
 
 
@@ -161,7 +173,7 @@ def _check(job: Job) -> None:
             "of letters, digits, blanks, _ and -"
         )
     common.fits(job)
-    common.spares(job, basic.START, basic.END)
+    common.spares(job, basic.START, basic.STEPS)
 
 
 POST = Post(

@@ -5,7 +5,7 @@ radius compensation is alarm P608, one without feed P603.
 """
 
 from ._base import Post, with_defaults
-from ._macro_b import DOUBTS, OPTIONS, steps
+from ._macro_b import COMMON, OPTIONS, READS_SO, steps
 from ._macro_b_text import Words
 from ._remedies import MITSUBISHI
 
@@ -16,6 +16,6 @@ POST = Post(
     options=with_defaults(OPTIONS, must_be_off={4011: 51, 4018: 16, 4019: 51.1}),
     memory=512,
     remedies=MITSUBISHI,
-    doubts=(*DOUBTS, "#5021, #5041 and #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
+    doubts=(READS_SO, *COMMON, "#5021, #5041 and #5061 and DPRNT are those of Fanuc", "IF and THEN stand in one block"),
     **steps(Words()),
 )

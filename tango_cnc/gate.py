@@ -22,6 +22,9 @@ TOUCH = "TOUCH THE STYLUS"  # what a program shows then, word by word
 BENT = 0.5  # mm: every stylus gives way by more; what a probe that says nothing is bent at most
 BEHIND = 0.45  # mm behind its facet where the search ends that proves the probe; the rest is for rounded angles (0.006 deg on grbl)
 ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet normal: touched from above
+STEP = 0.5  # mm of the step that shows whether positions come in mm: every stylus gives way by more
+STEP_FEED = 60.0  # mm/min of it
+INCH = 25.4  # mm
 PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
 
 
@@ -66,6 +69,19 @@ def _room(plan: Plan, start: Sequence[float], linear: Sequence[int], way: Sequen
         if travel is not None and abs(part) > 1e-9:
             room = min(room, ((travel[1] if part > 0 else travel[0]) - start[i]) / part)
     return room
+
+
+def step(plan: Plan) -> tuple[str, float]:
+    """plan → axis letter and mm of the step before all else that shows whether positions come in mm.
+
+    A program that takes the difference of two frames from the control would go anywhere where they come in inches. The step is
+    along the axis of its first move, away from its upper end, where people begin; it is said as a distance, so no frame matters.
+    """
+    first, touch = next(move for move, _ in plan.served), plan.touches[0]
+    name = next(name for name in plan.machine.linear if name in first.target)
+    column = plan.machine.column(name)
+    up = touch.over[column] - touch.standoff[column]
+    return name, -math.copysign(STEP, up if abs(up) > 1e-9 else 1.0)
 
 
 def proving_touch(plan: Plan) -> Touch:

@@ -58,7 +58,14 @@ INTERNAL: dict[str, str | None] = {
     "__main__": "cli",
 }
 # Packages beside tango_cnc, and who may import them.
-POSTS_MAY = ("tango_cnc.records", "tango_cnc.nearest", "tango_cnc.gate", "tango_cnc.plan.digest", "postprocessors")
+POSTS_MAY = (
+    "tango_cnc.records",
+    "tango_cnc.nearest",
+    "tango_cnc.gate",
+    "tango_cnc.plan.digest",
+    "tango_cnc.commission",
+    "postprocessors",
+)
 SIMULATOR_MAY = ("tango_cnc.records", "tango_cnc.nearest", "tango_cnc.files", "sim_controller")
 # The simulator is a program of its own; it ends with the same exit codes and sentences as `tango`.
 EXCEPTIONS = {"sim_controller.__main__": ("tango_cnc.cli",)}

@@ -194,6 +194,21 @@ def test_doubts_that_look_alike_are_told_apart_by_their_text(stated: str, left: 
     assert list(dict.fromkeys(text for text in said if text in alike)) == left
 
 
+@pytest.mark.parametrize(
+    ("name", "settled", "open_still"),
+    [
+        ("fanuc", ("reading ahead", "when nothing is met", "wait = "), ("ends at once when the probe is deflected",)),
+        ("haas", ("G53 alone stop the control", "when nothing is met"), ("wait = G103 P1", "ends at once")),
+        ("mitsubishi", ("G31 ends at once", "when nothing is met"), ("reading ahead",)),
+        ("mazak", (), ("ends at once", "when nothing is met", "reading ahead")),
+    ],
+)
+def test_what_a_manual_has_settled_is_no_doubt_any_more(name: str, settled: tuple[str, ...], open_still: tuple[str, ...]) -> None:
+    """B-63614EN p. 322 and the 15i manual p. 674; Haas' page on G31; M700V p. 547."""
+    listed = "\n".join(unverified(load(name), {}))
+    assert [text for text in settled if text in listed] == [] and [text for text in open_still if text not in listed] == []
+
+
 def test_a_post_without_doubts_has_nothing_to_confirm() -> None:
     with pytest.raises(InputError, match="found 'anything'; allowed: nothing, as this post has no doubts; leave the key out"):
         settings(replace(load("grbl"), doubts=(), further=lambda given: ()), {"confirmed": ["anything"]})

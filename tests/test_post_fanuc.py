@@ -68,6 +68,7 @@ def flags(events: list[Any]) -> list[int]:
         ({"decimals": 4, "print_format": "44"}, True, {"padding": "none", "line_end": "crlf"}),
         ({"probe_state": 1004}, True, {"probe_variable": 1004, "read_ahead": True}),
         ({"probe_state": 1004, "macros": "called"}, False, {"probe_variable": 1004}),
+        ({}, True, {"counts": True}),
     ],
 )
 def test_every_touch_is_made_where_it_is_planned(
@@ -138,7 +139,7 @@ def test_the_first_retract_names_its_axis_alone(made: Plan) -> None:
 @pytest.mark.parametrize("macros", ["inline", "called"])
 def test_alarms_are_short_enough_for_the_screen_of_an_old_control(made: Plan, macros: str) -> None:
     texts = {line.rpartition("(")[2].rstrip(")") for line in lines_of(made, macros=macros) if "THEN#3000=" in line}
-    assert len(texts) == (11 if macros == "called" else 9) and max(map(len, texts)) <= 26
+    assert len(texts) == (12 if macros == "called" else 10) and max(map(len, texts)) <= 26
 
 
 def test_a_rotary_axis_that_went_elsewhere_is_an_alarm_before_anything_is_touched(made: Plan) -> None:

@@ -98,7 +98,7 @@ def test_a_subprogram_on_okuma_that_runs_out_is_refused() -> None:
         ("$IF P12>0.000087\n", "$IF P12>9.\n", "although B has not arrived"),
         ("$IF P12>0.02\n", "$IF P12>200.\n", "stopped short in"),
         (f"$IF {MET}!=0\n", f"$IF {MET}==7\n", "met something at its very end"),
-        ("$IF P14>0.001\n", "$IF P14>9.\n", "the work offset of X has changed"),
+        ("$IF P14>0.005\n", "$IF P14>9.\n", "the work offset of X has changed"),
         ("$IF P14>1.\n", "$IF P14>100.\n", "although the latched position of X has changed"),
         ("$IF P13<5.\n", "$IF P13<4.\n", "just before the search zone"),
         ("$IF P5>=3\n", "$IF P5>=300\n", "3 touches in a row"),

@@ -72,9 +72,9 @@ def test_a_probe_that_comes_on_between_touches_cancels_the_job(made: Plan) -> No
     assert "unexpected probe contact" in ran.why and ran.flags(made) == [1, 1]
 
 
-def test_a_machine_in_inches_is_found_at_the_first_move(made: Plan) -> None:
+def test_a_machine_in_inches_is_found_at_the_step(made: Plan) -> None:
     ran = run(lines_of(made), made, inches=True)
-    assert ran.stops == ["TANGO STOPPED. PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM"]
+    assert ran.stops == ["TANGO STOPPED. POSITIONS ARE IN INCHES"]
     assert len([1 for event, _ in ran.events if event in ("skip", "contact", "rapid", "feed")]) == 1
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from decimal import Decimal
 from typing import Any
 
 import pytest
@@ -57,6 +58,12 @@ def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, 
     assert ran.alarm is None
     assert_as_planned(ran.records(made), made, "fagor", options)
     assert ran.files[FILE].splitlines() == ran.out.decode().splitlines()
+
+
+def test_positions_that_come_in_whole_thousandths_are_no_changed_work_offset(made: Plan) -> None:
+    """Three differences of rounded positions are summed: each may be one count off."""
+    ran = run(lines_of(made), made, rounded=Decimal("0.001"), base_offset={"X": 11.5004, "Y": -3.2496, "Z": 100.2504})
+    assert ran.alarm is None and ran.flags(made) == [1] * len(made.touches)
 
 
 @pytest.mark.parametrize("status", ["tells", "never"])

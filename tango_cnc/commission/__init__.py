@@ -9,7 +9,7 @@ from .flight import MOST, air
 from .keys import keys
 from .rolling import rolling
 from .touching import late, pivots, quicker, touching
-from .verdicts import Judged, answerable, experiments, judge, questions, remaining, stopped_by
+from .verdicts import Judged, answerable, by_danger, experiments, judge, questions, remaining, stopped_by
 
 __all__ = [
     "DIAL",
@@ -21,6 +21,7 @@ __all__ = [
     "Verdict",
     "air",
     "answerable",
+    "by_danger",
     "experiments",
     "judge",
     "keys",

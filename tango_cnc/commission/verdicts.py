@@ -31,6 +31,7 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
     (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
 )
 
+LAST = 5  # behind every danger
 UNKNOWN = (
     ". Nothing is recorded, so nobody knows yet whether the control hears the probe: if this was at the slow move up, while "
     "you touched the stylus, look at alive first"
@@ -95,6 +96,12 @@ def questions(plan: Plan) -> dict[str, dict[str, Question]]:
     """plan in the air → {belief: {what: what the person at the machine is asked of it}}, of those that ask anything."""
     asked = {experiment.belief: dict(experiment.asks(plan)) for experiment in experiments()}
     return {belief: each for belief, each in asked.items() if each}
+
+
+def by_danger(unverified: Iterable[str]) -> list[str]:
+    """list of what is unverified → the same, the most dangerous first, last what no experiment settles; else in its order."""
+    every = experiments()
+    return sorted(unverified, key=lambda text: min((e.danger for e in every if e.settles.search(text)), default=LAST))
 
 
 def remaining(unverified: Iterable[str], proven: Mapping[str, str]) -> list[tuple[Experiment | None, list[str]]]:

@@ -21,6 +21,7 @@ from .backlashes import by_direction
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
+from .either import either
 from .groups import common
 from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
@@ -165,7 +166,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], level: float) -> l
         )
     found += _noise(result)
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
-    found += [*lacking(result, level), *unseen(result), *stylus(cell, told)]
+    found += [*lacking(result, level), *either(result), *unseen(result), *stylus(cell, told)]
     return found
 
 

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, special
 
-from .. import kinematics
 from ..estimate import Estimate
 from ..model import known
 from ..records import Array
 from ..texts import joined, say
-from ..touches import FAR, Touches
+from ..touches import Touches
 from .data import Remark
+from .shapes import candidates, movable, periodic
 
 LEVEL = 5e-4  # chance of a false find for each of the three kinds: on all touches, from a moment on, in a band of an axis
 AGREED = 1e-4  # the same where the touches are as was predicted before: one night in 3000 at most
@@ -157,36 +157,46 @@ def left_over(result: Estimate) -> Left | None:
 
 
 def _steady(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
-    """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction."""
-    tried = list(_candidates(touches))
-    for what, axis, columns in tried:
-        seen = columns[left.rows] * left.weight[:, None]
-        gram = seen.T @ seen
-        within = left.basis.T @ seen
-        pull = seen.T @ left.gaps
-        gain, free, beta = _gain(gram[None], (gram - within.T @ within)[None], pull[None])
-        score = _score(gain, free, left.spare, level / len(tried))
-        if score[0] > 0:
-            moved = -(left.back.T @ (within @ beta[0])) / left.std
-            yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved)
+    """Patterns on all touches: an axis that errs with its position, a drift, a probe that reads by direction, a screw."""
+    for group in (list(candidates(touches)), list(periodic(touches))):
+        for what, axis, columns in group:
+            gain, free, moved = steady(left, columns)
+            score = _score(np.array([gain]), np.array([free]), left.spare, level / len(group))
+            if score[0] > 0:
+                yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved / left.std)
+
+
+def steady(left: Left, columns: Array) -> tuple[float, float, Array]:
+    """(touches, k) mm a unit of a pattern on all touches → χ² that it takes out, degrees of freedom, by how much unknowns move."""
+    seen = columns[left.rows] * left.weight[:, None]
+    gram = seen.T @ seen
+    within = left.basis.T @ seen
+    gain, free, beta = gained(gram[None], (gram - within.T @ within)[None], (seen.T @ left.gaps)[None])
+    return float(gain[0]), float(free[0]), -(left.back.T @ (within @ beta[0]))
 
 
 def _moments(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
     """Patterns that begin at one touch, or last from one indexation to another: the best of each kind."""
-    index = touches.indexation[left.rows]
-    n = len(index)
-    turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if n else np.empty(0, dtype=np.int64)
-    edges = np.unique(np.concatenate([[0], turns, [n]])).astype(np.int64)
-    i, j = np.triu_indices(len(edges), 1)
-    later = np.arange(FEWEST, n - FEWEST + 1)
-    begin, end = np.concatenate([later, edges[i]]), np.concatenate([np.full(len(later), n), edges[j]])
-    kinds = list(_movable(touches))
+    n = len(left.rows)
+    begin, end = moments(touches, left)
+    kinds = list(movable(touches))
     for what, axis, columns in kinds:
         found = _stretch(left, np.arange(n), columns, begin, end, level / len(kinds))
         if found is not None:
             rows, score, moved = found
             last = int(rows[-1]) == int(left.rows[-1])
             yield Pattern(what if last else f"{what}_while", axis, int(rows[0]), int(rows[-1]), score, moved)
+
+
+def moments(touches: Touches, left: Left) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """→ first row and one past the last of what begins at a touch and stays, or lasts from one indexation to another."""
+    index = touches.indexation[left.rows]
+    n = len(index)
+    turns = np.flatnonzero(np.diff(index, prepend=index[:1])) if n else np.empty(0, dtype=np.int64)
+    edges = np.unique(np.concatenate([[0], turns, [n]])).astype(np.int64)
+    i, j = np.triu_indices(len(edges), 1)
+    later = np.arange(FEWEST, n - FEWEST + 1)
+    return np.concatenate([later, edges[i]]), np.concatenate([np.full(len(later), n), edges[j]])
 
 
 def _bands(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
@@ -206,11 +216,23 @@ def _bands(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
             yield Pattern("band", axis, int(rows[0]), int(rows[-1]), score, moved)
 
 
-def _stretch(
-    left: Left, order: NDArray[np.int64], columns: Array, begin: NDArray[np.int64], end: NDArray[np.int64], level: float
-) -> tuple[NDArray[np.int64], float, Array] | None:
-    """rows in an order, (touches, k) mm a unit, first and one past the last of stretches of that order → the rows of the stretch in
-    which the pattern explains most, its score, by how much it moves each unknown; None where it explains no more than chance."""
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches of an order of the touches, and what one pattern takes out of each."""
+
+    begin: NDArray[np.int64]  # (m,) first of the order
+    end: NDArray[np.int64]  # (m,) one past the last
+    gain: Array  # (m,) χ²
+    free: Array  # (m,) its degrees of freedom
+    inside: Array  # (m, q, k) what the unknowns take of the pattern
+    beta: Array  # (m, k) its size
+
+
+def stretches(
+    left: Left, order: NDArray[np.int64], columns: Array, begin: NDArray[np.int64], end: NDArray[np.int64]
+) -> Stretches | None:
+    """rows in an order, (touches, k) mm a unit, first and one past the last of stretches of that order → what the pattern takes out
+    of each; None where all are too short."""
     n = len(order)
     keep = (end - begin >= FEWEST) & (end - begin <= n - FEWEST)
     begin, end = begin[keep], end[keep]
@@ -226,15 +248,27 @@ def _stretch(
     pull = after(seen * left.gaps[order][:, None])
     inside = within[begin] - within[end]
     gram = plain[begin] - plain[end]
-    gain, free, beta = _gain(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
-    score = _score(gain, free, left.spare, level / len(begin))
+    gain, free, beta = gained(gram, gram - np.matmul(inside.transpose(0, 2, 1), inside), pull[begin] - pull[end])
+    return Stretches(begin, end, gain, free, inside, beta)
+
+
+def _stretch(
+    left: Left, order: NDArray[np.int64], columns: Array, begin: NDArray[np.int64], end: NDArray[np.int64], level: float
+) -> tuple[NDArray[np.int64], float, Array] | None:
+    """→ the rows of the stretch in which the pattern explains most, its score, by how much it moves each unknown; None where it
+    explains no more than chance."""
+    tried = stretches(left, order, columns, begin, end)
+    if tried is None:
+        return None
+    score = _score(tried.gain, tried.free, left.spare, level / len(tried.begin))
     best = int(np.argmax(score))
     if not score[best] > 0:
         return None
-    return left.rows[order[begin[best] : end[best]]], float(score[best]), -(left.back.T @ (inside[best] @ beta[best])) / left.std
+    rows = left.rows[order[tried.begin[best] : tried.end[best]]]
+    return rows, float(score[best]), -(left.back.T @ (tried.inside[best] @ tried.beta[best])) / left.std
 
 
-def _gain(plain: Array, gram: Array, pull: Array) -> tuple[Array, Array, Array]:
+def gained(plain: Array, gram: Array, pull: Array) -> tuple[Array, Array, Array]:
     """(m, k, k) squares of patterns, the same of what the unknowns leave of them, (m, k) → χ² that each takes out, its degrees of
     freedom, (m, k) its size."""
     size = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))
@@ -253,72 +287,3 @@ def _score(gain: Array, free: Array, spare: float, level: float) -> Array:
     ratio = gain / np.maximum(free, 1) / (np.maximum(spare - gain, 1e-3 * spare) / rest)
     chance = special.fdtrc(np.maximum(free, 1), rest, ratio)
     return np.where(free > 0, np.log(level) - np.log(np.maximum(chance, 1e-300)), -1.0)
-
-
-def _candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
-    """touches → (words, axis, (n, k) mm a unit) of each pattern that acts all the time."""
-    slots, machine = touches.seen.slots, touches.machine
-    for axis in (*machine.rotary, *machine.linear):
-        at = touches.axis(axis)
-        span = float(np.ptp(at))
-        if span == 0:
-            continue
-        x = 2 * (at - at.min()) / span - 1
-        turns = axis in machine.rotary
-        shape = [x, np.sin(at), np.cos(at), np.sin(2 * at), np.cos(2 * at)] if turns else [x, x**2, x**3]
-        shapes = np.stack([f / np.linalg.norm(f) for f in shape], axis=1)
-        for slot, lever in slots.items():
-            if slot.axis == axis and slot.stage in ("motion", "inter"):
-                yield "position" if slot.stage == "motion" else "motion", axis, lever[:, None] * shapes
-    table = touches.of_table
-    t = (touches.time - touches.time.min()) / (float(np.ptp(touches.time)) or 1.0)
-    for shape in (t, t**2, np.sin(np.pi * t), np.sin(2 * np.pi * t)):
-        yield "drift", "", table * shape[:, None]
-    for i, axis in enumerate("XYZ"):
-        for sign, word in ((1.0, "-"), (-1.0, "+")):
-            yield "late", f"{axis}{word}", (touches.machine_normal[:, [i]] * sign > 0.5).astype(float)
-    for normal in (touches.machine_normal, touches.spindle_normal):
-        across = np.hypot(normal[:, 0], normal[:, 1])
-        angle = np.arctan2(normal[:, 1], normal[:, 0])
-        for k in (2, 3):
-            yield "probe", "", across[:, None] * np.stack([np.cos(k * angle), np.sin(k * angle)], axis=1)
-    up = touches.machine_normal @ np.array(machine.spindle.direction)
-    yield "probe", "", np.abs(touches.spindle_normal[:, [2]])
-    yield "probe", "", np.abs(up)[:, None]
-    yield "radius", "", np.ones((len(touches), 1))
-    at = places(touches)
-    for i, axis in enumerate("XYZ"):
-        if axis in machine.linear:
-            squared = touches.machine_normal[:, [i]] ** 2  # whichever side is touched, it gives way
-            yield "yields", axis, squared * np.column_stack([np.ones(len(t)), at])
-    for column, axis in zip(at.T, machine.linear, strict=True):
-        yield "grows", axis, (touches.lever(axis) * column)[:, None] * np.stack([t, t**2], axis=1)
-    yield "memory", "", _remembered(touches)
-
-
-def places(touches: Touches) -> Array:
-    """→ (n, linear axes) positions from −1 to 1 of the travel that was used; 0 of an axis that stood still."""
-    at = np.stack([touches.axis(name) for name in touches.machine.linear], axis=1)
-    low, high = at.min(axis=0), at.max(axis=0)
-    span = np.where(high > low, high - low, 1.0)
-    return np.asarray((2 * at - low - high) / span)
-
-
-def _remembered(touches: Touches) -> Array:
-    """→ (n, 2) mm, how far from its nominal place the touch before was, and the one after: readings that were filtered have a part
-    of it. One that is far off says nothing of the others."""
-    away = kinematics.tip(touches.chain, touches.position) - touches.point
-    off = np.clip(np.sum(away * touches.normal, axis=1) - touches.radius, -FAR, FAR)
-    return np.stack([np.concatenate([[0.0], off[:-1]]), np.concatenate([off[1:], [0.0]])], axis=1)
-
-
-def _movable(touches: Touches) -> Iterator[tuple[str, str, Array]]:
-    """touches → (words, axis, (n, k) mm a unit) of what may be elsewhere from a moment on."""
-    yield "table", "", touches.of_table
-    yield "tip", "", np.hstack([touches.spindle_normal, np.ones((len(touches), 1))])
-    yield "offset", "", touches.machine_normal
-    for axis in touches.machine.rotary:
-        yield "turned", axis, touches.lever(axis)[:, None]
-    at = np.column_stack([np.ones(len(touches)), places(touches)])
-    normal = touches.machine_normal
-    yield "compensation", "", (normal[:, :, None] * at[:, None, :]).reshape(len(touches), -1)

@@ -13,7 +13,8 @@ import numpy as np
 from ..estimate import Estimate
 from ..texts import joined, say
 from .data import Remark
-from .lacking import left_over, places
+from .lacking import left_over
+from .shapes import places
 
 SHARE = 0.02  # of a bend that the unknowns leave, below which no touch shows it
 BEND = 0.01  # mm, at both ends of the travel that was touched

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
+from ..gate import INCH, STEP_FEED, step
 from ..nearest import printable
 from ..records import InputError, Plan
 from .expressions import Value, expression
@@ -52,9 +53,11 @@ class Rehearsal:
         read: Callable[[Twin, int | str], Value],
         latches: bool = False,
         astray: Astray | None = None,
+        framed: bool = False,
     ) -> None:
         """plan, every option of its profile, how a twin's variable is read; whether the control latches machine positions.
 
+        `framed`: the program takes the difference of two frames from the control: a step has to show first that it is in mm.
         `astray`: where else a measuring move may say that its contact was, which has to stop the program.
         """
         self._latches = latches
@@ -63,6 +66,9 @@ class Rehearsal:
         self.walk = Walk(plan, options)
         start = dict(self.walk.at)
         self.twins = [Twin("1", "nothing has gone wrong", start, dict(start), dict(OFFSET))]
+        self._inches = self.base.twin("stop", "positions come in inches") if framed else None  # until a step has been made
+        if self._inches is not None:
+            self._inches.unit = INCH
         self._silent: Twin | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
@@ -91,6 +97,11 @@ class Rehearsal:
         """→ the machine on which nothing goes wrong."""
         return self.twins[0]
 
+    @property
+    def everywhere(self) -> tuple[Twin, ...]:
+        """→ all machines, the one with it whose positions come in inches."""
+        return (*self.twins, *([self._inches] if self._inches else []))
+
     def value(self, twin: Twin, text: str) -> float:
         """expression → its value in a twin. Raises InputError for what is no expression."""
         try:
@@ -111,7 +122,7 @@ class Rehearsal:
             self._statements.append(statement)
         if self._dead is not None:
             self._since.append(statement)
-        for twin in self.twins:
+        for twin in self.everywhere:
             statement(twin)
         if self.base.stopped:
             raise InputError("stops the program though nothing has gone wrong")
@@ -138,8 +149,28 @@ class Rehearsal:
         """The program goes on by a step. Raises InputError where its phase does not allow it."""
         self._phase = after(self._phase, step)
 
+    def steps(self, name: str, by: float, feed: float) -> None:
+        """axis letter, mm, mm/min → the step before all else; beside the machine there is one whose positions come in inches."""
+        inches, self._inches = self._inches, None
+        wanted, far = step(self.plan)
+        if inches is None or name != wanted or abs(by - far) > 1e-9:
+            raise InputError(f"found a step of {name} {by:g} mm; allowed: one of {wanted} {far:g} mm, before anything else moves")
+        self._ready()
+        self._within(feed, STEP_FEED)
+        after(self._phase, Action.GUARDED)
+        self.walk.steps(name, by)
+        start, target = dict(self.base.position), {name: self.base.position[name] + by}
+        for twin in (*self.twins, inches):
+            twin.position[name] += by
+            twin.skip, twin.hit = dict(twin.position), False
+        short = SHORT * float(self.options.get("tolerance", TOLERANCE))
+        self.doubts([inches, *stopped_short(self.base, start, target, short, self._latches)])
+
     def _ready(self) -> None:
         self.watched()
+        if self._inches is not None:
+            name, by = step(self.plan)
+            raise InputError(f"something moves before a step of {name} {by:g} mm has shown whether positions come in mm")
         if missing := sorted(MODAL - self._modal):
             where = ", see controller.reset" if "reset" in self.options else ""
             raise InputError(f"something moves before {' '.join(missing)} is stated{where}")

@@ -31,6 +31,7 @@ class Twin:
     local: list[dict[int | str, Value]] = field(default_factory=lambda: [{}])
     branch: bool = True  # whether statements are carried out, within IF … ENDIF
     stopped: bool = False
+    unit: float = 1.0  # mm of what positions of X Y Z come in
     found: dict[str, float] | None = None  # where finding has met the facet, if that was early
 
     def met(self, place: Place, start: Place, target: Place) -> None:
@@ -51,7 +52,12 @@ class Twin:
             dict(self.shared),
             [dict(frame) for frame in self.local],
             self.branch,
+            unit=self.unit,
         )
+
+    def shown(self, name: str, value: float) -> float:
+        """axis letter, mm or deg → as the control says it."""
+        return value / self.unit if name in "XYZ" else value
 
 
 def stopped_short(base: Twin, start: Place, target: Place, short: float, latches: bool) -> Iterator[Twin]:

@@ -95,6 +95,11 @@ class Walk:
         self.at.update(target)
         self._gate, self._up = None, False
 
+    def steps(self, name: str, by: float) -> None:
+        """axis letter, mm → the step before all else has been made, with the probe on."""
+        self._switched.moves()
+        self.at[name] += by
+
     @property
     def touch(self) -> Touch:
         """→ the touch that the next motion serves."""

@@ -18,7 +18,7 @@ import pytest
 
 from postprocessors._base import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
 from sim_controller.session import families
-from tango_cnc import readback
+from tango_cnc import commission, readback
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
 from tango_cnc.link._client import Refused, Touched
@@ -212,6 +212,17 @@ def test_what_is_unverified_is_in_the_header_until_the_profile_states_it(post: P
     assert text.count("UNVERIFIED") == len(unverified(post, {})) >= 1
     doubtful = next(o for o in post.options if not o.verified)
     assert len(unverified(post, {doubtful.name: doubtful.default})) == len(unverified(post, {})) - 1
+
+
+def test_the_header_lists_what_is_unverified_by_danger_and_says_what_a_dry_run_does_not_do(post: Post, made: Plan) -> None:
+    head = " ".join(re.sub(r"^[(;\d ]+|\)$", "", line).strip() for line in text_of(post, made).splitlines())
+    place = {doubt: head.index(f"UNVERIFIED {comment(doubt, 40)}") for doubt in unverified(post, {})}
+    listed = commission.remaining(place, {})  # as 'tango plan' lists them
+    dangers = {doubt: experiment.danger if experiment else 9 for experiment, doubts in listed for doubt in doubts}
+    assert [dangers[doubt] for doubt in sorted(place, key=lambda doubt: place[doubt])] == sorted(dangers.values())
+    assert "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES" in head[: min(place.values())]
+    bare = text_of(post, made, {"gate": "none"}).splitlines() if post.gate is not None else []
+    assert all("NOTHING PROVES THE PROBE ALIVE" in line for line in [line for line in bare if "UNVERIFIED" in line][:1])
 
 
 def test_an_unknown_option_is_refused_with_what_there_is(post: Post) -> None:

@@ -68,6 +68,8 @@ class Profile:
     measured: Literal["all", "named"] = "all"  # axes that G100 measures
     base_offset: Mapping[str, float] = field(default_factory=dict)  # mm and deg, of the PLC: G53 leaves it in
     transformation: bool = False  # RTCP is active from the start: here a shift that nobody expects
+    inch_positions: bool = False  # an inch machine: variables of positions stay in inches, whatever G70 and G71 say
+    rounded: Decimal = Decimal(0)  # mm that positions come in whole steps of, as on the display; 0: as they are
     waits: bool = True  # variables of positions wait for the axes; else they are as old as the last dwell
     identifiers: Decimal = Decimal(5)  # that #WRITE takes in one line
     decimals: Decimal = Decimal(4)  # of a number that #WRITE prints
@@ -161,7 +163,8 @@ class Control:
         }
         if kind not in table:
             raise alarm("variable", f"V.A.{kind}.{axis}")
-        return table[kind]
+        step, inch = float(self._profile.rounded), self._profile.inch_positions and axis in "XYZ"
+        return (round(table[kind] / step) * step if step else table[kind]) / (25.4 if inch else 1.0)
 
     def _parameter(self, number: int) -> int:
         if not 0 <= number <= int(self._profile.parameters):

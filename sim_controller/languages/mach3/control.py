@@ -42,6 +42,7 @@ class Profile:
     ahead: Mapping[str, float] = field(default_factory=lambda: {"N": 3.0})  # lines carried out after a stop
     shortest: float = 0.254  # mm, of a G31: RS274/NGC's hundredth of an inch, which Mach3 is remembered to have inherited
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
+    rounded: float = 0.0  # mm that the DROs come in whole steps of; 0: as they are
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
@@ -209,7 +210,8 @@ class Control:
             if base <= index < base + 6:
                 name = LETTERS[index - base]
                 unit = INCH if self._profile.inches and name in "XYZ" else 1.0
-                return self._shown[which].get(name, 0.0) / unit
+                value, step = self._shown[which].get(name, 0.0), self._profile.rounded
+                return (round(value / step) * step if step else value) / unit
         raise Alarm("MACH3", f"OEM DRO {index} is not simulated")
 
     def _places(self) -> tuple[dict[str, float], dict[str, float]]:

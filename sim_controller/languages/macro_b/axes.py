@@ -108,7 +108,8 @@ class Axes:
         if value is None:
             return None
         step = float(self._profile.increment)
-        return (round(value / step) * step if self._profile.counts else value) / self._unit(name)
+        shown = round(value / step) * step if self._profile.counts else value
+        return shown / (25.4 if self._profile.inch_positions and name in self._machine.linear else self._unit(name))
 
     def set_variable(self, number: int, value: float) -> bool:
         """number of a work offset (#5221…), value → whether it can be written and was."""

@@ -35,10 +35,10 @@ EXPERIMENT = Experiment(
     "axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
     "cycle800, off); check the names of the position variables (contact and contact_frame, position, machine_position). A control "
     "that says contact where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: "
-    "state wait",
+    "state wait. Where positions come in inches, no key helps: the control has to give them in mm",
     judge,
     re.compile(
-        r"OFFSET|UNITS|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"
+        r"OFFSET|UNITS|INCHES|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"
         r"CANCEL|SCALING|MIRROR|ROTATED"
     ),
     re.compile(

@@ -20,6 +20,7 @@ from ..twins import Twin
 
 COORDINATE = r"\[[^\]]+\]"
 GUARDED = re.compile(rf"M125((?: /[XYZ]{COORDINATE})+) P#9011 F({NUMBER})")
+STEP = re.compile(rf"M125 /([XYZ])\[({NUMBER})\] P#9011 F({NUMBER})")
 MEASURE = re.compile(rf"M115((?: /[XYZ]{COORDINATE})+) P#9011 F({NUMBER}) L1")
 AWAY = re.compile(rf"G1((?: [XYZ]{COORDINATE})+) F({NUMBER})")
 TURN = re.compile(rf"G53 ([ABC])({NUMBER})")
@@ -91,13 +92,13 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[int], last: int, seconds: int) -> None:
         self._axis = axes_by_number(plan, options)
-        self._machine = Rehearsal(plan, options, self._read, latches=True)
+        self._machine = Rehearsal(plan, options, self._read, latches=True, framed=True)
         self._stops, self._last, self._seconds = stops, last, seconds
         self._words = stated_words(options)
         self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
         self._mark = ""
         self._moving = True  # since the last motion nothing has waited for the axes
-        self._opened = self._asked = self.over = False
+        self._opened = self._asked = self._relative = self.over = False
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -155,7 +156,14 @@ class _Program:
 
     def _move(self, code: str) -> None:
         machine = self._machine
-        if match := GUARDED.fullmatch(code):
+        if code in ("G90", "G91"):
+            self._relative = code == "G91"
+        elif self._relative and (match := STEP.fullmatch(code)):
+            machine.steps(match[1], float(match[2]), float(match[3]))
+            self._moving = False
+        elif self._relative:
+            raise InputError("G91 is still on: G90 has to stand right behind the step")
+        elif match := GUARDED.fullmatch(code):
             machine.guarded(self._target(match[1]), float(match[2]))
             self._moving = False
         elif match := MEASURE.fullmatch(code):
@@ -227,10 +235,10 @@ class _Program:
             if key - base in self._axis and base < key < base + 20:
                 name = self._axis[key - base]
                 if base == 24300:
-                    return twin.skip[name] if twin.hit else SPOILT  # what was met before
+                    return twin.shown(name, twin.skip[name]) if twin.hit else SPOILT  # what was met before
                 if self._moving:
                     raise InputError(f"#{key} is read before anything has waited for the axes to stand ({WAIT})")
-                return twin.position[name] - (twin.offset[name] if base == 5040 else 0.0)
+                return twin.shown(name, twin.position[name] - (twin.offset[name] if base == 5040 else 0.0))
         if key not in twin.shared:
             raise InputError(f"#{key} is read before it has a value")
         return twin.shared[key]

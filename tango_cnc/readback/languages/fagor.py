@@ -20,7 +20,8 @@ from ..rehearsal import NUMBER, Rehearsal, Statement
 from ..twins import Place, Twin, latched_elsewhere, offset_changed
 
 FEED = re.compile(rf"G100((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
-OFF = re.compile(rf"G1((?: [XYZ]\[[^ ]+-P[123]\])+) F({NUMBER})")
+STEP = re.compile(rf"G100 ([XYZ])({NUMBER}) F({NUMBER})")
+OFF = re.compile(rf"G1((?: [XYZ]\[\S+-P[123]\])+) F({NUMBER})")
 TURN = re.compile(rf"#MCS G0 ([ABC])({NUMBER})")
 ASSIGN = re.compile(r"(P\d{1,2})=(?!=)(.+)")
 IF = re.compile(r"\$IF (.+)")
@@ -63,14 +64,14 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any]) -> None:
         self._spelt = lru_cache(maxsize=4096)(self._expressed)
-        self._machine = Rehearsal(plan, options, self._read, latches=bool(options.get("met")), astray=_astray)
+        self._machine = Rehearsal(plan, options, self._read, latches=bool(options.get("met")), astray=_astray, framed=True)
         self._words = stated_words(options)
         self._off = {f"#{word} OFF" for word in options.get("off", "").split()}
         self._words |= {f"#SELECT PROBE [{options.get('probe_input')}]"}
         self._said: set[str] = set()
         self._options, self._state = options, options.get("probe_state", "")
         self._within = ""  # what stands in the $IF that is open: "if", "error", "end"
-        self._asked = self._untooled = False
+        self._asked = self._untooled = self._relative = False
         self._begun = self._opened = self._closed = self.over = False
         self._mark = ""
         self._due = {"#CLOSE", options.get("probe_off", "")} - {""}  # what every way out does first …
@@ -126,6 +127,11 @@ class _Program:
             self._tool()
             self._machine.turns(match[1], float(match[2]), True)
             self._asked = False
+        elif line in ("G90", "G91"):
+            self._relative = line == "G91"
+        elif self._relative and (match := STEP.fullmatch(line)):
+            self._asks()
+            self._machine.steps(match[1], float(match[2]), float(match[3]))
         elif match := FEED.fullmatch(line):
             self._feed(match[1].split(), float(match[2]))
         elif match := OFF.fullmatch(line):
@@ -143,6 +149,8 @@ class _Program:
     def _targets(self, words: list[str]) -> dict[str, str]:
         """words of axes → {X Y Z: expression of its work coordinate}. Raises InputError for another frame than the axis' own."""
         self._tool()
+        if self._relative:
+            raise InputError("G91 is still on: G90 has to stand right behind the step")
         if len({item[0] for item in words}) < len(words):
             raise InputError(f"found {' '.join(words)}; allowed: every axis once")
         for item in words:
@@ -158,12 +166,17 @@ class _Program:
         machine = self._machine
         said = {name: machine.same(text) + machine.base.offset[name] for name, text in self._targets(words).items()}
         target = {name: machine.base.position[name] for name in "XYZ"} | said
-        if self._state and not self._asked:
-            raise InputError("moves without having asked whether the probe is deflected")
+        self._asks()
         if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)
+
+    def _asks(self) -> None:
+        """Before a move with G100. Raises InputError where the probe has not been asked, or a tool offset may be on."""
+        self._tool()
+        if self._state and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
         self._asked = False
 
     def _if(self, condition: str) -> None:
@@ -286,8 +299,8 @@ class _Program:
                 return float(twin.hit)
             if kind == "cont":
                 programmed = self._options.get("contact_frame") == "programmed"
-                return (twin.skip[axis] - (twin.offset[axis] if programmed else 0.0)) if twin.hit else STALE
-            return twin.position[axis] - (twin.offset[axis] if kind == "prog" else 0.0)
+                return twin.shown(axis, twin.skip[axis] - (twin.offset[axis] if programmed else 0.0)) if twin.hit else STALE
+            return twin.shown(axis, twin.position[axis] - (twin.offset[axis] if kind == "prog" else 0.0))
         if name not in twin.shared:
             raise InputError(f"{name} is read before it has a value")
         return twin.shared[name]

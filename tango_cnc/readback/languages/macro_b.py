@@ -22,10 +22,11 @@ from ..rehearsal import NUMBER, Rehearsal, Twin, numbered
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 ARGUED = max(ARGUMENTS.values())
 LOCAL, COMMON = range(1, 34), range(100, 150)
-WORD = rf"(?:#\d+|{NUMBER}|\[[^ ]+\])"
+WORD = rf"(?:#\d+|{NUMBER}|\[\S+\])"
 COMMENT = re.compile(r"\([^()]*\)")
 PROGRAM, LABEL, BEFORE = re.compile(r"O(\d{4,5})"), re.compile(r"N\d{1,5}"), re.compile(r"%|O\d{4,5}")
 FEED = re.compile(rf"(G31(?:\.[1-4])?(?: P[1-9]\d?)?|G1) ((?:[XYZ]{WORD} )+)F(#\d+|{NUMBER})")
+STEP = re.compile(rf"G91 (G31(?:\.[1-4])?(?: P[1-9]\d?)?) ([XYZ])({NUMBER}) F({NUMBER})")
 TURN = re.compile(rf"G90 G53 G0 ([ABC])({NUMBER})")
 ASSIGN = re.compile(r"#(\d+)=(.+)")
 IF = re.compile(r"IF\[(.+)\]THEN(#\d+=.+)")
@@ -81,7 +82,7 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], macros: Mapping[int, list[str]]) -> None:
         self._axis = axes_by_number(plan, options)
-        self._machine = Rehearsal(plan, options, self._read)
+        self._machine = Rehearsal(plan, options, self._read, framed=True)
         self._macros, self._mark = macros, ""
         self._aside = False  # within the text of a macro
         self._words = stated_words(options)
@@ -96,8 +97,9 @@ class _Program:
         self._ask, self._asked = bool(options.get("length_check")), False  # whether no tool length is on
         self._unasked = {(int(number), float(code)) for number, code in (options.get("must_be_off") or {}).items()}
         self._state, self._free = int(options.get("probe_state") or 0), False  # variable of the probe; whether it has been asked
-        self._machine.base.shared[self._state] = 0.0
-        self._begun = self._opened = self._closed = False
+        for twin in self._machine.everywhere:
+            twin.shared[self._state] = 0.0
+        self._begun = self._opened = self._closed = self._relative = False
         self.over = False
 
     def finish(self) -> None:
@@ -149,6 +151,10 @@ class _Program:
         elif match := TURN.fullmatch(code):
             self._machine.turns(match[1], self._angle(match[1], float(match[2])), True)
             self._moving, self._blank = True, 0
+        elif match := STEP.fullmatch(code):
+            self._step(match[1], match[2], float(match[3]), float(match[4]))
+        elif code == "G90":
+            self._relative = False
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), match[3])
         elif match := IF.fullmatch(code):
@@ -193,25 +199,37 @@ class _Program:
         else:
             raise InputError("no line that a program of this kind may have here")
 
+    def _step(self, word: str, name: str, by: float, feed: float) -> None:
+        """The step that shows whether positions come in mm, a distance under G91."""
+        self._asks(word)
+        self._machine.steps(name, by, feed)
+        self._relative, self._moving, self._blank = True, self._ahead, 0
+
+    def _asks(self, word: str) -> None:
+        """Before a move with the skip word. Raises InputError for another word, or where nobody has asked what it takes."""
+        if self._unasked:
+            number, asked = min(self._unasked)
+            raise InputError(f"something moves before IF[#{number}EQ{asked:g}]THEN#3000=… has asked, see controller.must_be_off")
+        if word != self._skip:
+            raise InputError(f"found {word}; allowed: {self._skip}, the word of the profile")
+        if self._state and not self._free:
+            raise InputError("moves without having asked whether the probe is deflected")
+        self._free = False
+
     def _feed(self, word: str, words: list[str], feed: str) -> None:
         letters = [item[0] for item in words]
         if letters != sorted(set(letters)):
             raise InputError(f"found {' '.join(letters)}; allowed: X Y Z, each once")
-        if self._unasked:
-            number, asked = min(self._unasked)
-            raise InputError(f"something moves before IF[#{number}EQ{asked:g}]THEN#3000=… has asked, see controller.must_be_off")
+        if self._relative:
+            raise InputError("G91 is still on: G90 has to stand right behind the step")
         speed = self._machine.same(feed)
-        if word not in ("G1", self._skip):
-            raise InputError(f"found {word}; allowed: {self._skip}, the word of the profile")
         if word == "G1":
             self._machine.off({item[0]: item[1:] for item in words}, speed, work=True)
             self._moving, self._blank = True, 0
             return
+        self._asks(word)
         named = {item[0]: self._machine.same(item[1:]) + self._machine.base.offset[item[0]] for item in words}
         target = {name: self._machine.base.position[name] for name in "XYZ"} | named
-        if self._state and not self._free:
-            raise InputError("moves without having asked whether the probe is deflected")
-        self._free = False
         if self._machine.walk.measures:
             self._machine.measures(target, speed)
         else:
@@ -286,10 +304,10 @@ class _Program:
             if kind == 3 and self._moving and self._ahead:
                 raise InputError(f"#{key} is read before two empty blocks after G103 P1 have waited for the axes to stop")
             if kind == 3:
-                return twin.skip[name] - twin.offset[name]
+                return twin.shown(name, twin.skip[name] - twin.offset[name])
             if self._moving:
                 raise InputError(f"#{key} is read before anything has waited for the axes to stand ({self._wait})")
-            return twin.position[name] - (twin.offset[name] if kind == 2 else 0.0)
+            return twin.shown(name, twin.position[name] - (twin.offset[name] if kind == 2 else 0.0))
         if key not in twin.shared:
             raise InputError(f"#{key} is read before it has a value")
         return twin.shared[key]

@@ -41,6 +41,7 @@ BUTTON, LEAVES = "Call DoOEMButton(1003)", "Exit Sub"
 WAIT = ["While IsMoving()", "Sleep 20", "Wend"]
 GOAL = "".join(rf' & " {name}" & {PRECISE}' for name in "XYZ")
 MOVE = re.compile(rf'Code "G90 G21 (G31|G1)"({GOAL}) & " F" & ({VALUE})')
+STEP = re.compile(rf'Code "G91 G21 G31"({GOAL}) & " F" & ({VALUE})')
 TURN = re.compile(rf'Code "G90 G21 G53 G0 " & ({NAME}) & Format\(({VALUE}), "0\.0000"\)')
 OPEN = re.compile(r'Open "([^"&]+)" For Append As #1')
 RECORD = re.compile(rf'Print #1, "P" & Format\(({VALUE}), "0"\) & " H" & Format\(({VALUE}), "0"\)({WORDS})')
@@ -98,6 +99,19 @@ class Move:
 
 
 @dataclass(frozen=True)
+class Step:
+    """{axis letter: mm} by which the axes go, guarded; what is said of places is a distance until `Absolute`."""
+
+    by: Mapping[str, str]
+    feed: str
+
+
+@dataclass(frozen=True)
+class Absolute:
+    """What is said of places is a place again."""
+
+
+@dataclass(frozen=True)
 class Turn:
     """A rotary axis to an angle; `letter` is the number of its letter."""
 
@@ -129,7 +143,7 @@ class Record:
     places: Mapping[str, str]
 
 
-Action = Leave | Stop | Given | Wait | Move | Turn | Look | Say | Record
+Action = Leave | Stop | Given | Wait | Move | Step | Absolute | Turn | Look | Say | Record
 
 
 def steps(lines: Sequence[str]) -> list[tuple[int, Action]]:
@@ -165,6 +179,10 @@ def _step(rows: list[str]) -> tuple[Action, int]:
         return _written(match[1], rows[1:3]), 3
     if match := MOVE.fullmatch(line):
         return Move(match[1], _words(match[2]), spelt(match[3])), 1
+    if match := STEP.fullmatch(line):
+        return Step(_words(match[1]), spelt(match[2])), 1
+    if line == 'Code "G90"':
+        return Absolute(), 1
     if match := TURN.fullmatch(line):
         return Turn(spelt(match[1]), spelt(match[2])), 1
     return _given(line), 1

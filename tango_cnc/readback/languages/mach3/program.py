@@ -20,10 +20,10 @@ from ...rehearsal import NUMBER, SPOILT, Rehearsal
 from ...twins import Place, Twin, latched_elsewhere, offset_changed
 from . import basic
 
-COMPANIONS = re.compile(r"m88[0-6]\.m1s")
+COMPANIONS = re.compile(r"m88[0-7]\.m1s")
 COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
-CALL = re.compile(r"M(88[0-6])(?: P(\d+))?")
+CALL = re.compile(r"M(88[0-7])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
 STATED = {*range(101, 115), 141, 142, 143, 152}  # what a program may give a value to …
 KEPT = {*range(120, 137), 150, 151, 152}  # … and what a macro may
@@ -54,7 +54,7 @@ def _macros(companions: Companions, off: str) -> dict[int, list[tuple[int, basic
     """
     found: dict[int, list[tuple[int, basic.Action]]] = {}
     if not companions:
-        raise InputError("its macros are missing, m880.m1s to m886.m1s")
+        raise InputError("its macros are missing, m880.m1s to m887.m1s")
     for name, lines in companions.items():
         try:
             found[int(name[1:4])] = basic.steps(lines)
@@ -96,15 +96,16 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
         self._macros = _macros(companions, str(options.get("probe_off", "")))
-        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=_astray)
-        self._machine.base.hit = False
+        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=_astray, framed=True)
+        for twin in self._machine.everywhere:
+            twin.hit = False
         self._options, self._words = options, stated_words(options)
         self._orient, self._reset = options.get("orient", ""), options.get("reset", "")
         self._mark = ""
         self._said = ("", "", 0)  # the mark in the line that calls
         self._looked = ""  # which mark the macro has taken out of the program
         self._lost: Twin | None = None  # where the last call of a macro has done nothing
-        self._moving = self._asked = self.over = False
+        self._moving = self._asked = self._relative = self.over = False
 
     def finish(self) -> None:
         """Raises InputError when the program has stopped too soon."""
@@ -196,6 +197,16 @@ class _Program:
                 machine.does(lambda twin: setattr(twin, "stopped", bool(machine.value(twin, condition))))
             case basic.Given():
                 self._given(step)
+            case basic.Step():
+                by = {name: value for name, text in step.by.items() if (value := machine.same(text))}
+                if len(by) != 1:
+                    raise InputError(f"found a step along {' '.join(by) or 'nothing'}; allowed: one axis")
+                machine.steps(*by.popitem(), machine.same(step.feed))
+                self._relative = self._moving = True
+            case basic.Absolute():
+                self._relative = False
+            case basic.Move() | basic.Turn() if self._relative:
+                raise InputError("G91 is still on: G90 has to stand right behind the step")
             case basic.Move("G31"):
                 machine.watched()
                 target = {name: machine.same(text, INCREMENT) + machine.base.offset[name] for name, text in step.target.items()}
@@ -277,7 +288,7 @@ class _Program:
         for base, places, frame in ((CONTACT, twin.skip, True), (MACHINE, twin.position, False), (WORK, twin.position, True)):
             if base <= key < base + len(LETTERS):
                 name = LETTERS[key - base]
-                return places[name] - frame * twin.offset[name] if name in places else SPOILT
+                return twin.shown(name, places[name] - frame * twin.offset[name]) if name in places else SPOILT
         raise InputError(f"display or lamp {key % basic.DISPLAY} of the control is read, which nobody knows here")
 
 

@@ -1,0 +1,95 @@
+"""A step before all else: where positions come in inches, a program that takes a frame from the control goes nowhere."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from support.controls import golden
+from support.gates import NEAR, ran
+
+from postprocessors._base import companions, load, names, program
+from postprocessors._base import settings as settings_of
+from tango_cnc import commission, readback
+from tango_cnc.gate import STEP, step
+from tango_cnc.plan import plan_hash
+from tango_cnc.records import InputError
+
+INCHES = {"centroid": {"inches": True}, "mach3": {"inches": True}} | {
+    name: {"inch_positions": True} for name in names() if load(name).language in ("macro_b", "mach4", "fagor")
+}
+QUICK = ("fanuc", "fagor")
+DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(INCHES)]
+LOW = {"X": -250.0, "Y": -200.0, "Z": -500.0}  # mm of a usual work offset: 25.4 times too small it sends the first move down
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_where_positions_come_in_inches_nothing_moves_but_the_step_and_the_text_says_it(name: str) -> None:
+    made = commission.air(golden(), 1)
+    found = ran(name, made, {}, {**INCHES[name], "base_offset" if name == "fagor" else "g54": LOW})
+    said = found.why or " ".join(found.stops)
+    assert "POSITIONS ARE IN INCHES" in said
+    z = [place["Z"] for place in found.places]
+    assert z and max(z) - min(z) <= STEP and not set(NEAR) & {event for event, _ in found.events}
+    (failed,) = [
+        judged for judged in commission.judge(commission.Seen(made, {}, True, False, said=said)) if judged.verdict.verdict == "FAIL"
+    ]
+    assert failed.experiment.belief == "frames" and "in inches" in failed.experiment.advice
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+def test_a_probe_that_is_on_at_the_step_is_not_taken_for_inches(name: str) -> None:
+    found = ran(name, golden(), probe="inverted")
+    assert "INCHES" not in (found.why or " ".join(found.stops))
+    assert len({place["Z"] for place in found.places}) <= 1
+
+
+@pytest.mark.parametrize("name", [p for p in DIALECTS if "mach3" not in str(p)])
+def test_the_read_back_asks_for_the_step(name: str) -> None:
+    made, post = golden(), load(name)
+    lines = list(program(post, made, {}, plan_hash(made))[2]())
+    at = next(i for i, line in enumerate(lines) if "A STEP OF" in line)
+    moved = next(i for i in range(at, at + 20) if "Z-0.5" in lines[i] or "Z[-0.5]" in lines[i])
+    absolute = next(i for i in range(moved, moved + 3) if lines[i] == "G90")
+    judged = next(i for i in range(absolute, absolute + 8) if "0.0197" in lines[i])
+
+    def refused(text: list[str]) -> bool:
+        try:
+            readback.check(lambda: iter(text), made, settings_of(post, {}), companions(post, made, {}), written_in=post.language)
+        except InputError:
+            return True
+        return False
+
+    assert not refused(lines)
+    assert refused([*lines[:absolute], *lines[absolute + 1 :]])  # everything behind it would be a distance
+    assert refused([*lines[:moved], lines[moved].replace("-0.5", "-5."), *lines[moved + 1 :]])
+    assert refused([*lines[:moved], lines[moved].replace("Z", "X"), *lines[moved + 1 :]])
+    both = 10 if lines[judged].startswith("$IF") else 2  # lines: is it an inch, is it what was said
+    assert refused([*lines[:judged], *lines[judged + both :]])  # who does not look has not asked
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('Code "G90"', "Sleep 20"),
+        ("#103=-0.5", "#103=-5."),
+        ("#103=-0.5", "#103=0.5"),
+        ("Abs(Off - Wanted) > GetVar(110)", "Abs(Off - Wanted) > 30"),
+        ("M887", "M880"),
+    ],
+)
+def test_the_read_back_asks_for_the_step_of_mach3_in_its_macro(old: str, new: str) -> None:
+    made, post = golden(), load("mach3")
+    lines = list(program(post, made, {}, plan_hash(made))[2]())
+    files = companions(post, made, {})
+    other = {name: [line.replace(old, new) for line in text] for name, text in files.items()}
+    changed = [line.replace(old, new) for line in lines]
+    assert (changed, other) != (lines, files)
+    with pytest.raises(InputError):
+        readback.check(lambda: iter(changed), made, settings_of(post, {}), other, written_in=post.language)
+
+
+def test_it_goes_away_from_the_end_where_people_begin() -> None:
+    name, by = step(golden())
+    touch, z = golden().touches[0], golden().machine.column("Z")
+    assert name == "Z" and math.copysign(1, by) == -math.copysign(1, touch.over[z] - touch.standoff[z]) and abs(by) == STEP
