@@ -19,7 +19,7 @@ from ..files import read_cell, read_readings, read_terms
 from ..files.origin import check_values, current, read_origin
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
-from . import _compensate, _program
+from . import _compensate, _program, _scales
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
 from ._trust import despite_option, judged, made_up, usable
@@ -107,6 +107,7 @@ def command(**options: Any) -> int:
         data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
             click.echo(_program.said(data))
+            _warmth(cell, result)
         return 0
     if options["target"] is None:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
@@ -127,6 +128,7 @@ def command(**options: Any) -> int:
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
         click.echo(_compensate.text(proposal))
+        _warmth(cell, result)
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
         return 0
@@ -206,6 +208,11 @@ def _present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Map
         return of_record(record), record
     same = last is not None and last.record["target"] == options["target"]
     return Present(_compensate.present_of(source), uncorrected(last.record) if same and last is not None else {}), {}
+
+
+def _warmth(cell: Cell, result: Estimate) -> None:
+    if text := _scales.said(cell.folder, result):
+        click.echo(text)
 
 
 def _volume(cell: Cell, options: dict[str, Any], record: Mapping[str, Any]) -> dict[str, tuple[float, float]]:

@@ -24,6 +24,7 @@ from ..report.units import shown
 from ..report.verdict import PREDICTED
 from ..segments import offsets
 from ..verify import held_out
+from . import _scales
 from ._common import ahead, cell_option, json_option, table, write_json
 from ._trust import NoFit, despite_option, judged, members, status, told
 
@@ -96,8 +97,9 @@ def command(
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
+        scales = [text] if (text := _scales.said(folder, result)) else []
         sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement)]
-        click.echo("\n".join([*told(judgement), as_text(result, figures), *([bar] if bar else []), *sound]))
+        click.echo("\n".join([*told(judgement), as_text(result, figures), *scales, *([bar] if bar else []), *sound]))
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())

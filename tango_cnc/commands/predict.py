@@ -13,7 +13,7 @@ from ..files.origin import current
 from ..nc import features, predict
 from ..records import InputError, TangoError
 from ..report import pictures
-from . import _program, _test
+from . import _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, made_up, usable
 
@@ -72,11 +72,13 @@ def command(**options: Any) -> int:
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
     found = features.predict(wanted, setup, known, labels, touched) if wanted is not None else []
-    data = _data(source, way, found)
+    data = _data(source, way, found) | {"scales": _scales.said(cell.folder, result)}
     if options["picture"] is not None:
         _draw(options["picture"], way)
     if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
         click.echo("\n".join([*first, _text(data)]))
+        if data["scales"]:
+            click.echo(data["scales"])
         if options["file"] is None:
             ahead(cell.folder, "compensate --list", "report")
     limit = options["limit_um"]

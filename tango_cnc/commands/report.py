@@ -218,7 +218,7 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     """cell, readings, estimate → the compensation in its control, as far as the readings lack it."""
     from ..compensate import loop
 
-    if next(loop.found(folder), None) is None:  # nothing of the nights and their database is loaded for a cell that has no compensation
+    if next(loop.found(folder), None) is None:  # nothing of the nights and their database is loaded without a compensation
         return None
     from ..state.volume import levers_of
     from ._in_control import in_control

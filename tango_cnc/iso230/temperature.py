@@ -126,6 +126,11 @@ def scale(thermal: Thermal, at_reference: bool) -> Known:
     return Known(float(value), float(variance**0.5))
 
 
+def grows(thermal: Thermal) -> Known:
+    """thermal state → growth of the bar since 20 °C, mm/mm: by so much is a millimeter longer in which scales are read."""
+    return scale(thermal, at_reference=False)
+
+
 def grown(thermal: Thermal, by_bar: bool) -> Known:
     """thermal state, whether a bar carries the scale (else: the machine's scales do) → growth of a CMM's lengths, mm/mm, and std.
 

@@ -239,7 +239,8 @@ def _polynomials(axis: str, highest: int, low: float, high: float) -> Callable[[
 
     def value(degree: int, touches: Touches) -> Array:
         if not last or last[0][0] is not touches:
-            last[:] = [(touches, legendre.legvander((2 * touches.axis(axis) - low - high) / (high - low), highest))]
+            at = (2 * touches.axis(axis) - low - high) / (high - low)
+            last[:] = [(touches, np.asarray(legendre.legvander(at, highest), dtype=np.float64))]
         return np.asarray(last[0][1][:, degree])
 
     return value

@@ -22,7 +22,7 @@ from ..rehearsal import NUMBER, Rehearsal, Twin, numbered
 ARGUMENTS = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 ARGUED = max(ARGUMENTS.values())
 LOCAL, COMMON = range(1, 34), range(100, 150)
-WORD = rf"(?:#\d+|{NUMBER}|\[[^ ]+\])"
+WORD = rf"(?:#\d+|{NUMBER}|\[\S+\])"
 COMMENT = re.compile(r"\([^()]*\)")
 FEED = re.compile(rf"(G31(?:\.[1-4])?(?: P[1-9]\d?)?|G1) ((?:[XYZ]{WORD} )+)F(#\d+|{NUMBER})")
 STEP = re.compile(rf"G91 (G31(?:\.[1-4])?(?: P[1-9]\d?)?) ([XYZ])({NUMBER}) F({NUMBER})")

@@ -1,0 +1,50 @@
+"""What scales as read mean for a part: a bar at 23 °C, reckoned by hand; the simulated machine reads it as a person would."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from tango_cnc.cli import tango
+
+COMMANDS = (
+    ("estimate",),
+    ("compensate", "--target", "siemens", "--dry-run"),
+    ("predict", "part.nc", "--zero", "X=0,Y=0,Z=60", "--tool-length", "150"),
+    ("compensate", "part.nc", "-o", "out.nc", "--simulated", "--zero", "X=0,Y=0,Z=60", "--tool-length", "150"),
+)
+PART = "G21 G90 G54\nG0 X0. Y0. Z20. A0. C0.\nG1 Z5. F500.\nG1 X20.\nM30\n"
+
+
+@pytest.fixture(scope="module")
+def cell(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("scales") / "cell"
+    shutil.copytree(root / "examples" / "trunnion", folder)
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)]).exit_code == 0
+    (folder / "part.nc").write_text(PART, encoding="utf-8")
+    return folder
+
+
+def said(cell: Path, words: tuple[str, ...]) -> str:
+    given = [str(cell / w) if w.endswith(".nc") else w for w in words]
+    done = CliRunner().invoke(tango, [given[0], "-C", str(cell), "--readings", str(cell / "simulated.csv"), *given[1:]])
+    assert done.exit_code == 0, done.output
+    (line,) = (line for line in done.output.splitlines() if line.startswith("scales:"))
+    return line
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda w: f"{w[0]} {w[1] if len(w) > 1 else ''}")
+def test_scales_say_at_what_temperature_they_hold(cell: Path, words: tuple[str, ...]) -> None:
+    """A steel bar (11.5 µm/m/K) at 23 °C is 34.5 µm/m too long. Aluminium at 23 °C shrinks by 69.0, of which 34.5 are wanted."""
+    warm = cell / "temperature.yaml"
+    warm.unlink(missing_ok=True)
+    assert "as warm as it was then" in said(cell, words) and "longer by 11.5 µm/m" in said(cell, words)
+    warm.write_text("bar: [23.0, 0.1]\nmachine: [25.0, 0.3]\nbar_expansion: [11.5, 0.6]\nmachine_expansion: [10.5, 1.0]\n")
+    line = said(cell, words)
+    assert "the scale bar at 23 °C" in line and "34.5 ± 4.3 µm/m (k = 2) longer" in line  # 2 √((11.5·0.1)² + (0.6·3)² + …)
+    assert "aluminium at 23 °C is shorter by 34.5 µm/m" in line and re.search(r"adds 10.5 µm/m", line)
