@@ -264,7 +264,7 @@ def _check(job: Job, words: Words) -> None:
         known = isinstance(code, int | float) and not isinstance(code, bool) and 0 <= code < 1000
         if group not in range(4001, 4023) or not known:
             raise InputError(f"controller.must_be_off: found {group!r}: {code!r}; allowed: 4001 … 4022 and a G code, e.g. 4011: 51")
-    if job.options["probe_state"] not in (0, *STATES):
+    if not words.look and job.options["probe_state"] not in (0, *STATES):
         raise InputError(
             f"controller.probe_state: found {job.options['probe_state']}; allowed: 0 or 1000 … 1063, e.g. 1004 for #1004"
         )

@@ -29,6 +29,7 @@ class Words:
     end: str = "M30"
     wait: str = "G53"  # where it is no option: a block after which #5021 is read with the axes at rest
     dwell: str = "G4 X{}."  # s
+    look: str = ""  # where it is an M code of ours: the block that stops while the probe is deflected
     settle: str = ""  # a block behind the words that switch the probe on
     alarm: str = "#3000={number}({text})"
     first_alarm: int = 81
@@ -132,7 +133,9 @@ PIECES: tuple[tuple[str, Piece], ...] = (
 
 def _free(job: Job, words: Words) -> Iterator[str]:
     """Where the profile knows a variable for it: a deflected probe is an alarm, before a G31 that might not notice."""
-    if job.options["probe_state"]:
+    if job.options["probe_state"] and words.look:
+        yield words.look
+    elif job.options["probe_state"]:
         yield from waited(job)
         yield f"IF[#{job.options['probe_state']}NE0]THEN{words.stop(6, 'PROBE IS DEFLECTED')}"
 

@@ -154,7 +154,6 @@ MACH3: Remedies = {
 }
 MACH4: Remedies = {
     "alive": ("Configure, Control, Input Signals: Probe (G31) is mapped to the input of its cable", UNCONFIRMED),
-    "deflected": ("none is known: G31 has to end at once, and that is up to the plugin of the motion board", UNCONFIRMED),
     "frames": ("Configure, Control, Machine Units: millimeters; scaling and mirror image off in reset", UNCONFIRMED),
     "miss": (
         "G31 says nothing of a miss; an error comes from the plugin of the motion board: its probe options",

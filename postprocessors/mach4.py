@@ -1,8 +1,9 @@
-"""Mach4: Fanuc's macro B without DPRNT, so that four M codes, written in Lua, keep the records.
+"""Mach4: Fanuc's macro B without DPRNT, so that five M codes, written in Lua, keep the records and look at the probe.
 
 Mill GCode Programming (G31 ends at its target when nothing is met, #5021 #5041 #5061 by axis X Y Z A B C, #3000 stops with the
 text behind it, M codes from 100 on are user scripts mNNN.mcs in the profile's Macros folder), Mach4CoreAPI (names of the calls).
-The scripts travel with the program as companion files. They decide nothing: the G-code tells contact from none and stops.
+The scripts travel with the program as companion files. One stops while the probe is deflected; the others decide nothing: the
+G-code tells contact from none and stops.
 """
 
 from __future__ import annotations
@@ -22,21 +23,26 @@ from ._macro_b import steps
 from ._macro_b_text import FLAG, Words
 from ._remedies import MACH4
 
-START, RECORD, END, WAIT = 880, 881, 882, 883  # M codes
+START, RECORD, END, WAIT, LOOK = 880, 881, 882, 883, 884  # M codes
 SET, SUM, SPINDLE, TOUCH = 117, 118, 119, 120  # common variables: number of the set of scripts; what the record is made of
 PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 …
 # G49 moves nothing here, and the reset line has the words that cancel what is asked elsewhere.
 FIXED: Mapping[str, Any] = {
-    **{"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}, "probe_state": 0},
+    **{"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}},
     **{"skip": "G31", "wait": f"M{WAIT}"},
 }
 FILE = "tango-readings.txt"
 
-FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}."))
+FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", look=f"M{LOOK}"))
 OPTIONS = (
     *with_defaults(
-        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers")),
+        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers", "probe_state")),
         reset="G15 G17 G40 G49 G50 G69 G80 G90 G94 M5",
+    ),
+    Option(
+        "probe_state",
+        True,
+        f"M{LOOK} stops while the probe's signal (ISIG_PROBE) is on, before every G31; false: G31 itself has to end at once",
     ),
     Option("readings", FILE, "file of the records, in the folder of the program", verified=True),
 )
@@ -68,7 +74,7 @@ def begin(job: Job) -> Iterator[str]:
         raise InputError(
             f"controller.readings: found {job.options['readings']!r}; allowed: a file name of letters, digits, _ and -"
         )
-    spares(job, START, WAIT)
+    spares(job, START, LOOK)
     for line in FAMILY["begin"](_stated(job)):
         if line == f"M{WAIT}":
             yield f"#{SET}={_set(_scripts(job))}"
@@ -95,7 +101,7 @@ def end(job: Job) -> Iterator[str]:
 
 
 def scripts(job: Job) -> dict[str, list[str]]:
-    """→ the four M codes for the Macros folder of the profile; each stops unless the program was written for this set."""
+    """→ the five M codes for the Macros folder of the profile; each stops unless the program was written for this set."""
     found = _scripts(job)
     number = _set(found)
     return {name: [line.replace("SETNUMBER", str(number)) for line in lines] for name, lines in found.items()}
@@ -143,6 +149,15 @@ def _scripts(job: Job) -> dict[str, list[str]]:
             [],
             job,
         ),
+        f"m{LOOK}.mcs": _script(
+            LOOK,
+            "stops while the probe is deflected",
+            [
+                "local signal = (mc.mcSignalGetHandle(inst, mc.ISIG_PROBE))",
+                'if (mc.mcSignalGetState(signal)) ~= 0 then stop("PROBE IS DEFLECTED") end',
+            ],
+            job,
+        ),
     }
 
 
@@ -175,7 +190,7 @@ def _script(code: int, what: str, body: list[str], job: Job) -> list[str]:
         "        return all",
         "    end",
     ]
-    needs = [*(files if body else []), *(reads if any("text()" in line for line in body) else [])]
+    needs = [*(files if any("say(" in line for line in body) else []), *(reads if any("text()" in line for line in body) else [])]
     return [*head, *needs, *(f"    {line}" for line in body), "end"]
 
 

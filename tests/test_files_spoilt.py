@@ -206,11 +206,12 @@ def test_a_line_longer_than_any_control_reads_is_refused_by_its_number(tmp_path:
         reader.read(tmp_path)
 
 
-def test_an_argument_with_two_signs_of_equality_is_no_line_of_okuma(tmp_path: Path) -> None:
+@pytest.mark.parametrize("slip", [r"\1A=", "\\1A\x0b", "\\1A\xa0"], ids=["two signs", "another white space", "one beyond ASCII"])
+def test_an_argument_with_two_signs_of_equality_or_a_gap_is_no_line_of_okuma(tmp_path: Path, slip: str) -> None:
     cell(tmp_path)
     reader = READERS["program-okuma"]
     text = reader.text(tmp_path).decode()
-    (tmp_path / reader.name).write_bytes(marked(re.sub(r"(CALL O\w+ P[A-Z]=)", r"\1A=", text, count=1)))
+    (tmp_path / reader.name).write_bytes(marked(re.sub(r"(CALL O\w+ P[A-Z]=)", slip, text, count=1)))
     with pytest.raises(InputError, match=r"program line \d+ 'CALL"):
         reader.read(tmp_path)
 

@@ -174,6 +174,30 @@ def test_a_knock_behind_a_crossed_limit_is_not_told_as_a_drift(cell: Cell, path:
     assert ("since 2026-10-01" if drifts else "since 2026-10-02") in found["text"]
 
 
+@pytest.mark.parametrize(("kinds", "confirmed"), [(("check", "full"), "2026-10-04"), (("full", "check"), None)])
+def test_a_full_measurement_is_not_asked_for_where_one_has_found_the_cause_again(
+    cell: Cell, kinds: tuple[str, str], confirmed: str | None
+) -> None:
+    """The first night after the knock has found it; only one after that has found it again."""
+    lever = np.zeros((1, 3, 1))
+    lever[0, 0, 0] = 1.0
+    followed = SimpleNamespace(
+        **{"machine": [0], "names": ("EX0C",), "units": ("mm",), "families": ("location",)},
+        selection=SimpleNamespace(label=lambda name: name),
+    )
+    nights_before = [
+        {
+            **{"night": f"2026-10-{day:02d}", "kind": kind, "limits": [{"what": "volume", "passed": value < 0.01}], "alarms": []},
+            **{"state": {"day": float(day)}, "parameters": {"EX0C": {"value": value, "std": 2e-4, "seen": True}}},
+        }
+        for day, (value, kind) in enumerate(zip((0.0, 0.0001, 0.0199, 0.02), ("full", "check", *kinds), strict=True), 1)
+    ]
+    after = SimpleNamespace(mean=[0.02], std=[2e-4], day=5.0)
+    known = Known(cell, cast(Frame, followed), lever)
+    found = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
+    assert found is not None and (found["confirmed"], found["cause"]) == (confirmed, "axis_location")
+
+
 def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
     missing = {"kind": "none", "verdict": "not_measured", "touches": 0, "parameters": {}}
     with opened(tmp_path / "history.db") as history:

@@ -196,6 +196,8 @@ def test_a_macro_that_is_missing_is_named() -> None:
         ("m880.mcs", "tango-readings.txt", "other.txt", "found"),
         ("m880.mcs", "-- M880", "M880", "a remark in the first line"),
         ("m882.mcs", "~= ", "~= 9", "found"),
+        ("m884.mcs", "ISIG_PROBE", "ISIG_HOME", "found"),
+        ("m884.mcs", "~= 0", "~= 1", "found"),
     ],
 )
 def test_what_is_wrong_in_a_script_of_mach4_is_named(file: str, old: str, new: str, words: str) -> None:

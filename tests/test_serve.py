@@ -541,6 +541,9 @@ def test_a_change_has_the_date_of_the_night_that_found_it_and_says_whether_the_e
         told = morning.render(record, volumes={"2026-11-04": was}).partition("For the engineer")[0]
         assert "C axis has moved along X by +20 µm since the night of Thu 5 Nov 2026" in told
         assert f"{was:.0f} µm on Wed 4 Nov 2026, 28 µm now: {word}" in told
+    record = night("M", 12, "changed", alarms=[alarm], volume={"worst_um": 28.0, "rms_um": 9.0, "std_um": 0.5})
+    twice = record | {"alarms": [alarm | {"since": record["night"]}]}  # two nights of one date
+    assert "Error at the tool tip" not in morning.render(twice, volumes={record["night"]: 28.0})
     drift = alarm | {"since": "2026-10-26", "rate_per_day": 0.002}
     assert "since Mon 26 Oct 2026" in morning.render(night("M", 12, "changed", alarms=[drift]))  # it did not come in one night
     assert "Error at the tool tip" not in morning.render(night("M", 12))

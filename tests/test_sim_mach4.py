@@ -5,15 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from support.controls import golden
+from support.gates import ran
 
-from postprocessors._base import companions, load, program
+from postprocessors._base import companions, load, program, settings
 from sim_controller.languages import Alarm, mach4
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
+from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Touched
@@ -82,6 +86,21 @@ def test_a_miss_an_early_contact_and_contact_on_the_way(made: Plan) -> None:
     assert "PROBE ON OR MET SOMETHING" in stop and len(lines) == 2
 
 
+@pytest.mark.parametrize("looks", [True, False])
+def test_its_program_looks_at_the_probe_where_g31_ignores_a_deflected_one(looks: bool) -> None:
+    found = ran("mach4", golden(), {"gate": "none", "probe_state": looks}, probe="inverted", begins_deflected=True)
+    moved = [event for event, _ in found.events if event in ("skip", "feed", "rapid", "contact", "collision")]
+    assert ("PROBE IS DEFLECTED" in found.why and not moved) == looks
+
+
+def test_the_read_back_misses_a_look(made: Plan) -> None:
+    post, lines = load("mach4"), lines_of(made)
+    for at in [i for i, line in enumerate(lines) if line == "M884"]:
+        blind = [*lines[:at], *lines[at + 1 :]]
+        with pytest.raises(InputError, match="without having asked whether the probe is deflected"):
+            readback.check(partial(iter, blind), made, settings(post, {}), companions(post, made, {}))
+
+
 def test_without_its_scripts_nothing_moves(made: Plan) -> None:
     lines, stop = run(lines_of(made), made, stored=[])
     assert (lines, "M883 has no script" in stop) == ([], True)
@@ -117,6 +136,6 @@ def test_scripts_of_another_program_let_nothing_move(made: Plan) -> None:
 def test_tango_plan_writes_the_scripts_beside_the_program(tmp_path: Path, capsys: pytest.CaptureFixture[str], made: Plan) -> None:
     arguments = ["plan", "-C", str(GOLDEN), "--post", "mach4", "--out", str(tmp_path)]
     assert guarded(tango.main, arguments, prog_name="tango", standalone_mode=False) == 0
-    assert "beside  m880.mcs, m881.mcs, m882.mcs, m883.mcs: have to be on the control too" in capsys.readouterr().out
+    assert "beside  m880.mcs, m881.mcs, m882.mcs, m883.mcs, m884.mcs: have to be on the control too" in capsys.readouterr().out
     for name, lines in companions(load("mach4"), made, {}).items():
         assert (tmp_path / name).read_text() == "".join(f"{line}\n" for line in lines)

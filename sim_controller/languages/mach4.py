@@ -26,6 +26,7 @@ __all__ = ["Control", "Profile", "default_profile"]
 
 LETTERS = "XYZABC"
 PLACES = (5001, 5021, 5041, 5061)  # first variables of six, one an axis
+SIGNAL = 178  # some number
 PROGRAM = "C:\\Mach4Hobby\\GcodeFiles\\program.nc"
 SHIM = """
 return function(mc_table, program_text, punch)
@@ -84,6 +85,9 @@ class Control(macro_b.Control):
             "mcCntlGetGcodeFileName": lambda inst: PROGRAM,
             "mcCntlGetPoundVar": value,
             "mcCntlMacroAlarm": stop,
+            "ISIG_PROBE": SIGNAL,
+            "mcSignalGetHandle": lambda inst, signal: (signal, 0),
+            "mcSignalGetState": lambda handle: (int(handle == SIGNAL and self._motion.deflected), 0),
             "mcCntlSetLastError": lambda inst, text: self._note("message", text=str(text)),
         }
 

@@ -188,7 +188,10 @@ def behind(
         r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
     ]
     found = _drift(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after, 0.0, 0.0, known)
+    later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
+    again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
     return told | {
+        **{"cause": change_of(name, k.followed.families[i]), "confirmed": again[-1] if again else None},
         **{
             "text": found.text,
             "since": found.since,

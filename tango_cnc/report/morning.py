@@ -157,7 +157,8 @@ def context(
 def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
     """last night that measured, µm at the tool tip before any open fault, its date → which of the two is larger; or nothing."""
     v = record.get("volume") or {}
-    if was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
+    several = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
+    if several or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
         return ""
     now = float(v["worst_um"])
     slack = max(2 * float(v.get("std_um") or 0.0), LIKE * was)

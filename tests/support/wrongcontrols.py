@@ -125,7 +125,7 @@ def looks_at(name: str, which: int) -> object:
 def looks(post: Post) -> bool:
     """dialect → whether it looks at the probe before it moves, or refuses to: what it needs for that has a value."""
     stated = {option.name: option.default for option in post.options}
-    return bool(stated.get("probe_state", True)) and post.language != "mach4"  # whose post leaves that to nobody
+    return bool(stated.get("probe_state", True))
 
 
 def cases(name: str) -> dict[str, Case]:

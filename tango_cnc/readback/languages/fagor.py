@@ -21,7 +21,7 @@ from ..twins import Place, Twin, latched_elsewhere, offset_changed
 
 FEED = re.compile(rf"G100((?: [XYZ]\[{NUMBER}-P[123]\])+) F({NUMBER})")
 STEP = re.compile(rf"G100 ([XYZ])({NUMBER}) F({NUMBER})")
-OFF = re.compile(rf"G1((?: [XYZ]\[[^ ]+-P[123]\])+) F({NUMBER})")
+OFF = re.compile(rf"G1((?: [XYZ]\[\S+-P[123]\])+) F({NUMBER})")
 TURN = re.compile(rf"#MCS G0 ([ABC])({NUMBER})")
 ASSIGN = re.compile(r"(P\d{1,2})=(?!=)(.+)")
 IF = re.compile(r"\$IF (.+)")

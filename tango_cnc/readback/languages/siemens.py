@@ -19,7 +19,7 @@ from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
 from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, Twin, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
-OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=[^ ]+))+) F({NUMBER})")
+OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=\S+))+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")

@@ -1,4 +1,4 @@
-"""Scripts of Mach4 in Lua, which write and move nothing: each has to be, line by line, one of those below."""
+"""Scripts of Mach4 in Lua, which write or look, and move nothing: each has to be, line by line, one of those below."""
 
 from __future__ import annotations
 
@@ -30,6 +30,8 @@ LOOKS = r"""    local function text()
     end
     local mark = text():match("TANGO {word} %x+ %d+")
     if mark then say(mark) else stop("NO {word} MARK IN THE PROGRAM") end"""
+FREE = """    local signal = (mc.mcSignalGetHandle(inst, mc.ISIG_PROBE))
+    if (mc.mcSignalGetState(signal)) ~= 0 then stop("PROBE IS DEFLECTED") end"""
 RECORD = re.compile(
     r'    say\(string\.format\("P%\.0f H%\.0f((?: [A-Z]%\.4f)+)", value\((\d+)\), value\((\d+)\)((?:, value\(\d+\))+)\)\)'
 )
@@ -38,6 +40,7 @@ BODIES = {
     881: (BEGINS, WRITES),
     882: (BEGINS, WRITES, LOOKS.replace("{word}", "END")),
     883: (BEGINS,),
+    884: (BEGINS, FREE),
 }
 
 

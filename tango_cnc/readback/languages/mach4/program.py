@@ -18,8 +18,8 @@ from . import lua
 
 START = re.compile(r"M880\(TANGO START ([0-9A-F]{12}) (\d+)\)")
 END = re.compile(r"M882\(TANGO END ([0-9A-F]{12}) (\d+)\)")
-RECORD, WAIT = "M881(RECORD)", "M883"
-COMPANIONS = re.compile(r"m88[0-3]\.mcs")
+RECORD, WAIT, LOOK = "M881(RECORD)", "M883", "M884"
+COMPANIONS = re.compile(r"m88[0-4]\.mcs")
 SET = 117  # variable with the number of the set of scripts
 LETTERS = "XYZABC"
 
@@ -50,6 +50,8 @@ class _Mach4(_Program):
         """One line of the file. Raises InputError when it must not reach a machine."""
         if line == WAIT:
             self._moving = False
+        elif line == LOOK:
+            self._free, self._moving = True, False
         elif line == RECORD and self._opened and not self._closed:
             self._machine.record(*self._record)
         elif match := START.fullmatch(line):
