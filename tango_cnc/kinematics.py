@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -89,6 +89,7 @@ class Sensitivity:
     spindle_normal: Array  # (..., n, 3), in the frame that turns with S
 
 
+@lru_cache(maxsize=256)  # a chain is made for every look at the readings
 def axis_frame(name: str, direction: tuple[float, float, float]) -> tuple[Array | None, int, float]:
     """letter, direction → (rows of the axis frame in the machine frame or None, base index, sense), by model.md.
 
@@ -103,6 +104,7 @@ def axis_frame(name: str, direction: tuple[float, float, float]) -> tuple[Array 
     v = np.cross(e, d)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     rotation = np.eye(3) + cross + 2 * cross @ cross / ((e + d) @ (e + d))
+    rotation.flags.writeable = False
     return rotation.T, base, 1.0
 
 
@@ -171,8 +173,9 @@ def _start(chain: Chain, position: Array, errors: Errors) -> Point:
     slots = [Slot("t", "stylus", i) for i in range(3)]
     if not any(slot in errors for slot in slots):
         return [np.full(position.shape[:-1], value) for value in chain.tip]
-    offset = np.array(np.broadcast_arrays(*(np.zeros(position.shape[:-1]) + errors.get(slot, 0.0) for slot in slots)))
-    return [chain.tip[i] + np.tensordot(chain.spindle_frame[:, i], offset, 1) for i in range(3)]
+    zero, frame = np.zeros(position.shape[:-1]), chain.spindle_frame
+    own = [(row, errors[slot]) for row, slot in enumerate(slots) if slot in errors]
+    return [sum((frame[row, i] * offset for row, offset in own), zero + chain.tip[i]) for i in range(3)]
 
 
 def tip(chain: Chain, position: Array, errors: Errors | None = None) -> Array:

@@ -23,6 +23,12 @@ def test_a_file_with_a_group_is_one_share() -> None:
     assert shares and not any("::" in each for each in shares.values()), shares
 
 
+def test_tests_that_share_what_their_file_makes_once_are_one_share() -> None:
+    assert (
+        share("tests/test_demo.py::test_the_true_machine_is_found") == share("tests/test_demo.py::test_another[a]") == "test_demo"
+    )
+
+
 def test_any_other_test_is_a_share_of_its_own() -> None:
     for test in ("tests/test_link.py::test_any[a]", "tests/test_link_file.py::test_some[linuxcnc]", "tests/gone.py::test_a"):
         assert share(test) == test

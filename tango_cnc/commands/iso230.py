@@ -99,7 +99,10 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
         "temperatures": None if sheet.thermal is None else sheet.thermal.text,
         "budget": None if sheet.budget is None else list(sheet.budget.named),
         "order": {"degree": sheet.order[0], "harmonics": sheet.order[1]},
-        "orders": [{"degree": d, "harmonics": h, "weight": worth} for (d, h), worth in sheet.orders],
+        "orders": [
+            {"degree": d, "harmonics": h, "weight": worth, "left_out_um": off * 1e3}
+            for ((d, h), worth), off in zip(sheet.orders, sheet.left_out, strict=True)
+        ],
         "unseen_harmonics": list(sheet.unseen),
         "touch_std_um": sheet.sigma * 1e3,
         "dof": sheet.freedom,
@@ -132,7 +135,11 @@ def sheet_text(sheet: Sheet) -> list[str]:
         between = f"{f.interval[0]:.2f} … {f.interval[1]:.2f}"
         rows.append([f.kind, f.name, f"{f.value:.2f}", between, f.unit, over, f"{f.positions or ''}", f.note])
     lines = [sheet.reference.text, f"temperature of scales: {sheet.temperature}"]
-    tried = ", ".join(f"degree {d} with {h} harmonics {100 * worth:.0f} %" for (d, h), worth in sheet.orders if worth > WORTH)
+    tried = ", ".join(
+        f"degree {d} with {h} harmonics {100 * worth:.0f} % ({off * 1e3:.2f} µm)"
+        for ((d, h), worth), off in zip(sheet.orders, sheet.left_out, strict=True)
+        if worth > WORTH or (d, h) == sheet.order
+    )
     used = f"error motions as polynomials of degree {sheet.order[0]} and {sheet.order[1]} harmonics"
     if sheet.temperature == "not stated":
         lines[1] += say("iso_said.temperature.as_read")
@@ -151,7 +158,10 @@ def sheet_text(sheet: Sheet) -> list[str]:
             + (f"; it does not name {not_in}" if not_in else "")
         )
     lines += list(sheet.unseen)
-    lines.append(f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}")
+    lines.append(
+        f"{used}, or more where the intervals say so; what each order is worth to these touches: {tried}; in "
+        "brackets how far a touch is off what all others predict, rms"
+    )
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     withheld = [f"withheld: {text}" for text in sheet.not_identifiable]
     return lines + withheld + (["", "what to do about withheld figures:", *(f"  {t}" for t in sheet.advice)] if withheld else [])

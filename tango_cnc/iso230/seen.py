@@ -37,6 +37,7 @@ class Seen:
     tried: tuple[tuple[tuple[int, int], float], ...]  # every order and what it is worth
     expected: float | None  # mm, scatter of a touch that the budget allows for
     unseen: Unseen  # harmonics that these touches do not tell
+    left_out: tuple[float, ...]  # mm, of every order: by how much each touch is off what the others predict, rms
 
     def spread(self, asks: Sequence[Ask], again: Callable[[Whole], Sequence[Ask]]) -> dict[tuple[str, str], tuple[Array, ...]]:
         """figures, the same for a machine of another order → (kind, name): what other orders and unseen harmonics add to
@@ -65,7 +66,8 @@ def seen(result: Estimate, budget: Budget | None = None) -> Seen:
     if budget is not None:
         wide, expected = disturbed(wide, budget.factors, budget.beside_scatter)
         learned, _ = disturbed(learned, budget.factors, budget.beside_scatter)
-    return Seen(wide, learned, others, tuple((w.order, worth) for w, worth in compared), expected, beside)
+    tried, left_out = tuple((w.order, worth) for w, worth in compared), tuple(w.left_out for w, _ in compared)
+    return Seen(wide, learned, others, tried, expected, beside, left_out)
 
 
 def root_of(curve: Array, covariance: Array) -> Array:

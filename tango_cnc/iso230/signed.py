@@ -58,6 +58,7 @@ class Sheet:
     freedom: float
     temperature: str = "not stated"  # scales as read; or: 20 °C, as found, 20 °C, assumed
     orders: tuple[tuple[tuple[int, int], float], ...] = ()  # degree and harmonics, and what each is worth
+    left_out: tuple[float, ...] = ()  # mm, of every order: by how much each touch is off what the others predict, rms
     order: tuple[int, int] = (DEGREE, ORDER)  # which was used
     thermal: Thermal | None = None
     budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
@@ -99,7 +100,8 @@ def signed(
     figures = (*found, *_relative(asks, found, wide, learned, warm))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     beside = machine.unseen.said(wide.touches)
-    return Sheet(figures, at, sigma, freedom, state, machine.tried, order, thermal, budget, machine.expected, beside, machine.wide)
+    tried, by = machine.tried, machine.left_out
+    return Sheet(figures, at, sigma, freedom, state, tried, by, order, thermal, budget, machine.expected, beside, machine.wide)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:

@@ -32,8 +32,10 @@ WIDTH = (0.1, 3e-4)  # mm and rad, of an error motion at the end of its touched 
 PLACED = (2.0, 1e-2)  # mm and rad, of axis locations, stylus and table
 FINEST = 1e-5  # mm: beside a finer scatter the widths of all error motions leave the matrix without an inverse
 FAINT = 0.01  # of itself: a harmonic of which the touches show no more (sin 4C at every 45°) is not fitted; see `unseen`
-ROUNDS = (4, 2, 2)  # most steps with one weight of the touches
+ROUNDS = (4, *[2] * 14)  # most steps with one weight of the touches; a machine that is far from the fitted terms needs many
+SETTLED = 3e-3  # of the scatter: rounds end where the weight of the touches changes by no more
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
+ALONE = 0.02  # share of a touch's own error that is left of it, below which no other touch says what it should be
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 
 
@@ -53,6 +55,7 @@ class Whole:
     gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
+    left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
 
     @cached_property
     def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:
@@ -132,7 +135,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
                 "allowed: 3 or more; touch more indexations"
             )
         weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), FINEST)
-        if abs(np.log(sigma / weighed)) < 1e-3:
+        if abs(np.log(sigma / weighed)) < SETTLED:
             break
     matrix[:n] *= weighed / sigma
     inverse = linalg.inv(matrix.T @ matrix + np.eye(len(normal)))
@@ -147,9 +150,12 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     gain = np.zeros((p, ways.shape[1]))
     gain[seen[:p]] = ways[:own]
     leave = np.eye(n, ways.shape[1]) - sigma * matrix[:n] @ (ways / width[seen, None])
-    covariance = covariance[:p, :p]
+    free = np.diag(leave)
+    told = free > ALONE  # what is left of touches that the others say nothing of is no prediction
+    left_out = float(np.sqrt(np.mean((gaps[told] / free[told]) ** 2))) if told.any() else np.nan
+    covariance, own_width, of = covariance[:p, :p], width[:p], (degree, order)
     return Whole(
-        touches, found, names, values[:p], covariance, sigma, freedom, (degree, order), float(criterion), gain, leave, width[:p]
+        touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out
     )
 
 

@@ -12,16 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from .. import check
-from ..records import Array, Axis, Machine
+from ..records import Array, Axis, Machine, Vector
 
 PIECE = math.radians(10)  # of an arc for each corner of its polygon: that is 0.4 % wider than the arc
 RIM = 24  # corners around a part of the probe
 BEHIND = 300.0  # mm of what carries the probe, as thick as the spindle nose
 ROOMY = math.radians(359)  # travel that some call a whole turn
+
+UNIT = np.eye(3)
 
 Spans = Mapping[str, tuple[float, float]]  # rotary axis → rad between which it is while axes turn
 Balls = tuple[Array, Array]  # (n, 3) mm centres, (n,) mm radii
@@ -118,8 +121,18 @@ def _by_one(axis: Axis, span: tuple[float, float], direction: Array, centre: Arr
 
 def _turned(direction: Array, axis: Axis, cosine: Array | float, sine: Array | float) -> Array:
     """(n, 3) directions, axis, numbers or (m, 1, 1) → (n, 3) or (m, n, 3): as the body on it sees them when it is turned."""
-    along = (direction @ np.array(axis.direction))[:, None] * np.array(axis.direction)
-    return along + cosine * (direction - along) + sine * np.cross(direction, axis.direction)
+    onto, across = _parts(axis.direction)
+    along = direction @ onto
+    return along + cosine * (direction - along) + sine * (direction @ across)
+
+
+@lru_cache(maxsize=64)
+def _parts(direction: Vector) -> tuple[Array, Array]:
+    """unit vector u → two (3, 3): v @ the first is the part of v along u, v @ the second is v × u."""
+    x, y, z = direction
+    onto, across = np.outer(direction, direction), np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    onto.flags.writeable = across.flags.writeable = False
+    return onto, across
 
 
 def _polygon(low: float, high: float) -> Array:
@@ -154,9 +167,9 @@ def pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Arra
 
 def _turn(axis: Axis, angle: float) -> Array:
     """axis, rad → (3, 3) rotation about its direction (Rodrigues)."""
-    x, y, z = axis.direction
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+    onto, across = _parts(axis.direction)  # of which the second is the matrix of u × v, too
+    cosine = math.cos(angle)
+    return cosine * UNIT + (1 - cosine) * onto + math.sin(angle) * across
 
 
 def sphere(machine: Machine, branch: Sequence[str], position: Array, balls: Balls) -> tuple[Array, float]:

@@ -79,7 +79,11 @@ class Machine:
 
     def axis(self, name: str) -> Axis:
         """letter → axis. Raises KeyError for a letter that the machine lacks."""
-        return next(axis for axis in self.axes if axis.name == name)
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> dict[str, Axis]:
+        return {axis.name: axis for axis in reversed(self.axes)}
 
     def column(self, name: str) -> int:
         """letter → column of a position array."""

@@ -1,5 +1,5 @@
-"""Which tests one worker of xdist executes one after the other: those of a file with `xdist_group`, and all that need the one
-LinuxCNC of this computer.
+"""Which tests one worker of xdist executes one after the other: those of a file with `xdist_group`, those that share what their
+file has made once (a fixture of the module), and all that need the one LinuxCNC of this computer.
 
 xdist's own groups ask pytest to rename a test, which pytest 9.2 no longer lets it do: they are passed over without a word.
 """
@@ -13,9 +13,12 @@ from pathlib import Path
 import pytest
 from xdist.remote import Producer
 from xdist.scheduler import LoadGroupScheduling, Scheduling
+from xdist.workermanage import WorkerController
 
 ROOT = Path(__file__).parents[2]
 ONE_CONTROL = "from support.realcontrol import"  # who starts a LinuxCNC has this
+ONCE = 'scope="module"'  # given out one by one, its tests would make every worker make it
+CONTROL = "linuxcnc"
 GROUP = re.compile(r"^(?:pytestmark|@).*xdist_group\(\"(\w+)\"\)", re.MULTILINE)
 
 
@@ -24,7 +27,9 @@ def _of(file: Path) -> str:
     """File of tests → the share that all its tests have; none: each is one of its own."""
     text = file.read_text(encoding="utf-8") if file.exists() else ""
     found = GROUP.search(text)
-    return "linuxcnc" if ONE_CONTROL in text else found[1] if found else ""
+    if ONE_CONTROL in text:
+        return CONTROL
+    return found[1] if found else file.stem if ONCE in text else ""
 
 
 def share(test: str) -> str:
@@ -33,10 +38,18 @@ def share(test: str) -> str:
 
 
 class Shares(LoadGroupScheduling):
-    """Tests are given out one by one, the largest share first: no other worker waits for the LinuxCNC, and it for none of them."""
+    """First the LinuxCNC, which takes its time whatever the computer does, then the largest share, in the end single tests.
+
+    So nobody waits at the end for a share that has just begun.
+    """
 
     def _split_scope(self, nodeid: str) -> str:
         return share(nodeid)
+
+    def _assign_work_unit(self, node: WorkerController) -> None:
+        if CONTROL in self.workqueue:
+            self.workqueue.move_to_end(CONTROL, last=False)
+        super()._assign_work_unit(node)
 
 
 @pytest.hookimpl(optionalhook=True)

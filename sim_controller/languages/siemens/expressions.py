@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from functools import lru_cache
 
 from .alarms import alarm
 
@@ -70,15 +71,7 @@ class Reader:
         return found
 
     def _match(self) -> tuple[str, str, int]:
-        if not self.text[self.at :].strip():
-            return "end", "", len(self.text)
-        upper = self.text.upper()
-        match = _TOKEN.match(upper, self.at)
-        if match is None or match.lastgroup is None:
-            raise alarm("12080", self.text[self.at :])
-        kind = match.lastgroup
-        token = match[kind] if kind != "string" else self.text[match.start(kind) : match.end(kind)]
-        return kind, token, match.end()
+        return _token(self.text, self.at)
 
     def _concatenated(self) -> Value:
         left = self._or()
@@ -137,6 +130,19 @@ class Reader:
             self.expect("]")
             return self._get(name, index)
         return self._get(name, None)
+
+
+@lru_cache(maxsize=65_536)  # each is asked for by every rule that it might belong to, in every pass of a loop
+def _token(text: str, at: int) -> tuple[str, str, int]:
+    """text, place in it → kind of the next token, the token, where it ends. Raises Alarm for what is none."""
+    if not text[at:].strip():
+        return "end", "", len(text)
+    match = _TOKEN.match(text.upper(), at)
+    if match is None or match.lastgroup is None:
+        raise alarm("12080", text[at:])
+    kind = match.lastgroup
+    token = match[kind] if kind != "string" else text[match.start(kind) : match.end(kind)]
+    return kind, token, match.end()
 
 
 def _combined(operator: str, a: float, b: float, text: str) -> float:

@@ -24,6 +24,7 @@ ARGUED = max(ARGUMENTS.values())
 LOCAL, COMMON = range(1, 34), range(100, 150)
 WORD = rf"(?:#\d+|{NUMBER}|\[\S+\])"
 COMMENT = re.compile(r"\([^()]*\)")
+PROGRAM, LABEL, BEFORE = re.compile(r"O(\d{4,5})"), re.compile(r"N\d{1,5}"), re.compile(r"%|O\d{4,5}")
 FEED = re.compile(rf"(G31(?:\.[1-4])?(?: P[1-9]\d?)?|G1) ((?:[XYZ]{WORD} )+)F(#\d+|{NUMBER})")
 STEP = re.compile(rf"G91 (G31(?:\.[1-4])?(?: P[1-9]\d?)?) ([XYZ])({NUMBER}) F({NUMBER})")
 TURN = re.compile(rf"G90 G53 G0 ([ABC])({NUMBER})")
@@ -65,7 +66,7 @@ def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
     current: list[str] = []
     for _, line in numbered(lines):
         code = COMMENT.sub("", line)
-        if match := re.fullmatch(r"O(\d{4,5})", code):
+        if match := PROGRAM.fullmatch(code):
             if int(match[1]) in found:
                 raise InputError(f"O{match[1]} appears twice")
             current = found.setdefault(int(match[1]), [])
@@ -85,7 +86,8 @@ class _Program:
         self._macros, self._mark = macros, ""
         self._aside = False  # within the text of a macro
         self._words = stated_words(options)
-        self._reset, self._orient = options.get("reset", ""), options.get("orient", "")
+        self._reset, orient = options.get("reset", ""), options.get("orient", "")
+        self._turned = re.compile(re.escape(orient) + f"({NUMBER})") if orient else None
         self._signed = options.get("rollover") == "signed"
         self._moving = True  # since the last motion nothing has waited for the axes
         self._depth = 0
@@ -110,10 +112,10 @@ class _Program:
         if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
         code = COMMENT.sub("", line)
-        if not self._depth and (self._aside or (re.fullmatch(r"O\d{4,5}", code) and int(code[1:]) in self._macros)):
+        if not self._depth and (self._aside or (PROGRAM.fullmatch(code) and int(code[1:]) in self._macros)):
             self._aside = code != "M99"  # the text of a macro, which is carried out where it is called
             return
-        if re.fullmatch(r"N\d{1,5}", code) or (not self._begun and re.fullmatch(r"%|O\d{4,5}", code)):
+        if LABEL.fullmatch(code) or (not self._begun and BEFORE.fullmatch(code)):
             return
         self._begun |= code != ""
         if code in PASSIVE:
@@ -144,7 +146,7 @@ class _Program:
         elif code in ENDS and self._depth == 0:
             self._machine.watched()
             self.over = True
-        elif match := re.fullmatch(re.escape(self._orient) + f"({NUMBER})", code) if self._orient else None:
+        elif match := self._turned.fullmatch(code) if self._turned else None:
             self._machine.turns("S", float(match[1]), False)
         elif match := TURN.fullmatch(code):
             self._machine.turns(match[1], self._angle(match[1], float(match[2])), True)
@@ -290,8 +292,12 @@ class _Program:
         assert isinstance(key, int)
         if key == 0:
             return None
-        if key in LOCAL and (key <= ARGUED or key in twin.local[-1]):
-            return twin.local[-1].get(key)
+        local = twin.local[-1]
+        if 0 < key < COMMON[0]:
+            if key in local or (key in LOCAL and key <= ARGUED):
+                return local.get(key)
+        elif key in COMMON and key in twin.shared:
+            return twin.shared[key]
         kind, axis = divmod(key - 5000, 20) if 5020 < key < 5080 else (0, 0)
         if kind and axis in self._axis:
             name = self._axis[axis]
