@@ -135,6 +135,17 @@ def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_
     assert found.verdict == "doubtful" and "EC0Y" in found.untrusted
 
 
+def test_an_axis_that_stops_elsewhere_from_touch_to_touch_puts_all_parameters_in_doubt(root: Path) -> None:
+    folder = root / "examples" / "three_axis_calibrated"
+    plain = read_cell(folder)
+    run = simulate(plain.machine, plain.artefact, plain.strategy, read_world(folder / "world.yaml"), seed=6)
+    normal = np.array([plain.artefact.facets[f].normal for f in run.facet])
+    slips = np.random.default_rng(4).choice([0.0, 0.0, 0.0, 0.02], len(run))
+    found = judged(plain, pushed(plain, run, slips * np.abs(normal[:, 0])))
+    assert "are along X: X stopped, or was read, elsewhere from touch to touch" in " ".join(found.reasons)
+    assert found.verdict == "doubtful" and {"EXX1", "EXXb"} <= set(found.untrusted)
+
+
 def test_what_three_axes_cannot_show_of_a_bend_is_noted(root: Path) -> None:
     folder = root / "examples" / "three_axis_calibrated"
     plain = read_cell(folder)

@@ -21,7 +21,8 @@ from .backlashes import by_direction
 from .bounds import Bound, bounds, is_backlash
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
-from .either import either
+from .either import AGREED as BETTER
+from .either import AS_WELL, either
 from .groups import common
 from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
@@ -75,7 +76,7 @@ def judge(
     else:
         told = list(bounds(result))
         lost = sum(len(r.touches) for r in found if r.lost)
-        found += _fit(cell, result, told, AGREED if agrees else LEVEL)
+        found += _fit(cell, result, told, agrees)
         found += spare(result, lost, alone)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
@@ -138,7 +139,7 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
 
 
-def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], level: float) -> list[Remark]:
+def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool) -> list[Remark]:
     found: list[Remark] = []
     beyond = sorted((b for b in told if b.beyond), key=lambda b: -abs(b.value) / b.tolerance)
     found += [Remark("implausible", beyond_text(b)) for b in beyond[:NAMED]]
@@ -166,7 +167,12 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], level: float) -> l
         )
     found += _noise(result)
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
-    found += [*lacking(result, level), *either(result), *unseen(result), *stylus(cell, told)]
+    found += [
+        *lacking(result, AGREED if agrees else LEVEL),
+        *either(result, BETTER if agrees else AS_WELL),
+        *unseen(result),
+        *stylus(cell, told),
+    ]
     return found
 
 

@@ -24,6 +24,7 @@ from .shapes import candidates, movable
 
 WORTH = 10.0  # that a pattern has to gain over white scatter
 AS_WELL = 6.0  # by which it may do worse than the drift before it is out of the question: one in twenty
+AGREED = -6.0  # the same where the touches are as was predicted before: it has to do better
 DRIFTS = ("drift", "center", "probe", "memory", "late", "radius", "yields")  # drifts, or nothing that a drift stands for
 
 
@@ -39,8 +40,11 @@ class Rival:
     moved: Array  # by which it moves every unknown, from where white scatter alone leaves it
 
 
-def either(result: Estimate) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a remark where a drift may as well be a pattern that moves more."""
+def either(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
+    """estimate by the noise of its residuals → a remark where what was taken for a drift may as well be a pattern that moves more.
+
+    `behind`: by how much that pattern may do worse than the drift.
+    """
     noise, touches = result.noise, result.model.touches
     if noise is None or noise.columns is None or noise.step is not None or len(touches) > LARGEST:
         return
@@ -49,7 +53,7 @@ def either(result: Estimate) -> Iterator[Remark]:
     if drifting is None or white is None or drifting.spare < SPARE:
         return
     square = float(white.gaps @ white.gaps)
-    least = max(WORTH, square - float(drifting.gaps @ drifting.gaps) - 2 * (white.spare - drifting.spare) - AS_WELL)
+    least = max(WORTH, square - float(drifting.gaps @ drifting.gaps) - 2 * (white.spare - drifting.spare) - behind)
     p = len(result.model.coefficients)
     found = [rival for rival in _rivals(touches, white) if rival.gain > least]
     if not found:
