@@ -465,7 +465,7 @@ def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page
     past = trend(folder, "HU40T-like", ["EX0C", "NOTHING"], texts())
     assert past is not None and [s["title"] for s in past["series"]] == ["EX0C"]
     assert past["series"][0]["unit"] == "µm" and sum(past["series"][0]["alarm"]) == 1
-    assert trend(tmp_path, "HU40T-like", ["EX0C"]) is None
+    assert trend(tmp_path, "HU40T-like", ["EX0C"], texts()) is None
     rows = [("rms", 50.0, 4.0, 4.4), ("p95", 90.0, 8.0, None)]
     done = {"target": "siemens", "date": "2026-11-01", "state": "kept: 4.4 µm are left", "rows": rows}
     values = page.context(replace(facts, trend=past, compensations=(done,)))

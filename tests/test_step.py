@@ -37,6 +37,16 @@ def test_where_positions_come_in_inches_nothing_moves_but_the_step_and_the_text_
     assert failed.experiment.belief == "frames" and "in inches" in failed.experiment.advice
 
 
+@pytest.mark.parametrize("name", ["fanuc", pytest.param("haas", marks=pytest.mark.long)])
+def test_where_z_has_another_number_than_the_profile_says_nothing_moves_but_the_step(name: str) -> None:
+    """The frame of Y taken for that of Z sent the first move down by the difference of the two."""
+    other = {"axes": ("X", "Z", "Y", "B", "C")} if name == "fanuc" else {}
+    stated = {} if name == "fanuc" else {"axis_numbers": {"X": 1, "Y": 3, "Z": 2, "B": 5, "C": 6}}
+    found = ran(name, commission.air(golden(), 1), stated, {**other, "g54": LOW})
+    z = [place["Z"] for place in found.places]
+    assert "MET SOMETHING" in found.why and max(z) - min(z) <= STEP
+
+
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_probe_that_is_on_at_the_step_is_not_taken_for_inches(name: str) -> None:
     found = ran(name, golden(), probe="inverted")
