@@ -92,7 +92,7 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
         file.name
         for file in sorted(folder.glob("*.csv"))
         if (when := ended(file)) is not None
-        and when[:19] >= str(record["created_utc"])
+        and when[:19] >= str(record["created_utc"])[:19]
         and not loop.before(folder, record, rows(file), when)
     ]
     those = f"; made after it are {', '.join(later)} in {folder}" if later else ""
