@@ -44,7 +44,8 @@ INTERNAL: dict[str, str | None] = {
     "verify": f"{NUMERIC} files iso230",
     "compensate": f"{NUMERIC} iso230 verify uncertainty files",
     "history": "records texts files state nearest",
-    "nightly": f"{NUMERIC} files history state report.compensated report.units report.look report.repeated report.texts report.words",
+    "nightly": f"{NUMERIC} files history state "
+    "report.compensated report.units report.look report.repeated report.texts report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
