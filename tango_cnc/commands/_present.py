@@ -51,7 +51,7 @@ def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapp
         if judged and readings.exists() and (why := loop.before(folder, record, rows(readings), ended(readings))):
             raise InputError(_lacking(folder, source, record, readings, why))
         return of_record(record), record
-    numbers = _values(source)
+    numbers = values_of(source)
     if judged:
         contained(folder, options, "What they find would be added to numbers that take it away already")
         click.echo(
@@ -103,7 +103,7 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
     )
 
 
-def _values(source: Path) -> dict[str, float]:
+def values_of(source: Path) -> dict[str, float]:
     """YAML file of {place: number} → the control's numbers. Raises InputError for what is no number."""
     try:
         return {key: node.position() for key, node in load(source).items()}

@@ -27,7 +27,7 @@ from support.tables import TABLES
 from tango_cnc import conformity
 from tango_cnc.acceptance import read_order
 from tango_cnc.asked import as_run, asked
-from tango_cnc.commands._compensate import present_of
+from tango_cnc.commands._present import values_of
 from tango_cnc.commands._import import imported
 from tango_cnc.commands._program import language_of, opened
 from tango_cnc.commands._trust import run_of
@@ -444,7 +444,7 @@ READERS = {
         limits=True,
     ),
     "features.yaml": Reader("features.yaml", _text("features.yaml"), lambda f: features.read(f / "features.yaml")),
-    "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: present_of(f / "present.yaml")),
+    "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: values_of(f / "present.yaml")),
     "layout.yaml": Reader("layout.yaml", lambda f: Path(STANDARD).read_bytes(), lambda f: read_layout(str(f / "layout.yaml"))),
     "opcua.yaml": Reader("opcua.yaml", lambda f: NODES.read_bytes(), lambda f: read_nodes(str(f / "opcua.yaml"))),
     "sensors.yaml": Reader("sensors.yaml", _text("sensors.yaml"), read_sensors),
