@@ -76,7 +76,7 @@ def test_a_program_goes_on_when_its_motion_has_waited(tmp_path: Path) -> None:
 @pytest.mark.skipif(not LOCKSTEP.exists(), reason="needs halcompile --install tests/linuxcnc/lockstep.comp")
 @pytest.mark.parametrize("waiting", [b"rtapi_app", b"table.py", b"contact.py"])
 def test_a_table_that_waits_is_touched_where_it_is(tmp_path: Path, waiting: bytes) -> None:
-    """Time waits for the table: no contact that is none, none that is missed, each at the next period after the true one."""
+    """Time waits for the table. It reports no false contact and misses no true one; each comes at the next period after it."""
     folder = tmp_path / "cell"
     shutil.copytree(GOLDEN, folder)
     (folder / "tango.yaml").write_text(

@@ -30,8 +30,8 @@ def cell(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def said(cell: Path, words: tuple[str, ...]) -> str:
-    given = [str(cell / w) if w.endswith(".nc") else w for w in words]
-    done = CliRunner().invoke(tango, [given[0], "-C", str(cell), "--readings", str(cell / "simulated.csv"), *given[1:]])
+    command, *arguments = (str(cell / w) if w.endswith(".nc") else w for w in words)
+    done = CliRunner().invoke(tango, [command, "-C", str(cell), "--readings", str(cell / "simulated.csv"), *arguments])
     assert done.exit_code == 0, done.output
     (line,) = (line for line in done.output.splitlines() if line.startswith("scales:"))
     return line

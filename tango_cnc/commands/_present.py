@@ -59,8 +59,9 @@ def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapp
             "errors are corrected twice",
             err=True,
         )
-    same = last is not None and last.record["target"] == options["target"]
-    return Present(numbers, uncorrected(last.record) if same and last is not None else {}), {}
+    if last is None or last.record["target"] != options["target"]:
+        return Present(numbers, {}), {}
+    return Present(numbers, uncorrected(last.record)), {}
 
 
 def contained(folder: Path, options: dict[str, Any], twice: str = "The program would correct the same errors once more") -> None:

@@ -121,7 +121,7 @@ def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | 
     """what was before, promised, is left; share of what the run could see that is gone → the verdict.
 
     No help is what has evidence against it: less than half is gone, or so much more than all that no less is left than
-    before. The sizes alone are none: where little was to be gained, their intervals overlap whatever has happened.
+    before. The sizes alone prove nothing: where little was to be gained, their intervals overlap in any case.
     """
     if helped is None or _spans(helped):
         return "undecided"

@@ -167,7 +167,7 @@ def pose(machine: Machine, branch: Sequence[str], position: Array) -> tuple[Arra
 
 def _turn(axis: Axis, angle: float) -> Array:
     """axis, rad → (3, 3) rotation about its direction (Rodrigues)."""
-    onto, across = _parts(axis.direction)  # of which the second is the matrix of u × v, too
+    onto, across = _parts(axis.direction)  # across @ v is u × v
     cosine = math.cos(angle)
     return cosine * UNIT + (1 - cosine) * onto + math.sin(angle) * across
 

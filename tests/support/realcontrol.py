@@ -34,7 +34,7 @@ STANDS = 60.0  # s: a control that has done nothing for so long does nothing any
 LOST_COUNT = "Queue is not empty after probing"
 PERIOD = 0.001  # s, of the servo thread: the probe input is looked at once in it
 # With this module no period begins before table.py has judged those before it (halcompile --install tests/linuxcnc/lockstep.comp).
-# Without it the table of a busy computer comes too late now and then: a contact where there is none, or none where there is one.
+# Without it the table of a busy computer answers too late now and then: it reports a false contact, or misses a true one.
 LOCKSTEP = Path("/usr/lib/linuxcnc/modules/lockstep.so")
 # Everything but measuring is to take little time: mm/s and mm/s², deg/s and deg/s². Within the periods that table.py may be
 # silent no motion comes farther than some millimetres from where it began.

@@ -134,7 +134,7 @@ class Reader:
 
 @lru_cache(maxsize=65_536)  # each is asked for by every rule that it might belong to, in every pass of a loop
 def _token(text: str, at: int) -> tuple[str, str, int]:
-    """text, place in it → kind of the next token, the token, where it ends. Raises Alarm for what is none."""
+    """text, place in it → kind of the next token, the token, where it ends. Raises Alarm where no token begins."""
     if not text[at:].strip():
         return "end", "", len(text)
     match = _TOKEN.match(text.upper(), at)
