@@ -55,8 +55,8 @@ def peak(work: Callable[[], object]) -> int:
     """→ bytes that this takes at most beyond what there was before."""
     gc.disable()  # it empties the lists of small objects that Python keeps to use them again
     try:
+        work()  # the first time fills them
         _let_go_of_tuples()
-        work()  # the first time fills the others
         tracemalloc.start()
         work()
         return tracemalloc.get_traced_memory()[1]
