@@ -25,6 +25,7 @@ ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet norm
 STEP = 0.5  # mm of the step that shows whether positions come in mm: every stylus gives way by more
 STEP_FEED = 60.0  # mm/min of it
 INCH = 25.4  # mm
+MIRRORED = "MIRROR IMAGE OR SCALING"  # what a program says where the step goes the other way, or too far
 PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
 
 
