@@ -165,8 +165,7 @@ class Rehearsal:
             twin.skip, twin.hit = dict(twin.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
         mirrored = self.base.twin("stop", f"{name} goes the other way: a mirror image")
-        mirrored.position[name] -= 2 * by
-        mirrored.skip = dict(mirrored.position)
+        mirrored.position[name] = mirrored.skip[name] = start[name] - by
         self.doubts([inches, mirrored, *stopped_short(self.base, start, target, short, self._latches)])
 
     def _ready(self) -> None:
