@@ -18,8 +18,8 @@ LESS = 0.25  # of what a touch scattered by before, at most
 def few_terms(cell: Cell, readings: Readings, result: Estimate, most: float) -> Iterator[Remark]:
     """cell, readings, their estimate, mm that a touch may scatter by → a remark with the smallest set of terms that leaves no more.
 
-    Nothing where the stated terms leave no more, where no larger set does, or where what it gives would be implausible. It is a plain
-    fit by least squares: touches that do not fit leave more, and nothing is said then.
+    Nothing where the stated terms leave no more, where no larger set does, or where what it gives would be implausible. It is
+    a plain fit by least squares: touches that do not fit leave more, and nothing is said then.
     """
     if result.sigma <= most:
         return
