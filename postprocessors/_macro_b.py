@@ -42,6 +42,10 @@ PROBE_STATE = "number of the variable that is not 0 while the probe is deflected
 STATES = range(1000, 1064)
 WANTED, RAN = 121, 122  # number of the set of macros: that of the program, that of the macro which has run last
 MACROS = ("inline", "called")
+ALARM = (
+    "tidy: an alarm first jumps (GOTO) to blocks that switch the probe off and close the port; at once: it does not, for controls "
+    "that refuse GOTO in a drip-fed program"
+)
 WAITING = "block behind which #5021 is read with the axes at rest: G53, G103 P1 with two empty blocks, or a builder's M word"
 SKIPS = re.compile(r"G31(\.[1-4])?( P[1-9]\d?)?")
 WAITS = re.compile(r"G53|G103 P1|G4 [PX]\d*\.\d*|M[1-9]\d{1,3}")
@@ -53,6 +57,7 @@ ROLLOVER = (
 OPTIONS: tuple[Option, ...] = (
     Option("program_number", 7700, "O number of the program; macros take the next four", verified=True),
     Option("macros", "inline", "where the macro text stands: in every touch, or called, before the program", True, MACROS),
+    Option("alarm", "tidy", ALARM, True, ("tidy", "at once")),
     Option("skip", "G31", "word of the move that the probe ends; G31 P1 where the control has several skip inputs", codes=True),
     Option("wait", "G53", WAITING, codes=True),
     Option(
@@ -113,6 +118,7 @@ class _Steps:
             yield f"IF[#4008NE49]THEN{self.words.stop(4, 'CANCEL TOOL LENGTH FIRST')}"
         for group, code in job.options["must_be_off"].items():
             yield f"IF[#{group}EQ{code:g}]THEN{self.words.stop(5, f'CANCEL G{code:g} FIRST')}"
+        yield from self.words.tried(job)
         yield from ("G21", job.options["reset"])  # Fanuc wants G21 in a block of its own
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield from text.waited(job)
@@ -136,7 +142,8 @@ class _Steps:
         yield from self._protected(job, leg)
 
     def approach(self, job: Job, leg: Leg) -> Iterator[str]:
-        yield f"N{leg.touch.number}(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
+        label = f"N{leg.touch.number}" if leg.touch.number < text.TRIED else ""  # from there on are the ways out
+        yield f"{label}(TOUCH {leg.touch.number} FACET {comment(leg.touch.facet, 20)})"
         yield from self._protected(job, leg)
 
     def _protected(self, job: Job, leg: Leg) -> Iterator[str]:
@@ -174,7 +181,7 @@ class _Steps:
         proof = proving(job)
         yield f"({common.proves(job, leg)})"
         yield from self._measured(job if job.options["macros"] == "called" else proof, leg, proof.plan.strategy.approach.feed)
-        yield f"IF[#{FLAG}EQ0]THEN{self.words.stop(7, common.unproven(job))}"
+        yield self.words.unless(job, f"#{FLAG}EQ0", text.UNPROVEN)
         if leg.kind == "prove":
             yield self._off(job, leg)
             return
@@ -193,6 +200,7 @@ class _Steps:
         yield f"#{FLAG}={len(job.plan.touches)}"
         yield f"DPRNT[TANGO*END*{job.mark}*#{FLAG}[60]]"
         yield from self.words.close
+        yield from self.words.ways_out(job, numbers_of_stops(job, self.words))
         yield self.words.end
         yield "%"
 
@@ -201,14 +209,17 @@ class _Steps:
         own = self._set(job)
         for which, (title, piece) in enumerate(text.PIECES, 1):
             yield f"O{job.options['program_number'] + which:0{self.words.o_digits}d}({title})"
-            yield f"IF[#{WANTED}NE{own}]THEN{self.words.stop(8, 'MACROS OF ANOTHER PROGRAM')}"
-            yield from piece(job, self.words, None)
+            lines = [self.words.unless(job, f"#{WANTED}NE{own}", 8), *piece(job, self.words, None)]
+            yield from lines
             yield f"#{RAN}={own}"
+            jumps = [n for n in text.STOPS if any(line.endswith(f"]GOTO{text.OUT + n}") for line in lines)]
+            yield from self.words.ways_out(job, jumps)
             yield "M99"
 
     def _set(self, job: Job) -> int:
         """→ number of the set of macros of this job, whatever feed and distances a step has."""
-        whole = "\n".join(line for _, piece in text.PIECES for line in piece(job, self.words, None))
+        lines = [*(line for _, piece in text.PIECES for line in piece(job, self.words, None)), *self.words.tidies(job)]
+        whole = "\n".join(lines)
         return int(hashlib.sha256(whole.encode()).hexdigest(), 16) % 900_000 + 100_000
 
     def _macro(self, job: Job, which: int, arguments: Mapping[str, str]) -> Iterator[str]:
@@ -216,7 +227,7 @@ class _Steps:
         if job.options["macros"] == "called":
             yield f"#{RAN}=0"
             yield f"G65 P{job.options['program_number'] + which} {common.joined(arguments)}"
-            yield f"IF[#{RAN}NE{self._set(job)}]THEN{self.words.stop(9, 'ANOTHER PROGRAM WAS CALLED')}"
+            yield self.words.unless(job, f"#{RAN}NE{self._set(job)}", 9)
         else:
             yield from text.PIECES[which - 1][1](job, self.words, arguments)
 
@@ -242,12 +253,20 @@ def steps(words: Words) -> dict[str, Any]:
     }
 
 
+def numbers_of_stops(job: Job, words: Words) -> list[int]:
+    """job, words of its dialect → numbers of the stops that its main program may jump to."""
+    called = job.options["macros"] == "called"
+    asked = [6] if job.options["probe_state"] and not words.look else []
+    return sorted([0, *([9] if called else [1, 2, 3]), *asked, text.UNPROVEN, 10])
+
+
 def _left_on(job: Job, words: Words) -> Iterator[str]:
-    """What an alarm leaves as it is: it ends everything there and then, and a drip-fed program cannot jump to a tidy end."""
+    """What is left as it is by an alarm of the control itself, and by one of ours in a program that cannot jump to a tidy end."""
+    by = "A RESET" if words.tidies(job) else "A STOP"
     if job.options["probe_off"]:
-        yield f"A STOP LEAVES THE PROBE ON - {job.options['probe_off']} IN MDI SWITCHES IT OFF"
+        yield f"{by} LEAVES THE PROBE ON - {job.options['probe_off']} IN MDI SWITCHES IT OFF"
     for close in words.close:
-        yield f"A STOP LEAVES THE PORT OPEN - {close} IN MDI CLOSES IT"
+        yield f"{by} LEAVES THE PORT OPEN - {close} IN MDI CLOSES IT"
 
 
 def _check(job: Job, words: Words) -> None:

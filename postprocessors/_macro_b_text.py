@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from tango_cnc.gate import INCH, STEP, STEP_FEED, step
 
 from ._base import Job, early_distance, number
 from ._common import axis_numbers, signed
+from ._common import unproven as unmet
 
 ARGUMENT = {"A": 1, "B": 2, "C": 3, "I": 4, "J": 5, "K": 6, "F": 9, "S": 19, "T": 20, "X": 24, "Y": 25, "Z": 26}
 FRAME = 100  # #101 …: machine minus work coordinate of axis 1 …
@@ -18,6 +19,18 @@ FLAG = 110  # and #111 …: flag and machine coordinates of the last touch
 WORK = 30  # #31 #32 #33: target in the work frame (local variables end at #33)
 WAY = 27  # #28 #29 #30: from the start to the contact
 ARRIVED = 0.01  # deg
+TRIED, PAST, OUT = 8999, 9000, 9001  # sequence numbers: behind the first jump, behind the ways out, of the first of them
+UNPROVEN = 7  # the stop whose text depends on what proves the probe
+STOPS = {  # number from 0: what the control shows, at most 26 characters
+    0: "PROBE ON OR MET SOMETHING",
+    1: "WORK OFFSET CHANGED",
+    2: "NO CONTACT. CHECK PROBE",
+    3: "ROTARY AXIS NOT IN PLACE",
+    6: "PROBE IS DEFLECTED",
+    8: "MACROS OF ANOTHER PROGRAM",
+    9: "ANOTHER PROGRAM WAS CALLED",
+    10: "POSITIONS ARE IN INCHES",
+}
 
 
 @dataclass(frozen=True)
@@ -40,6 +53,38 @@ class Words:
         """number from 0, at most 26 characters (older controls show no more) → the statement that ends everything."""
         return self.alarm.format(number=self.first_alarm + which, text=text)
 
+    def tidies(self, job: Job) -> list[str]:
+        """job → the blocks that switch the probe off and close the port before an alarm; none where there is nothing to do."""
+        if job.options["alarm"] == "at once":
+            return []
+        return [*filter(None, [job.options["probe_off"]]), *self.close]
+
+    def unless(self, job: Job, condition: str, which: int) -> str:
+        """condition, number from 0 → the statement that stops where it holds: a jump to its way out, or the alarm itself."""
+        return f"IF[{condition}]" + (f"GOTO{OUT + which}" if self.tidies(job) else f"THEN{self.stop(which, said(job, which))}")
+
+    def tried(self, job: Job) -> Iterator[str]:
+        """A jump before anything moves: controls that refuse one in a drip-fed program refuse it there."""
+        if self.tidies(job):
+            yield "(DRIP-FED WITHOUT GOTO - STATE ALARM AT ONCE IN THE PROFILE)"
+            yield from (f"GOTO{TRIED}", f"N{TRIED}")
+
+    def ways_out(self, job: Job, whiches: Iterable[int]) -> Iterator[str]:
+        """numbers of alarms → their ways out, which what has gone well passes by. They stand before M30 and M99, behind which
+        controls need not read."""
+        if tidy := self.tidies(job):
+            yield f"GOTO{PAST}"
+            for which in whiches:
+                yield f"N{OUT + which}"
+                yield from tidy
+                yield self.stop(which, said(job, which))
+            yield f"N{PAST}"
+
+
+def said(job: Job, which: int) -> str:
+    """number of a stop from 0 → what the control shows."""
+    return unmet(job) if which == UNPROVEN else STOPS[which]
+
 
 Arguments = Mapping[str, str] | None  # None: the text of a macro, whose arguments are in local variables
 
@@ -57,7 +102,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     yield from _free(job, words)
     yield f"{job.options['skip']} {' '.join(f'{name}#{place}' for name, place in named.items())} F{_value(given, 'F')}"
     yield from _skipped(job)
-    yield f"IF[{_short(job)}GT{number(job.options['tolerance'])}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
+    yield words.unless(job, f"{_short(job)}GT{number(job.options['tolerance'])}", 0)
 
 
 def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
@@ -69,7 +114,7 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     for name, axis in axis_numbers(job).items():
         yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
     moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
-    yield f"IF[{moved}GT0.005]THEN{words.stop(1, 'WORK OFFSET CHANGED')}"
+    yield words.unless(job, f"{moved}GT0.005", 1)
     for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
         yield f"#{WAY + i}=#{FLAG + axis}-{signed(_value(given, start))}"
     yield f"#{FLAG}=1"
@@ -77,7 +122,7 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     yield f"IF[{_short(job)}LT{number(job.options['tolerance'])}]THEN#{FLAG}=0"
     yield f"#{MISSES}=#{MISSES}+1"
     yield f"IF[#{FLAG}NE0]THEN#{MISSES}=0"
-    yield f"IF[#{MISSES}GE{job.options['misses']}]THEN{words.stop(2, 'NO CONTACT. CHECK PROBE')}"
+    yield words.unless(job, f"#{MISSES}GE{job.options['misses']}", 2)
 
 
 def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:
@@ -103,7 +148,7 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
             yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}={place}"
         yield f"#31=ABS[{place}-{signed(_value(given, name))}]"
         yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
-        yield f"IF[#31GT{number(ARRIVED)}]THEN{words.stop(3, 'ROTARY AXIS NOT IN PLACE')}"
+        yield words.unless(job, f"#31GT{number(ARRIVED)}", 3)
 
 
 def stepped(job: Job, words: Words) -> Iterator[str]:
@@ -117,9 +162,9 @@ def stepped(job: Job, words: Words) -> Iterator[str]:
     yield "G90"
     yield from _skipped(job)
     yield f"#{WORK + 1}=ABS[{place}-#{WORK + 1}]"
-    yield f"IF[ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005]THEN{words.stop(10, 'POSITIONS ARE IN INCHES')}"
+    yield words.unless(job, f"ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005", 10)
     short = f"ABS[#{WORK + 1}-{number(STEP)}]GT{number(job.options['tolerance'])}"
-    yield f"IF[{short}]THEN{words.stop(0, 'PROBE ON OR MET SOMETHING')}"
+    yield words.unless(job, short, 0)
 
 
 Piece = Callable[[Job, Words, Arguments], Iterator[str]]
@@ -137,7 +182,7 @@ def _free(job: Job, words: Words) -> Iterator[str]:
         yield words.look
     elif job.options["probe_state"]:
         yield from waited(job)
-        yield f"IF[#{job.options['probe_state']}NE0]THEN{words.stop(6, 'PROBE IS DEFLECTED')}"
+        yield words.unless(job, f"#{job.options['probe_state']}NE0", 6)
 
 
 def waited(job: Job) -> Iterator[str]:

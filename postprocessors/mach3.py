@@ -57,7 +57,7 @@ DOUBTS = (
 
 
 def begin(job: Job) -> Iterator[str]:
-    """Header, modal reset, what the macros have to know, start."""
+    """Header, modal reset, what the macros have to know."""
     plan, options = job.plan, job.options
     _check(job)
     yield from common.titled(job, "(%s)")
@@ -69,10 +69,15 @@ def begin(job: Job) -> Iterator[str]:
     yield f"#{basic.MISSES}={options['misses']}"
     yield f"#{basic.SET}={basic.set_number(job.machine, options['readings'], options['probe_off'])}"
     yield f"#{basic.DONE}=0"
-    yield f"M{basic.START} (TANGO START {job.mark} {len(plan.touches)})"
 
 
-probe_on, probe_off = common.switches("(%s)")
+switched_on, probe_off = common.switches("(%s)")
+
+
+def probe_on(job: Job) -> Iterator[str]:
+    """The words of the profile, then the start: a stop is acted on some lines later, and these must not be among them."""
+    yield from switched_on(job)
+    yield f"M{basic.START} (TANGO START {job.mark} {len(job.plan.touches)})"
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:

@@ -19,7 +19,7 @@ from tango_cnc.records import InputError
 from ._base import Job, Leg, Option, Post, number, with_defaults
 from ._common import axes, spares, spindle
 from ._macro_b import OPTIONS as FAMILY_OPTIONS
-from ._macro_b import steps
+from ._macro_b import numbers_of_stops, steps
 from ._macro_b_text import FLAG, Words
 from ._remedies import MACH4
 
@@ -29,11 +29,12 @@ PLACE = {name: i for i, name in enumerate("XYZABC", 1)}  # of an axis in #5021 �
 # G49 moves nothing here, and the reset line has the words that cancel what is asked elsewhere.
 FIXED: Mapping[str, Any] = {
     **{"macros": "inline", "print_format": "44", "length_check": False, "must_be_off": {}},
-    **{"skip": "G31", "wait": f"M{WAIT}"},
+    **{"alarm": "tidy", "skip": "G31", "wait": f"M{WAIT}"},
 }
 FILE = "tango-readings.txt"
 
-FAMILY = steps(Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", look=f"M{LOOK}"))
+WORDS = Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", look=f"M{LOOK}")
+FAMILY = steps(WORDS)
 OPTIONS = (
     *with_defaults(
         tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers", "probe_state")),
@@ -47,7 +48,7 @@ OPTIONS = (
     Option("readings", FILE, "file of the records, in the folder of the program", verified=True),
 )
 DOUBTS = (
-    "IF … THEN and #3000 in a program, and no read-ahead beyond G31 and M codes",
+    "IF … THEN, IF … GOTO and #3000 in a program, and no read-ahead beyond G31 and M codes",
     "#5021 #5041 #5061 come in millimetres after G21",
     "G53 G0 turns a rotary axis in machine coordinates",
     "#506x, #502x and #504x of axes at rest differ by constants",
@@ -94,8 +95,10 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 
 def end(job: Job) -> Iterator[str]:
-    """End mark and end of program."""
+    """End mark, ways out and end of program."""
     yield f"M{END}(TANGO END {job.mark} {len(job.plan.touches)})"
+    job = _stated(job)
+    yield from WORDS.ways_out(job, numbers_of_stops(job, WORDS))
     yield "M30"
     yield "%"
 
@@ -162,11 +165,13 @@ def _scripts(job: Job) -> dict[str, list[str]]:
 
 
 def _script(code: int, what: str, body: list[str], job: Job) -> list[str]:
+    off = job.options["probe_off"]
     head = [
         f"-- M{code} of tango, set SETNUMBER: {what}",
         f"function m{code}()",
         "    local inst = mc.mcGetInstance()",
         "    local function stop(why)",
+        *([f'        mc.mcCntlGcodeExecuteWait(inst, "{off}")'] if off else []),
         f'        mc.mcCntlMacroAlarm(inst, {code}, "TANGO " .. why)',
         "    end",
         "    local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end",

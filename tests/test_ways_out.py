@@ -1,9 +1,13 @@
-"""A stop leaves things in order where the control carries anything out then; where it cannot, the header names the words."""
+"""A stop leaves things in order: the probe off, the port closed; where nothing can be carried out, the header names the words."""
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from typing import Any
+
 import pytest
-from support.controls import golden
+from support.controls import Ran, golden
 from support.dialects import EVERY
 from support.gates import ran
 
@@ -16,7 +20,9 @@ from tango_cnc.records import InputError, World
 
 OFF = {"probe_on": "M720", "probe_off": "M721"}
 TIDY = ("centroid", "fagor", "heidenhain", "linuxcnc", "mach3", "okuma", "siemens")
+CLOSED = b"\x14"  # DC4, which a port sends when it is closed
 ALARMED = tuple(n for n in names() if load(n).language in ("macro_b", "mach4"))
+PORTED = tuple(n for n in ALARMED if n != "mach4")
 
 
 def lines_of(name: str) -> list[str]:
@@ -41,11 +47,99 @@ def test_the_read_back_refuses_macros_of_mach3_that_leave_the_probe_on() -> None
                 readback.check(lambda: iter(lines_of("mach3")), made, options, {**files, file: lines})
 
 
-@pytest.mark.parametrize("name", ALARMED)
-def test_where_an_alarm_ends_everything_the_header_names_the_words(name: str) -> None:
-    head = "\n".join(lines_of(name)[:25])
-    assert "A STOP LEAVES THE PROBE ON - M721 IN MDI SWITCHES IT OFF" in head
-    assert ("PCLOS IN MDI CLOSES IT" in head) == (name != "mach4")
+SHORT = replace(golden().machine.probe, length=golden().machine.probe.length - 20.0)
+WRONG: dict[str, dict[str, Any]] = {  # what stops a program, each at another place of it
+    "nobody": {"person": False},
+    "inverted": {"probe": "inverted"},
+    "shorter": {"truly": replace(golden().machine, probe=SHORT)},  # nothing is met where the facets are
+}
+WORDS = {"linuxcnc": ("M64 P1", "M65 P1"), "mach4": ("M52", "M53"), "centroid": ("M64", "M65")}
+OTHERS = {"centroid": {"macros": ("M19", "M64", "M65")}}
+QUICK = ("fanuc", "mach4")
+EACH = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted({*TIDY, *ALARMED})]
+
+
+def left_on(found: Ran, on: str, off: str) -> bool:
+    """what came of a program, words that switch the probe → whether it is on."""
+    codes = [data.get("code", data.get("why")) for event, data in found.events if event == "m"]
+    words = " ".join(f"M{str(code).removeprefix('M')} " for code in codes)
+    on, off = on.split()[0], off.split()[0]
+    return words.rfind(f"{on} ") > words.rfind(f"{off} ")
+
+
+@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_at_every_alarm_the_probe_is_off_and_the_port_closed(name: str, wrong: str) -> None:
+    on, off = WORDS.get(name, ("M720", "M721"))
+    found = ran(name, golden(), {"probe_on": on, "probe_off": off}, OTHERS.get(name), **WRONG[wrong])
+    assert found.why or found.stops
+    if "TOUCH PROBE IS DEFLECTED" in found.why:  # Heidenhain's own alarm, at TCH PROBE
+        assert name == "heidenhain"
+        return
+    assert not left_on(found, on, off)
+    assert not [event for event, _ in found.events if event == "left open"]
+    assert name not in PORTED or found.out.endswith(CLOSED)
+
+
+@pytest.mark.parametrize("name", PORTED)
+@pytest.mark.parametrize("options", [{}, {"macros": "called"}, {"probe_state": 1004}, {"macros": "called", "probe_state": 1004}])
+def test_each_alarm_has_a_way_out_that_closes_the_port(name: str, options: dict[str, Any]) -> None:
+    """Every alarm of the text stands behind the words that leave things in order, but those before the port is open."""
+    made = golden()
+    lines = [re.sub(r"\([^()]*\)", "", line) for line in program(load(name), made, OFF | options, plan_hash(made))[2]()]
+    opened = lines.index("POPEN")
+    ends = [i for i, line in enumerate(lines) if line.startswith("#3000=")]
+    assert ends and all(lines[i - 2 : i] == ["M721", "PCLOS"] for i in ends)
+    assert not [line for line in lines[opened:] if "THEN#3000" in line]
+    goals = {line.partition("GOTO")[2] for line in lines if "GOTO" in line}
+    assert goals <= {line[1:] for line in lines if re.fullmatch(r"N\d+", line)}
+
+
+@pytest.mark.parametrize("name", ["fanuc", "mach4"])
+@pytest.mark.parametrize("macros", ["inline", pytest.param("called", marks=pytest.mark.long)])
+def test_the_read_back_refuses_an_alarm_that_leaves_something_on(name: str, macros: str) -> None:
+    made = golden()
+    stated = OFF if name == "mach4" else OFF | {"macros": macros}
+    options, files = settings(load(name), stated), companions(load(name), made, stated)
+    lines = list(program(load(name), made, stated, plan_hash(made))[2]())
+
+    def refused(text: list[str]) -> str:
+        with pytest.raises(InputError) as error:
+            readback.check(lambda: iter(text), made, options, files, written_in=load(name).language)
+        return str(error.value)
+
+    ends = [i for i, line in enumerate(lines) if line.startswith("#3000=")]
+    for i in ends[:: 1 if macros == "called" else 3]:
+        assert re.search(r"or the port open|behind which an alarm|leaves it out", refused(lines[: i - 1] + lines[i:]))
+        assert refused([*lines[: i - 1], "M720", *lines[i:]])
+        number = lines[i].partition("=")[2].partition("(")[0]
+        jump = next(k for k, line in enumerate(lines) if line.endswith(f"GOTO{int(number) + 8920}"))
+        direct = lines[jump].partition("GOTO")[0] + "THEN" + lines[i]
+        assert "leaves the probe on or the port open" in refused([*lines[:jump], direct, *lines[jump + 1 :]])
+        assert "behind which an alarm" in refused([*lines[:jump], lines[jump][:-4] + "9999", *lines[jump + 1 :]])
+    past = max(k for k, line in enumerate(lines) if line == "GOTO9000")
+    assert refused(lines[:past] + lines[past + 1 :])  # the way out would be carried out where all has gone well
+    assert "leaves it out" in refused([*lines[: past + 1], "G0 Z0.", *lines[past + 1 :]])
+
+
+def test_the_scripts_of_mach4_switch_the_probe_off_before_their_alarm() -> None:
+    made, options = golden(), settings(load("mach4"), OFF)
+    files = companions(load("mach4"), made, OFF)
+    for file, text in files.items():
+        lines = [line for line in text if "GcodeExecuteWait" not in line]
+        assert len(lines) == len(text) - 1
+        with pytest.raises(InputError, match=f"{file}: found"):
+            readback.check(lambda: iter(lines_of("mach4")), made, options, {**files, file: lines}, written_in="mach4")
+
+
+def test_a_drip_fed_program_cannot_jump_and_says_what_it_leaves_on() -> None:
+    made, given = golden(), OFF | {"alarm": "at once"}
+    lines = list(program(load("fanuc"), made, given, plan_hash(made))[2]())
+    assert not [line for line in lines if "GOTO" in line]
+    head = "\n".join(lines[:25])
+    assert "A STOP LEAVES THE PROBE ON - M721 IN MDI SWITCHES IT OFF" in head and "PCLOS IN MDI CLOSES IT" in head
+    readback.check(lambda: iter(lines), made, settings(load("fanuc"), given), {}, written_in="macro_b")
+    assert "A RESET LEAVES THE PROBE ON" in "\n".join(lines_of("fanuc")[:25])
 
 
 def test_every_dialect_is_one_or_the_other() -> None:

@@ -18,7 +18,7 @@ from ..motion import Motion, Note
 from . import macro_b
 from ._shared.alarm import Alarm
 from .macro_b.alarms import alarm
-from .macro_b.blocks import Block, Word
+from .macro_b.blocks import Block, Word, block
 from .macro_b.profile import Profile, default_profile
 from .macro_b.program import Program
 
@@ -79,12 +79,18 @@ class Control(macro_b.Control):
         def value(inst: int, number: float) -> float:
             return float(self._variables.get(int(number)) or 0.0)
 
+        def executed(inst: int, text: str) -> int:
+            found = block(str(text))
+            self._nc(Program("MDI", [str(text)]), 0, found, 0)
+            return 0
+
         return {
             "program": PROGRAM,
             "mcGetInstance": lambda *name: 0,
             "mcCntlGetGcodeFileName": lambda inst: PROGRAM,
             "mcCntlGetPoundVar": value,
             "mcCntlMacroAlarm": stop,
+            "mcCntlGcodeExecuteWait": executed,
             "ISIG_PROBE": SIGNAL,
             "mcSignalGetHandle": lambda inst, signal: (signal, 0),
             "mcSignalGetState": lambda handle: (int(handle == SIGNAL and self._motion.deflected), 0),

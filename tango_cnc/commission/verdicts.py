@@ -18,6 +18,11 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover",
     ),
     (
+        re.compile(r"GOTO|\bDNC\b|TAPE MODE"),
+        "the control refuses a jump in a drip-fed program: run it from the memory, or state alarm: at once under controller:, "
+        "which leaves the probe on and the port open at an alarm",
+    ),
+    (
         re.compile(r"G31|SKIP|G38|MEAS"),
         "the control refuses the skip move itself: is its option there, is the feed of approach in strategy.yaml one that it "
         "allows, is a modal function on that forbids it?",

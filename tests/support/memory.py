@@ -56,12 +56,20 @@ def peak(work: Callable[[], object]) -> int:
     gc.disable()  # it empties the lists of small objects that Python keeps to use them again
     try:
         work()  # the first time fills them
+        _let_go_of_tuples()
         tracemalloc.start()
         work()
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
         gc.enable()
+
+
+def _let_go_of_tuples() -> None:
+    """Python keeps 2000 of each length to use them again. A plan would fill these lists bit by bit, and seem to grow."""
+    for length in range(1, 21):
+        kept = [tuple(range(length)) for _ in range(2000)]
+        del kept
 
 
 def a_byte(lines: Callable[[Plan], Iterable[str]]) -> float:

@@ -65,6 +65,10 @@ class Control:
             self._level(main, 0)
         except MotionStop as stop:
             raise as_alarm(stop) from None
+        except Alarm:
+            if self._open:
+                self._note("left open", what="the port")
+            raise
 
     def _level(self, program: Program, depth: int) -> bool:
         """Runs a program or subprogram; → whether M02 or M30 ended everything."""

@@ -3,6 +3,7 @@
 Facts: what stands behind M30 is not read into the memory; arguments of G65 and system variables #5021 (machine), #5041 (work),
 #5061 (skip position, work) by axis number;
 #4008 the word in force of G43 G44 G49;
+what a jump goes to is looked for by its sequence number; an alarm ends everything, so what is to be in order is done before it;
 local variables #1 … #33 of a called program are its own; a statement behind THEN is carried out when the condition is not 0.
 """
 
@@ -30,6 +31,8 @@ STEP = re.compile(rf"G91 (G31(?:\.[1-4])?(?: P[1-9]\d?)?) ([XYZ])({NUMBER}) F({N
 TURN = re.compile(rf"G90 G53 G0 ([ABC])({NUMBER})")
 ASSIGN = re.compile(r"#(\d+)=(.+)")
 IF = re.compile(r"IF\[(.+)\]THEN(#\d+=.+)")
+JUMP, PASSES = re.compile(r"IF\[(.+)\]GOTO(\d{1,5})"), re.compile(r"GOTO(\d{1,5})")
+ALARM = re.compile(r"#3000=\d{1,3}")
 CALL = re.compile(rf"G65 P(\d+)((?: [A-Z]{NUMBER})+)")
 START = re.compile(r"DPRNT\[TANGO\*START\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
@@ -41,6 +44,7 @@ STOP = 3000
 WANTED = 121  # number of the set of macros that the program was written for
 BLANKS = 2  # one is read while the motion before it is carried out, the next one when that is done
 ENDS = ("M30", "M2")
+LONGEST_WAY = 3  # blocks before an alarm
 PASSIVE = {"POPEN", "PCLOS", ""}
 OTHERS = ("M880(", "M115 /", "M121 ", "M125 /")  # Mach4 and Centroid have the same variables
 
@@ -54,16 +58,16 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
     """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
-    read_through(lines, lambda: _Program(plan, options, _macros(lines())), tail=True)
+    read_through(lines, lambda: _Program(plan, options, lines()), tail=True)
 
 
 LANGUAGE = Language(reads, rehearse)
 
 
-def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
-    """lines → {program number: lines up to M99} of the programs before the main one: a control reads no further than its end."""
+def _texts(lines: Iterable[str]) -> dict[int, list[str]]:
+    """lines → {program number: its lines}; 0 is the main one, or what has no number. A control reads no further than its end."""
     found: dict[int, list[str]] = {}
-    current: list[str] = []
+    current: list[str] = found.setdefault(0, [])
     for _, line in numbered(lines):
         code = COMMENT.sub("", line)
         if match := PROGRAM.fullmatch(code):
@@ -73,14 +77,44 @@ def _macros(lines: Iterable[str]) -> dict[int, list[str]]:
         else:
             current.append(line)
         if code in ENDS:
+            found[0] = [*found[0], *current] if current is not found[0] else current
             break
-    return {number: text for number, text in found.items() if any(COMMENT.sub("", line) == "M99" for line in text)}
+    return {number: text for number, text in found.items() if not number or any(COMMENT.sub("", line) == "M99" for line in text)}
+
+
+def _ways_out(text: Iterable[str]) -> dict[int, list[str]]:
+    """lines of one program → {sequence number: the blocks from there up to the alarm}. A number that appears twice has none."""
+    found: dict[int, list[str]] = {}
+    labels: list[int] = []
+    way: list[str] | None = None
+    for line in text:
+        if way is None and not line.startswith("N"):
+            continue
+        code = COMMENT.sub("", line)
+        if LABEL.fullmatch(code):
+            labels.append(int(code[1:]))
+            way = []
+        elif way is not None and ALARM.fullmatch(code):
+            found[labels[-1]], way = way, None
+        elif way is not None:
+            way = [*way, code] if len(way) < LONGEST_WAY else None
+    return {number: way for number, way in found.items() if labels.count(number) == 1}
 
 
 class _Program:
     """Line by line."""
 
-    def __init__(self, plan: Plan, options: Mapping[str, Any], macros: Mapping[int, list[str]]) -> None:
+    closes: tuple[str, ...] = ("PCLOS",)  # what closes where records go
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], lines: Iterable[str]) -> None:
+        texts = _texts(lines)
+        macros = {number: text for number, text in texts.items() if number}
+        self._ways = {number: _ways_out(text) for number, text in texts.items()}
+        self._in = 0  # number of the macro whose text is carried out
+        self._past: int | None = None  # sequence number up to which ways out are passed by
+        off = options.get("probe_off")
+        self._tidy = [] if options.get("alarm") == "at once" else [*([off] if off else []), *self.closes]
+        self._on, self._watching = options.get("probe_on") or None, False
         self._axis = axes_by_number(plan, options)
         self._machine = Rehearsal(plan, options, self._read, framed=True)
         self._macros, self._mark = macros, ""
@@ -115,6 +149,9 @@ class _Program:
         if not self._depth and (self._aside or (PROGRAM.fullmatch(code) and int(code[1:]) in self._macros)):
             self._aside = code != "M99"  # the text of a macro, which is carried out where it is called
             return
+        if self._past is not None:
+            self._passes(code)
+            return
         if LABEL.fullmatch(code) or (not self._begun and BEFORE.fullmatch(code)):
             return
         self._begun |= code != ""
@@ -137,6 +174,7 @@ class _Program:
             self._machine.reset(code)
         elif code in self._words:
             self._machine.walk.switch(code)
+            self._watching |= code == self._on
         elif code == self._wait:
             self._limited = True
             self._moving = self._moving and self._ahead
@@ -157,6 +195,11 @@ class _Program:
             self._relative = False
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), match[3])
+        elif match := JUMP.fullmatch(code):
+            self._probe(match[1])
+            self._machine.does(self._jump(match[1], int(match[2])))
+        elif match := PASSES.fullmatch(code):
+            self._past = int(match[1])
         elif match := IF.fullmatch(code):
             self._probe(match[1])
             self._machine.does(self._assignment(match[2], match[1]))
@@ -244,6 +287,8 @@ class _Program:
         if number == STOP:
             if not re.fullmatch(r"\d{1,3}", value):
                 raise InputError(f"found the alarm {value}; allowed: a number")
+            if self._tidy and (self._opened or self._watching):
+                raise InputError(f"an alarm that {self._untidy()}; with alarm: at once in the profile it may")
         elif number not in LOCAL and number not in COMMON:
             raise InputError(f"found #{number} given a value; allowed: #1 … #33, #100 … #149")
 
@@ -257,6 +302,29 @@ class _Program:
             store[number] = self._machine.value(twin, value)
 
         return does
+
+    def _jump(self, condition: str, number: int) -> Callable[[Twin], None]:
+        """condition, sequence number → the statement. Raises InputError where no alarm is there that leaves all in order."""
+        way = self._ways[self._in].get(number)
+        if way is None:
+            raise InputError(f"found GOTO{number}; allowed: one number of this program, behind which an alarm stands")
+        if way != self._tidy:
+            raise InputError(f"N{number} {self._untidy()}")
+
+        def does(twin: Twin) -> None:
+            twin.stopped |= bool(self._machine.value(twin, condition))
+
+        return does
+
+    def _untidy(self) -> str:
+        return f"stops without {' and '.join(self._tidy)} right before the alarm: it leaves the probe on or the port open"
+
+    def _passes(self, code: str) -> None:
+        """A line of the ways out, which a program that has gone well does not carry out."""
+        if code == f"N{self._past}":
+            self._past = None
+        elif not (LABEL.fullmatch(code) or code in self._tidy or ALARM.fullmatch(code)):
+            raise InputError(f"GOTO{self._past} leaves it out; allowed there: ways out that end with an alarm")
 
     def _call(self, number: int, words: list[str]) -> None:
         if number not in self._macros or self._depth:
@@ -272,6 +340,7 @@ class _Program:
             other.shared[WANTED] = (other.shared[WANTED] or 0.0) + 1
         self._machine.doubts([other])
         self._depth += 1
+        self._in = number
         for twin in self._machine.twins:
             twin.local.append(dict(arguments))
         for line in self._macros[number]:
@@ -283,6 +352,7 @@ class _Program:
                 raise InputError(f"in O{number}, {line!r}: {error}") from None
         else:
             raise InputError(f"O{number} has no M99")
+        self._in = 0
         for twin in self._machine.twins:
             twin.local.pop()
         self._depth -= 1

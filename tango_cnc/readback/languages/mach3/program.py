@@ -121,7 +121,7 @@ class _Program:
             raise InputError("found a character that cannot be printed or is not of ASCII")
         if match := MARK_IN_BRACKETS.fullmatch(line):
             self._mark = match[1]
-        elif COMMENT.fullmatch(line) or (machine.begun and line in self._words):
+        elif COMMENT.fullmatch(line) or line in self._words:
             machine.walk.switch(line)
         elif match := REST.fullmatch(line):
             machine.rests(float(match[1]))

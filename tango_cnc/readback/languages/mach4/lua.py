@@ -9,7 +9,7 @@ from ....records import InputError
 
 BEGINS = r"""function m{code}()
     local inst = mc.mcGetInstance()
-    local function stop(why)
+    local function stop(why){off}
         mc.mcCntlMacroAlarm(inst, {code}, "TANGO " .. why)
     end
     local function value(number) return (mc.mcCntlGetPoundVar(inst, number)) end
@@ -44,8 +44,15 @@ BODIES = {
 }
 
 
-def record(companions: Mapping[str, Sequence[str]], file: str, number: int, script_set: int) -> tuple[str, str, dict[str, str]]:
-    """scripts, file of the records, variable and number of their set → variables of touch and flag, {letter: variable}.
+OFF = """
+        mc.mcCntlGcodeExecuteWait(inst, "{word}")"""
+
+
+def record(
+    companions: Mapping[str, Sequence[str]], file: str, number: int, script_set: int, off: str
+) -> tuple[str, str, dict[str, str]]:
+    """scripts, file of the records, variable and number of their set, word that switches the probe off (or none) → variables of
+    touch and flag, {letter: variable}. The word has to stand before each alarm.
 
     Raises InputError naming the line that is none of theirs, or the script that is missing.
     """
@@ -54,7 +61,8 @@ def record(companions: Mapping[str, Sequence[str]], file: str, number: int, scri
         name = f"m{code}.mcs"
         if name not in companions:
             raise InputError(f"{name} is not among the scripts")
-        stated = {"{code}": str(code), "{number}": str(number), "{script_set}": str(script_set), "{file}": file}
+        stated = {"{off}": off and OFF.replace("{word}", off)}
+        stated |= {"{code}": str(code), "{number}": str(number), "{script_set}": str(script_set), "{file}": file}
         text = "\n".join(parts)
         for word, value in stated.items():
             text = text.replace(word, value)

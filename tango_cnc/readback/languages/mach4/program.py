@@ -7,7 +7,7 @@ is what follows it. The scripts behind the M codes are read too: which variables
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from ....records import InputError, Plan
@@ -31,7 +31,7 @@ def reads(head: list[str]) -> bool:
 
 def rehearse(lines: Callable[[], Iterator[str]], plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
     """program, plan, options, companions → nothing. Raises InputError naming the line that must not reach a machine."""
-    read_through(lines, lambda: _Mach4(plan, options, companions), tail=True)
+    read_through(lines, lambda: _Mach4(plan, options, lines(), companions), tail=True)
 
 
 LANGUAGE = Language(reads, rehearse, COMPANIONS)
@@ -40,10 +40,13 @@ LANGUAGE = Language(reads, rehearse, COMPANIONS)
 class _Mach4(_Program):
     """Line by line."""
 
-    def __init__(self, plan: Plan, options: Mapping[str, Any], companions: Companions) -> None:
+    closes = ()  # the scripts close their file behind each line
+
+    def __init__(self, plan: Plan, options: Mapping[str, Any], lines: Iterable[str], companions: Companions) -> None:
         numbers = {name: i for i, name in enumerate(LETTERS, 1) if name in plan.machine.names}
-        super().__init__(plan, {**options, "axis_numbers": numbers, "wait": WAIT}, {})
+        super().__init__(plan, {**options, "axis_numbers": numbers, "wait": WAIT}, lines)
         self._scripts, self._file = companions, str(options.get("readings", ""))
+        self._off = str(options.get("probe_off") or "")
         self._record: tuple[str, str, dict[str, str]] = "", "", {}
 
     def line(self, line: str) -> None:
@@ -56,7 +59,7 @@ class _Mach4(_Program):
             self._machine.record(*self._record)
         elif match := START.fullmatch(line):
             self._opened = True
-            self._record = lua.record(self._scripts, self._file, SET, int(self._machine.same(f"#{SET}")))
+            self._record = lua.record(self._scripts, self._file, SET, int(self._machine.same(f"#{SET}")), self._off)
             self._machine.start(match[1], float(match[2]), self._mark)
         elif (match := END.fullmatch(line)) and self._opened:
             self._machine.end(match[1], float(match[2]))
