@@ -149,7 +149,8 @@ def gap(touches: Touches, tip: Array, offsets: Array, shifts: Array) -> tuple[Ar
     value = np.array(value)
     gradient = np.array(gradient, dtype=spoke.dtype)
     value[..., rows] = side * (distance - curvature_radius) - radius[rows]
-    gradient[..., rows, :] = (side / distance)[..., None] * spoke
+    gone = distance == 0.0  # on the centre every way leads to the surface: taken is the one that was to be touched
+    gradient[..., rows, :] = np.where(gone[..., None], n, (side / np.where(gone, 1.0, distance))[..., None] * spoke)
     return value, gradient
 
 

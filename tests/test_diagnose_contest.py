@@ -35,3 +35,19 @@ def test_a_name_beside_a_shape_stands_where_it_has_more_evidence(size: float, na
     shape = np.column_stack(functions)
     y = 0.7 * name + size * shape @ [1.0, -0.5, 0.7] + rng.normal(size=TOUCHES)
     assert told(y, name, [shape]) == (named, size > 0)
+
+
+def test_a_shape_that_a_few_touches_show_is_seen_although_these_were_set_aside() -> None:
+    """Beside a name that only follows the rest of it, the far touches were taken for single ones: together they are the shape."""
+    rng = np.random.default_rng(6)
+    shape = rng.normal(size=(TOUCHES, 1)) * np.where(np.arange(TOUCHES) % 40 == 0, 8.0, 0.5)[:, None]
+    far = [int(i) for i in np.argsort(-np.abs(shape[:, 0]))[:6]]
+    y = shape[:, 0] + rng.normal(size=TOUCHES)
+    singles = [Chosen(Candidate("outlier", {"touch": i}, np.eye(TOUCHES)[:, [i]]), np.eye(TOUCHES)[:, [i]], 17.0) for i in far]
+    like = np.where(np.abs(shape[:, 0]) < 1.0, shape[:, 0], 0.0) + 0.3 * rng.normal(size=TOUCHES)
+    name = Chosen(Candidate("chip", {}, like[:, None]), like[:, None], 12.0)
+    field = Field([scaled(Kernel(None, "shape", shape))], np.eye(TOUCHES), np.ones(TOUCHES), cast(Rows, SimpleNamespace(seen=None)))
+    for names in ([], [name]):
+        outcome = contest(field, y, singles, names)
+        assert not outcome.named and len(outcome.shapes) == 1
+        assert len(outcome.needless) >= len(singles) - 1

@@ -12,7 +12,7 @@ from support.outside import KINDS, NULLS
 from tango_cnc.diagnose import Diagnosis, as_term, diagnose
 from tango_cnc.diagnose._records import Remainder
 from tango_cnc.diagnose._shapes import recognised
-from tango_cnc.diagnose.sentences import unexplained
+from tango_cnc.diagnose.sentences import said, unexplained
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_terms
@@ -40,7 +40,9 @@ def test_what_no_name_explains_is_a_shape_of_its_two_covariates_that_comes_back(
     assert "position of Y together with position of B" in as_text(d)
     folder = tmp_path / "learned"
     folder.mkdir()
-    (folder / "ram.yaml").write_text(learned_text(as_term(first)), encoding="utf-8")
+    (folder / "ram.yaml").write_text(
+        learned_text({"text": "Meier saw it lean.", "learned": "2026-11-12", **as_term(first)}), encoding="utf-8"
+    )
     shape = learned(tmp_path)[0]
     s = trials.stage()
     # Another night: other noise, half as large.
@@ -50,6 +52,8 @@ def test_what_no_name_explains_is_a_shape_of_its_two_covariates_that_comes_back(
     back = diagnose(cell.machine, cell.artefact, again, cell.terms, learned=[shape])
     assert [f.cause for f in back.findings] == ["learned"] and back.verdict == "explained"
     assert abs(back.findings[0].size.values[0] - 0.5) < 0.1
+    assert "ram, learned on 2026-11-12, is back, 0.5 times as large" in said(back.findings[0])
+    assert said(back.findings[0]).endswith("Its file says: Meier saw it lean")
     item = {"cause": "learned", **{key: shape[key] for key in ("name", "factors", "weight", "values")}}
     with_it = estimate(cell.machine, cell.artefact, again, (*cell.terms, item))
     without = estimate(cell.machine, cell.artefact, again, cell.terms)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tango_cnc.diagnose._scatter import Scatter, scatter
+from tango_cnc.diagnose._scatter import Scatter, scatter, uneven
 from tango_cnc.diagnose._variances import left
 from tango_cnc.diagnose.sentences import noise
 
@@ -102,3 +102,20 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, c
             progress.stage("searching")
         shown = capsys.readouterr().err
         assert ("searching" in shown) is terminal
+
+
+@pytest.mark.parametrize(
+    ("by", "rival", "evidence", "against"),
+    [
+        ("time", None, 40.0, True),
+        ("direction", "indexation", 15.0, True),
+        ("time", None, 5.0, False),
+        ("facet", None, 40.0, False),  # a rough face is none of the names' faults
+        ("time", "facet", 40.0, False),
+        (None, None, 0.0, False),
+    ],
+)
+def test_scatter_that_is_uneven_in_parts_of_the_test_speaks_against_the_names(
+    by: str | None, rival: str | None, evidence: float, against: bool
+) -> None:
+    assert uneven(Scatter(by, evidence, 7.0 if rival is None else 2.0, None, rival=rival)) == against

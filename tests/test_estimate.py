@@ -15,7 +15,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate, fit, without
 from tango_cnc.files import read_cell, read_strategy, read_world
 from tango_cnc.identify import Selection, select
-from tango_cnc.model import Model, known, linearise, residual
+from tango_cnc.model import Model, gap, known, linearise, residual
 from tango_cnc.records import Artefact, Cell, Facet, InputError, Readings, Surface, TangoError, World
 from tango_cnc.touches import from_readings
 
@@ -302,6 +302,19 @@ def test_curved_facets_touched_beside_their_point_are_no_form_error(hu40t, kind,
     assert angle < 1e-11
     flat = estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
     assert np.abs(flat.residuals).max() > 1e-4  # taken for planes the same readings would be off by micrometres
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+def test_a_ball_on_the_centre_of_a_round_facet_has_the_gradient_of_the_touch_that_was_wanted(hu40t, kind):
+    """As a tool length that was still active may have it: every way leads to the surface, and none is a division by zero."""
+    readings = simulate(hu40t.machine, round_artefact(hu40t, kind, False), hu40t.strategy, World())
+    touches = from_readings(hu40t.machine, round_artefact(hu40t, kind, False), readings)
+    assert touches.curved is not None
+    tip = touches.point.copy()
+    tip[touches.curved.rows] = touches.curved.centre
+    value, gradient = gap(touches, tip, np.zeros(0), np.zeros((0, 3)))
+    assert gradient == pytest.approx(touches.normal)
+    assert value[touches.curved.rows] == pytest.approx(-touches.curved.radius - touches.radius[touches.curved.rows])
 
 
 def test_a_hundred_times_nearer_than_finite_differences(hu40t):

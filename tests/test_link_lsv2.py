@@ -337,9 +337,9 @@ def test_link_test_says_what_the_control_is(control, port, cell):
 
 
 @pytest.mark.long
-def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated_machine(control, port, tmp_path, monkeypatch):
+def test_a_whole_strategy_gives_the_parameters_of_the_simulated_machine(control, port, tmp_path, monkeypatch):
     folder = tmp_path / "whole"
-    write_example(folder, "hu40t")
+    write_example(folder, "trunnion")
     (folder / "tango.yaml").write_text((folder / "tango.yaml").read_text().replace("post: fanuc", "post: heidenhain"))
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
     person = Person(control, folder)

@@ -226,9 +226,9 @@ def test_a_machine_with_an_axis_that_has_no_node_is_refused(tmp_path):
 
 
 @pytest.mark.long
-def test_the_whole_strategy_of_the_example_gives_the_parameters_of_the_simulated_machine(server, tmp_path):
+def test_a_whole_strategy_gives_the_parameters_of_the_simulated_machine(server, tmp_path):
     folder = tmp_path / "cell"
-    write_example(folder, "hu40t")
+    write_example(folder, "trunnion")
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
     with server.attended(folder):
         result = Result("run", "-C", folder, "--port", f"{server.url}?program={FOLDER}", "--timeout", "60")

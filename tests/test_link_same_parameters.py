@@ -1,4 +1,7 @@
-"""The strategy of the example over every link: the same parameters each time, as far as the resolution of the control tells."""
+"""A whole strategy over every link: the same parameters each time, as far as the resolution of the control tells.
+
+Over TCP it is the largest one, 393 touches; elsewhere 226 of another machine say as much of the link in half the time.
+"""
 
 import sys
 
@@ -18,4 +21,4 @@ LINKS = {
 
 @pytest.mark.parametrize("link", LINKS)
 def test_the_same_parameters_over_every_link(tmp_path, link):
-    the_same_parameters(tmp_path / "cell", link, *LINKS[link])
+    the_same_parameters(tmp_path / "cell", link, *LINKS[link], example="hu40t" if link == "TCP" else "trunnion")

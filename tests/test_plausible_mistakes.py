@@ -62,6 +62,17 @@ def test_a_slip_is_named(slip: str, root: Path) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    "slip",
+    ["facets_measured_from_another_datum_than_the_balls", "another_set_of_balls", "terms_of_the_first_try_left_standing"],
+)
+@pytest.mark.parametrize("example", ["trunnion", "fork_head"])
+def test_what_is_wrong_of_all_facets_or_balls_or_terms_is_named_first(example: str, slip: str, root: Path) -> None:
+    found = case(*measured(root, example, 704), slip, 704)
+    assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(("slip", "seed"), [("a_slip_in_one_number", 0), ("two_facets_exchanged", 1)])
 def test_what_moves_touches_within_their_plane_leaves_no_gap_and_is_named(slip: str, seed: int, root: Path) -> None:
     found = case(*measured(root, "hu40t", seed), slip, seed)

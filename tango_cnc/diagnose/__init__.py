@@ -20,7 +20,7 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
-from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable
+from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
 from ._catalogue import Chosen
 from ._contest import Field, Outcome, contest, largest
@@ -135,7 +135,16 @@ def diagnose(
     days = {str(shape["name"]): shape.get("learned") for shape in learned}
     what = found, weight, rough, scatter, excluded, seed, moments, field, outcome, days, degree
     told = _told(before, means, readings, terms, *what)
-    return replace(told, misnamed=elsewhere, aside=len(readings) < every)
+    findings = tuple(_remembered(f, learned) for f in told.findings)
+    return replace(told, findings=findings, misnamed=elsewhere, aside=len(readings) < every)
+
+
+def _remembered(f: Finding, learned: Sequence[Mapping[str, Any]]) -> Finding:
+    """finding, learned shapes → the finding, with the day and the words that the file of a learned shape has."""
+    if "name" not in f.setting or "values" not in f.setting:
+        return f
+    own = next((shape for shape in learned if shape["name"] == f.setting["name"]), {})
+    return replace(f, detail={**f.detail, **{key: str(own[key]) for key in ("learned", "text") if own.get(key)}})
 
 
 def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tuple[Misnamed, ...], Readings]:
@@ -175,7 +184,8 @@ def _told(
 ) -> Diagnosis:
     touches, seen = means.whole, means.seen
     n = len(seen)
-    single = [int(c.candidate.setting["touch"]) for c in found.chosen if c.candidate.cause == "outlier"]
+    lonely = [c for c in found.chosen if c.candidate.cause == "outlier"]
+    single = [int(c.candidate.setting["touch"]) for c in lonely]
     keep = ~np.isin(np.arange(n), single)
     schemes = {
         "indexations": seen.indexation,
@@ -273,8 +283,12 @@ def _told(
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in picked]
     remains += _moments.left(means, found, outcome, weight, moments)
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
-    if (findings or moments) and not remains and not outcome.picked:
-        remains += _seen.left_over(tests_after)
+    if not remains and not outcome.picked:
+        remains += _seen.left_over(tests_after, bool(findings or moments))
+    if means.all:
+        remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
+    if accepted and not remains and _scatter.uneven(scatter):
+        remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,

@@ -294,47 +294,56 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             known[noises] = evidence(field, s, kept) - sum(c.price for c in apart), s.picked
         return known[noises]
 
-    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...]]:
-        value, picked = beside(kept, noises, fixed)
-        apart = needed(y, fixed, kept, picked)
-        if len(apart) < len(fixed):
-            value, picked = max((value, picked), beside(kept, noises, apart), key=lambda both: both[0])
-        return value + sum(cheaper[id(c)] for c in kept), picked
+    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...], Sequence[Chosen]]:
+        """→ evidence, what was picked, single touches set aside. Shapes are also looked for with all touches: what a few of
+        them show would never be seen where these few were set aside before.
+        """
+        best: tuple[float, tuple[Picked, ...], Sequence[Chosen]] = (*beside(kept, noises, fixed), fixed)
+        tried = {len(fixed)}
+        for picked in (best[1], beside(kept, noises, ())[1] if fixed else ()):
+            apart = needed(y, fixed, kept, picked)
+            if len(apart) not in tried:
+                tried.add(len(apart))
+                best = max(best, (*beside(kept, noises, apart), apart), key=lambda one: one[0])
+        return best[0] + sum(cheaper[id(c)] for c in kept), best[1], best[2]
 
     nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ()) - sum(c.price for c in fixed)
-    only_shapes, shapes = of(())
+    only_shapes, shapes, beyond = of(())
     if not names:
-        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes)
-    by_names, _ = of(names, True)
+        needless = tuple(c for c in fixed if c not in beyond)
+        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes, needless)
+    by_names = of(names, True)[0]
     kept = once(names)
-    value, picked = of(kept)
-    without: list[tuple[float, tuple[Picked, ...]]] = []
+    value, picked, apart = of(kept)
+    without: list[tuple[float, tuple[Picked, ...], Sequence[Chosen]]] = []
     while kept:
         without = [of([c for c in kept if c is not old]) for old in kept]
         margins = [margin if not c.candidate.learned else 0.0 for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes) and only_shapes + min(margins) > value:
-            kept, picked = [], shapes
+            kept, picked, apart = [], shapes, beyond
             break
         worst = int(np.argmax(above))
         if above[worst] <= value:
             break
-        value, picked = without[worst]
+        value, picked, apart = without[worst]
         del kept[worst]
     smaller: list[Chosen] = []
     if kept and margin > 0:
         still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or value - w[0] > largest(picked)]
         if len(still) < len(kept):
             smaller = [c for c in kept if c not in still]
-            kept, picked = still, of(still)[1]
+            kept = still
+            _, picked, apart = of(kept)
     own = [p.columns for p in picked if not p.kernel.noise]
     if own and kept:
         q = orthonormal(np.hstack(own))
         still = [c for c in kept if c.candidate.learned or not _inside(c.columns, q)]
         if len(still) < len(kept):
-            kept, picked = still, of(still)[1]
+            kept = still
+            _, picked, apart = of(kept)
     lost = tuple(c for c in names if c not in kept)
-    apart = needed(y, fixed, kept, picked) if lost else fixed
+    apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
     return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
 

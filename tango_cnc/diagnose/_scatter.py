@@ -49,6 +49,15 @@ class Scatter:
         return self.by is not None and self.apart > APART
 
 
+def uneven(s: Scatter) -> bool:
+    """scatter that is left with names in the model → whether it speaks against them.
+
+    A facet may be rough. Touches of one part of the test, one side or one indexation that scatter more beside a name are far
+    more often touches that the name does not explain: no chance touches them, and to weigh them less would only hide it.
+    """
+    return s.by not in (None, "facet") and s.rival != "facet" and s.evidence > CLEAR
+
+
 EVEN = Scatter(None, 0.0, 0.0, None)
 
 

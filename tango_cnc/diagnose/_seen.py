@@ -23,6 +23,7 @@ from ._space import UNSEEN
 
 BINS = 8
 REJECTED = 0.01
+NOTHING = 0.001
 
 
 @dataclass(frozen=True)
@@ -116,13 +117,17 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
     return tuple(sorted(result, key=lambda t: t.p_value))
 
 
-def left_over(tests: Sequence[Test]) -> list[Remainder]:
-    """tests with all that was found → what the residuals still depend on, at 1 % over all of them (Bonferroni)."""
-    if not tests or tests[0].p_value * len(tests) > REJECTED:
+def left_over(tests: Sequence[Test], explained: bool) -> list[Remainder]:
+    """tests with all that was found, whether it was anything → what the residuals still depend on (Bonferroni over all of them).
+
+    At 1 % beside something that was found. Where nothing was, and no cause or shape was worth its price, the scatter itself may
+    differ, and the tests believe in even scatter: at 1 in 1000.
+    """
+    if not tests or tests[0].p_value * len(tests) > (REJECTED if explained else NOTHING):
         return []
     worst = tests[0]
     size = float(np.abs(worst.mean).max())
-    return [Remainder(worst.covariate, "none", "lack of fit", size, 0.0, np.zeros(1))]
+    return [Remainder(worst.covariate, "none", "lack of fit" if explained else "no pattern", size, 0.0, np.zeros(1))]
 
 
 @dataclass(frozen=True)

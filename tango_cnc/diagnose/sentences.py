@@ -176,6 +176,19 @@ def unexplained(r: Remainder) -> str:
     where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
     if r.frame in ("machine", "table", "spindle"):
         where = say("diagnosis_said.frame", frame=_frame(r.frame))
+    if r.shape == "apart":
+        return say(
+            "diagnosis_said.single_touches_stand_together",
+            touches=r.confirm,
+            covariate=covariate(r.covariate),
+            spread=spread(r.amplitude, 0.0),
+        )
+    if r.shape == "uneven":
+        return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
+    if r.shape == "no pattern":
+        return say(
+            "diagnosis_said.residuals_follow_without_cause", covariate=covariate(r.covariate), spread=spread(r.amplitude, 0.0)
+        )
     if r.shape == "lack of fit":
         return say(
             "diagnosis_said.with_causes_above_residuals_still", covariate=covariate(r.covariate), spread=spread(r.amplitude, 0.0)
@@ -223,19 +236,24 @@ def moment(m: Moment) -> str:
     return say("diagnosis_said.one_indexation_were_made_with", touches=touches, size=size)
 
 
+def _group(by: str) -> str:
+    """what scatter depends on → its words."""
+    words = {
+        "facet": "table.facet",
+        "direction": "diagnosis_said.direction_touch",
+        "indexation": "diagnosis_said.indexation",
+        "time": "diagnosis_said.part_test",
+    }
+    return say(words[by])
+
+
 def noise(s: Scatter) -> list[str]:
     """scatter → what the noise is besides white and normal, a sentence each."""
     told: list[str] = []
-    group = {
-        "facet": say("table.facet"),
-        "direction": say("diagnosis_said.direction_touch"),
-        "indexation": say("diagnosis_said.indexation"),
-        "time": say("diagnosis_said.part_test"),
-    }
     if s.by is not None and s.rival is not None:
-        told.append(say("diagnosis_said.single_touches_do_not_scatter", group=group[s.by], group2=group[s.rival]))
+        told.append(say("diagnosis_said.single_touches_do_not_scatter", group=_group(s.by), group2=_group(s.rival)))
     elif s.clear:
-        told.append(say("diagnosis_said.single_touches_do_not_scatter_2", group=group[str(s.by)]))
+        told.append(say("diagnosis_said.single_touches_do_not_scatter_2", group=_group(str(s.by))))
     if s.tails is not None:
         told.append(say("diagnosis_said.scatter_has_heavy_tails_like", tails=f"{s.tails:.0f}"))
     if s.memory > 0:

@@ -144,7 +144,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     covariance[np.ix_(seen, seen)] = scales * (inverse + inverse.T) / 2
     found = model.coefficients[:p]
     names, few = tuple(motion_of(c) for c in found), max(n - decided - 1, 1.0)
-    criterion = n * np.log(gaps @ gaps / n) + 2 * decided + 2 * decided * (decided + 1) / few
+    criterion = n * np.log(max(float(gaps @ gaps) / n, FINEST**2)) + 2 * decided + 2 * decided * (decided + 1) / few
     inputs = np.append(np.full(n, 1 / sigma), 1 / uncertainty)
     ways, own = width[seen, None] * (inverse @ matrix.T) * inputs, int(seen[:p].sum())
     gain = np.zeros((p, ways.shape[1]))

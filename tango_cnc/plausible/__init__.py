@@ -23,6 +23,7 @@ from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
 from .either import AGREED as BETTER
 from .either import AS_WELL, either
+from .few_terms import few_terms
 from .groups import common
 from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
@@ -76,7 +77,8 @@ def judge(
     else:
         told = list(bounds(result))
         lost = sum(len(r.touches) for r in found if r.lost)
-        found += _fit(cell, result, told, agrees)
+        few = [*few_terms(cell, readings, result, NOISY * max(cell.machine.probe.repeatability, 1e-4))] if search else []
+        found += [*few, *_fit(cell, result, told, agrees, patterns=not few)]
         found += spare(result, lost, alone)
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
@@ -139,7 +141,8 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
 
 
-def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool) -> list[Remark]:
+def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patterns: bool) -> list[Remark]:
+    """`patterns`: look in the residuals for something that moves parameters; where terms are missing, that is these terms."""
     found: list[Remark] = []
     beyond = sorted((b for b in told if b.beyond), key=lambda b: -abs(b.value) / b.tolerance)
     found += [Remark("implausible", beyond_text(b)) for b in beyond[:NAMED]]
@@ -167,13 +170,9 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool) -> l
         )
     found += _noise(result)
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
-    found += [
-        *lacking(result, AGREED if agrees else LEVEL),
-        *either(result, BETTER if agrees else AS_WELL),
-        *unseen(result),
-        *stylus(cell, told),
-    ]
-    return found
+    if patterns:
+        found += [*lacking(result, AGREED if agrees else LEVEL), *either(result, BETTER if agrees else AS_WELL)]
+    return [*found, *unseen(result), *stylus(cell, told)]
 
 
 def _noise(result: Estimate) -> list[Remark]:

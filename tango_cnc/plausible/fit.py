@@ -124,7 +124,8 @@ def explain(
     """cell, readings of which rows with status ok count, unknowns given up → what they leave.
 
     Names in `free` are those of unknowns, `EXw` (placement), `E_zero_X` and `E_zero_B@7` (zero of an axis, mm or rad, always or at
-    one indexation, counted from 0), `E_point_BX` (point of an axis, in its frame), `radius` (tip), `ballradius@1` and `bar`.
+    one indexation, counted from 0), `E_point_BX` (point of an axis, in its frame), `facets@X` (every facet that is not on a ball),
+    `radius` (tip), `ballradius@1` and `bar`.
     """
     touches = from_readings(machine, artefact, readings)
     columns = unknowns(machine, touches, free)
@@ -193,10 +194,16 @@ def _offsets(columns: Sequence[Unknown], values: Array, touches: Touches) -> tup
     own = {u.name: float(v) for u, v in zip(columns, values, strict=True)}
     offsets = np.array([own[f"EZf{facet}"] for facet in touches.facets])
     shifts = np.array([[own[f"E{c}ball{ball}"] for c in "XYZ"] for ball in touches.balls]).reshape(-1, 3)
-    less = np.full(len(touches), own.get("radius", 0.0))
+    together = _together(own, touches)
+    less = np.full(len(touches), own.get("radius", 0.0)) + np.sum(touches.normal * together, axis=1)
     for i, ball in enumerate(touches.balls):
         less[touches.ball_index == i] += own.get(f"ballradius@{ball}", 0.0)
     return offsets, shifts, less
+
+
+def _together(values: Mapping[str, float], touches: Touches) -> Array:
+    """→ (n, 3) mm that all facets but those on balls are shifted by."""
+    return np.where(touches.ball_index < 0, 1.0, 0.0)[:, None] * [values.get(f"facets@{c}", 0.0) for c in "XYZ"]
 
 
 def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: kinematics.Trace) -> tuple[Array, Array]:
@@ -212,6 +219,8 @@ def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: ki
         places = _places(name, touches.machine)
         if places:
             jacobian[:, j] = sum(sign * levers[slot] for slot, sign in places) * _pattern(name, touches)
+        elif name.startswith("facets@"):
+            jacobian[:, j] = np.where(touches.ball_index < 0, -touches.normal[:, "XYZ".index(name[7])], 0.0)
         elif name == "radius":
             jacobian[:, j] = -1.0
         elif name.startswith("ballradius@"):
@@ -227,7 +236,8 @@ def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: ki
 def _left(columns: Sequence[Unknown], values: Array, touches: Touches, tip: Array) -> tuple[Array, Array]:
     offsets, shifts, radius = _offsets(columns, values, touches)
     gaps, _ = gap(touches, tip, offsets, shifts)
-    away = tip - touches.point - touches.radius[:, None] * touches.normal
+    shift = _together({u.name: float(v) for u, v in zip(columns, values, strict=True)}, touches)
+    away = tip - touches.point - shift - touches.radius[:, None] * touches.normal
     across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
     return gaps - radius, np.linalg.norm(across, axis=1)
 

@@ -166,7 +166,8 @@ def place(folder: Path, file: str, key: str) -> tuple[str, int | None]:
         return "readings.csv", None
     name, node = f"{file}.yaml", None
     with suppress(InputError, KeyError):
-        name = dict(load(folder / "tango.yaml").items())[file].text()
+        if file != "tango":
+            name = dict(load(folder / "tango.yaml").items())[file].text()
         node = _down(load(folder / name), key.split("."))
     return name, None if node is None else node.line
 

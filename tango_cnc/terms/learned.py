@@ -54,6 +54,15 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [{"cause": "learned", **kept, "amplitude": float(values[0])}]
 
 
+def words(detail: Mapping[str, Any]) -> dict[str, str]:
+    """detail of a finding → when it was learned, and what its file says of it."""
+    day, text = str(detail.get("learned", "")), str(detail.get("text", "")).rstrip(". ")
+    return {
+        "day": f", learned on {day}," if day else " that was learned before",
+        "note": f". Its file says: {text}" if text else "",
+    }
+
+
 EXAMPLE = {
     "name": "leaning ram",
     "factors": [
@@ -69,7 +78,7 @@ TERM = Cause(
     source="Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006, chapter 2",
     frame="machine, table, spindle or axis",
     mistaken=("indexation_seating",),
-    says="the shape {name} that was learned before is back, {times} times as large; the touch that feels it most is off by {size}",
+    says="the shape {name}{day} is back, {times} times as large; the touch that feels it most is off by {size}{note}",
     meaning="parts are off by this as they were when it was learned",
     advice="keep the term, and look for what was the same on both occasions",
     refine={},
@@ -78,4 +87,5 @@ TERM = Cause(
     make=cause,
     role="learned",
     effects=effects,
+    words=words,
 )

@@ -33,13 +33,21 @@ from tango_cnc.link.transport import _modbus, open_port, parse
 ONLY_NOW = SimpleNamespace(select=lambda read, write, other, timeout=None: select.select(read, write, other, 0.0))
 
 
+def _shifted(value: int) -> int:
+    """byte → what its eight bits leave of the polynomial."""
+    for _ in range(8):
+        value = value >> 1 ^ 0xA001 if value & 1 else value >> 1
+    return value
+
+
+SHIFTED = [_shifted(byte) for byte in range(256)]
+
+
 def crc(data: bytes) -> bytes:
     """frame → its check sum, low byte first."""
     value = 0xFFFF
     for byte in data:
-        value ^= byte
-        for _ in range(8):
-            value = value >> 1 ^ 0xA001 if value & 1 else value >> 1
+        value = value >> 8 ^ SHIFTED[(value ^ byte) & 0xFF]
     return struct.pack("<H", value)
 
 
@@ -229,7 +237,7 @@ def near(monkeypatch: Any, kind: str) -> None:
     monkeypatch.setattr(pymodbus.client, "ModbusSerialClient", SerialHere)
     monkeypatch.setattr(pymodbus.client.tcp, "select", ONLY_NOW)
     monkeypatch.setattr(_modbus, "select", ONLY_NOW)
-    monkeypatch.setattr(_modbus, "REST", 0.0)
+    monkeypatch.setattr(_modbus, "time", SimpleNamespace(sleep=lambda seconds: None))  # even no time at all gives the core away
 
 
 class Far(Wire):

@@ -188,7 +188,8 @@ def gusts(h: History, rng: np.random.Generator, a: Axes) -> Array:
 
 
 LINEAR, TILT, TURN = ("X", "Y", "Z"), "tilt", "turn"
-KINDS: Mapping[str, tuple[Kind, tuple[str, ...]]] = {
+Kinds = Mapping[str, tuple[Kind, tuple[str, ...]]]
+KINDS: Kinds = {
     kind.__name__: (kind, covariates)
     for kind, covariates in (
         (wind_up, (HISTORY, DIRECTION, TILT, TURN)),
@@ -231,7 +232,7 @@ class Judged:
     seconds: float
 
 
-def hidden(name: str, kind: str, peak: float, seed: int) -> tuple[Array, Array, set[str]]:
+def hidden(name: str, kind: str, peak: float, seed: int, kinds: Kinds = KINDS) -> tuple[Array, Array, set[str]]:
     """machine, kind, visible peak mm, seed → (n,) mm early, without noise and with it; what imitates it even so.
 
     What the model takes itself but for a twentieth is imitated by the model.
@@ -240,7 +241,7 @@ def hidden(name: str, kind: str, peak: float, seed: int) -> tuple[Array, Array, 
     eye, a = blind.eyes(s.bench), axes_of(s)
     rng = np.random.default_rng([79, seed])
     for _ in range(20):
-        pattern = KINDS[kind][0](s.history, rng, a)
+        pattern = kinds[kind][0](s.history, rng, a)
         left = eye.outside @ pattern
         if np.linalg.norm(left) > 0.05 * np.linalg.norm(pattern) > 0 and not eye.twins(pattern):
             break
@@ -249,16 +250,16 @@ def hidden(name: str, kind: str, peak: float, seed: int) -> tuple[Array, Array, 
     return pattern, pattern + blind.NOISE * rng.normal(size=len(pattern)), own
 
 
-def tried(name: str, kind: str, peak: float, seed: int) -> Judged:
+def tried(name: str, kind: str, peak: float, seed: int, kinds: Kinds = KINDS) -> Judged:
     """machine, kind, visible peak mm, seed → what the diagnosis makes of it."""
     began = time.process_time()
     s = trials.stage(name)
-    _, early, twins = hidden(name, kind, peak, seed)
+    _, early, twins = hidden(name, kind, peak, seed, kinds)
     if twins:
         return Judged(name, kind, peak, seed, "", [], [], [], [], False, sorted(twins), 0.0, 0.0)
     d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
     a = axes_of(s)
-    wanted = {{TILT: a.tilt, TURN: a.turn}.get(w, w) for w in KINDS[kind][1]}
+    wanted = {{TILT: a.tilt, TURN: a.turn}.get(w, w) for w in kinds[kind][1]}
     remains, events = [r.covariate for r in d.unexplained], trials.events(d)
     right = bool(remains) and trials.words(remains[0]) <= wanted
     right = right or (wanted == {TIME} and "window" in events and not remains)
@@ -271,22 +272,22 @@ def tried(name: str, kind: str, peak: float, seed: int) -> Judged:
 
 
 def planned(
-    start: int, seeds: int, kinds: Iterable[str] = KINDS, machines: Iterable[str] = MACHINES
+    start: int, seeds: int, chosen: Iterable[str] = KINDS, machines: Iterable[str] = MACHINES, kinds: Kinds = KINDS
 ) -> list[tuple[str, str, float, int]]:
-    """first seed, how many of each, kinds, machines → trials in random order."""
+    """first seed, how many of each, names of kinds, machines, all kinds → trials in random order."""
     every = [
         (m, k, peak, start + 10_000 * i + 1000 * j + 10 * round(1e3 * peak) + seed)
         for i, m in enumerate(MACHINES)
-        for j, k in enumerate(KINDS)
+        for j, k in enumerate(kinds)
         for peak in PEAKS
         for seed in range(seeds)
-        if m in machines and k in kinds
+        if m in machines and k in chosen
     ]
     return [every[i] for i in np.random.default_rng(start).permutation(len(every))]
 
 
-def table(results: Sequence[Judged]) -> list[str]:
-    """results → lines: the rates, and a line a kind and machine; trials with twins are counted apart."""
+def table(results: Sequence[Judged], kinds: Kinds = KINDS) -> list[str]:
+    """results, kinds → lines: the rates, and a line a kind and machine; trials with twins are counted apart."""
     alone = [r for r in results if not r.twins]
     false = [r.verdict == "explained" and (bool(r.found) or not r.right) for r in alone]
     lines = [
@@ -297,7 +298,7 @@ def table(results: Sequence[Judged]) -> list[str]:
         f"{'with a twin in the catalogue, not counted':40} {len(results) - len(alone)} of {len(results)}",
         f"{'seconds: median, largest':40} {np.median([r.seconds for r in results]):.1f}, {max(r.seconds for r in results):.1f}",
     ]
-    for kind in KINDS:
+    for kind in kinds:
         for m in MACHINES:
             own = [r for r in alone if (r.kind, r.machine) == (kind, m)]
             told = Counter(

@@ -34,9 +34,9 @@ from tango_cnc.records import LinkError
 
 TOUCHES = 12
 ATTEMPTS = 60
-SILENCE = 1.0  # s
+SILENCE = 0.5  # s
 PAUSE = 0.05  # s until the person tries again
-SILENT = 2.0  # s for which a connection that is gone looks open
+SILENT = 1.0  # s for which a connection that is gone looks open
 PRESSED = 4  # times that the person at the computer presses Enter in one attempt
 LONGEST = 120.0  # s of a session: one that hangs passes it
 LONG = 200_000  # bytes of a run over one connection
@@ -101,7 +101,7 @@ class Proxy:
 
     def _joined(self, line: socket.socket, way: Way) -> None:
         if way.happens("outage"):
-            way.away = time.monotonic() + way.chance.uniform(0.05, 0.6)
+            way.away = time.monotonic() + way.chance.uniform(0.05, 0.3)
         if way.out() or way.happens("refused"):
             _reset(line)
             return
@@ -289,14 +289,14 @@ def patched(monkeypatch) -> None:
     monkeypatch.setattr(_rest, "make_plan", linkfaults.replanned)
     monkeypatch.setattr(_measure, "plan_hash", linkfaults.hashed)
     monkeypatch.setattr(_measure, "durations", linkfaults.lasting)
-    for name, value in {"LOOK": 0.005, "AGAIN": 0.4, "BETWEEN": 0.02}.items():
+    for name, value in {"LOOK": 0.005, "AGAIN": 0.2, "BETWEEN": 0.02}.items():
         monkeypatch.setattr(_remote, name, value)
-    for name, value in {"AGAIN": 0.6, "BETWEEN": 0.02, "ANSWER": 1.0, "LOOK": 0.002}.items():
+    for name, value in {"AGAIN": 0.3, "BETWEEN": 0.02, "ANSWER": 0.5, "LOOK": 0.002}.items():
         monkeypatch.setattr(_opcua, name, value)
-    monkeypatch.setattr(_stores, "PATIENCE", 0.4)  # what a data connection that was cut costs
+    monkeypatch.setattr(_stores, "PATIENCE", 0.2)  # what a data connection that was cut costs
     trusting = ssl._create_unverified_context()  # reading the certificates of this computer takes longer than a session
     monkeypatch.setattr(_stores, "_context", lambda options: trusting)
-    monkeypatch.setattr(_lsv2, "PATIENCE", 0.4)
+    monkeypatch.setattr(_lsv2, "PATIENCE", 0.2)
     monkeypatch.setattr(_lsv2, "BETWEEN", 0.02)
 
 

@@ -16,8 +16,8 @@ def estimate(folder, name):
     return json.loads(result.out)
 
 
-def the_same_parameters(folder, link, options, port):
-    write_example(folder, "hu40t")
+def the_same_parameters(folder, link, options, port, example="hu40t"):
+    write_example(folder, example)
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
     with controller(folder, *options, once=False) as url:

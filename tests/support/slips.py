@@ -624,3 +624,30 @@ def a_slip_in_one_number(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
         p[row, i] += float(rng.choice([-10.0, -1.0, 1.0, 10.0]))
 
     return cell, _columns(readings, change), Answer(("single_touches", "facet_names"))
+
+
+@slip
+def facets_measured_from_another_datum_than_the_balls(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
+    """Someone took z of the facets from the top of the pallet, and of the balls from its pocket."""
+    facets, shift = cell.artefact.facets, np.zeros(3)
+    if len({f.ball is None for f in facets.values()}) < 2:
+        return None
+    shift[int(rng.integers(3))] = float(rng.choice([-1, 1]) * rng.uniform(2, 12))
+    moved = {k: f if f.ball else replace(f, point=tuple((np.array(f.point) + shift).tolist())) for k, f in facets.items()}
+    return replace(cell, artefact=replace(cell.artefact, facets=moved)), readings, Answer(("table_placement",), "balls")
+
+
+@slip
+def another_set_of_balls(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
+    balls, off = cell.artefact.balls, float(rng.choice([-1.0, -0.5, 0.5, 1.0]))
+    if len(balls) < 2:
+        return None
+    others = {k: replace(b, radius=b.radius + off) for k, b in balls.items()}
+    return replace(cell, artefact=replace(cell.artefact, balls=others)), readings, Answer(("scale_bar", "unit"), "balls")
+
+
+@slip
+def terms_of_the_first_try_left_standing(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
+    if not cell.machine.rotary:  # S2 is all that such a machine has
+        return None
+    return replace(cell, terms=(str(rng.choice(["S1", "S2"])),)), readings, Answer(("few_terms",), "S3")

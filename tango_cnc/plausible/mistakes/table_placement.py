@@ -1,4 +1,4 @@
-"""The artefact as a whole is turned, mirrored or shifted against what artefact.yaml says."""
+"""The artefact as a whole is turned, mirrored or shifted against what artefact.yaml says, or its facets against its balls."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from ...records import Array, Artefact, Obstacle, Surface, Vector
 from ...texts import joined, say
 from ._case import Case, Hypothesis
+
+APART = ["facets@X", "facets@Y", "facets@Z"]  # all facets that are not on a ball
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
@@ -60,6 +62,10 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
                          least={f"E{'XYZ'[i]}w": artefact.tolerances.placement / 2})  # fmt: skip
     yield Hypothesis("", "artefact", "facets", "", free=["EXw", "EYw", "EZw"], words=_words, price=5.2,
                      least=dict.fromkeys(["EXw", "EYw", "EZw"], artefact.tolerances.placement / 2))  # fmt: skip
+    if len({artefact.facets[f].ball is None for f in case.readings.facet}) == 2:
+        for names, price in ((["facets@X"], 3.2), (["facets@Y"], 3.2), (["facets@Z"], 3.2), (APART, 5.6)):
+            yield Hypothesis("", "artefact", "facets", "", free=names, words=_apart, price=price,
+                             least=dict.fromkeys(names, artefact.tolerances.placement / 2))  # fmt: skip
 
 
 def _words(values: Mapping[str, float]) -> tuple[str, str]:
@@ -70,6 +76,12 @@ def _words(values: Mapping[str, float]) -> tuple[str, str]:
     return say("mistake.table_placement.readings_fit_whole_table_shifted", said=said), say(
         "mistake.table_placement.see_where_origin_artefact_yaml"
     )
+
+
+def _apart(values: Mapping[str, float]) -> tuple[str, str]:
+    shifts = {name[-1]: values[name] for name in APART if name in values}
+    said = joined(", ", (say("mistake.table_placement.mm", lower=c.lower(), values=f"{size:.2f}") for c, size in shifts.items()))
+    return say("mistake.table_placement.facets_shifted", said=said), say("mistake.table_placement.facets_and_balls")
 
 
 def _turn(axis: int, quarters: int) -> Array:
