@@ -134,10 +134,11 @@ def command(
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
-    if not resume and gate_of(cell, post) == "facet":
-        from ._night_gate import proves  # with the nights comes their database
+    if gate_of(cell, post) == "facet":
+        from ._night_gate import as_found, proves  # with the nights comes their database
 
-        if not (alive := proves(cell, made)).passed:
+        made = as_found(cell, made, post)
+        if not resume and not (alive := proves(cell, made)).passed:
             raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
     someone = attended()
     journal = target.with_suffix(".journal")
