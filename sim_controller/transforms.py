@@ -41,8 +41,9 @@ def rotation(axis: int, angles: Array) -> Array:
 def error(components: Array) -> Array:
     """(n, 6) mm, rad: X Y Z A B C → (n, 4, 4): translation, then R_z(C) R_y(B) R_x(A) (model.md, Frames and chain)."""
     moved = translation(components[:, :3])
-    for axis, seen in reversed([*enumerate(components[:, 3:].any(axis=0).tolist())]):
-        moved = moved @ rotation(axis, components[:, 3 + axis]) if seen else moved
+    seen = np.any(components, axis=0)
+    for axis in (2, 1, 0):
+        moved = moved @ rotation(axis, components[:, 3 + axis]) if seen[3 + axis] else moved
     return moved
 
 
