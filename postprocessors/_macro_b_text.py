@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from tango_cnc.gate import INCH, STEP, STEP_FEED, step
+from tango_cnc.gate import INCH, MIRRORED, STEP, STEP_FEED, step
 
 from ._base import Job, early_distance, number
 from ._common import axis_numbers, signed
@@ -30,6 +30,7 @@ STOPS = {  # number from 0: what the control shows, at most 26 characters
     8: "MACROS OF ANOTHER PROGRAM",
     9: "ANOTHER PROGRAM WAS CALLED",
     10: "POSITIONS ARE IN INCHES",
+    11: MIRRORED,
 }
 
 
@@ -152,7 +153,7 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 
 
 def stepped(job: Job, words: Words) -> Iterator[str]:
-    """Before all else a step: where positions come in inches, the difference of the frames would send the first move anywhere."""
+    """Before all else a step: positions in inches, or a mirror image, would send the first move anywhere."""
     name, by = step(job.plan)
     place = f"#{5020 + axis_numbers(job)[name]}"
     yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM)"
@@ -161,8 +162,11 @@ def stepped(job: Job, words: Words) -> Iterator[str]:
     yield f"G91 {job.options['skip']} {name}{number(by)} F{number(STEP_FEED)}"
     yield "G90"
     yield from _skipped(job)
-    yield f"#{WORK + 1}=ABS[{place}-#{WORK + 1}]"
+    way = f"{place}-#{WORK + 1}" if by > 0 else f"#{WORK + 1}-{place}"
+    yield f"#{WORK + 1}={way}"
     yield words.unless(job, f"ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005", 10)
+    beyond = f"ABS[#{WORK + 1}-{number(STEP / 2)}]GT{number(STEP / 2 + float(job.options['tolerance']))}"
+    yield words.unless(job, beyond, 11)
     short = f"ABS[#{WORK + 1}-{number(STEP)}]GT{number(job.options['tolerance'])}"
     yield words.unless(job, short, 0)
 

@@ -48,6 +48,33 @@ def test_where_z_has_another_number_than_the_profile_says_nothing_moves_but_the_
 
 
 @pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("factor", [-1.0, 2.0])
+def test_where_z_is_mirrored_or_scaled_nothing_moves_but_the_step_and_the_text_says_it(name: str, factor: float) -> None:
+    """A mirrored Z sends the first move, up, down into the table; nothing has proven the probe alive by then."""
+    made = commission.air(golden(), 1)
+    found = ran(name, made, {}, {"scaled": {"Z": factor}}, stands={"Z": 700.0})
+    said = found.why or " ".join(found.stops)
+    assert "MIRROR IMAGE OR SCALING" in said
+    z = [place["Z"] for place in found.places]
+    assert z and max(z) - min(z) <= 2 * STEP and not set(NEAR) & {event for event, _ in found.events}
+    (failed,) = [
+        judged for judged in commission.judge(commission.Seen(made, {}, True, False, said=said)) if judged.verdict.verdict == "FAIL"
+    ]
+    assert failed.experiment.belief == "mirror" and "mirror image" in failed.experiment.advice
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize(("axis", "factor"), [("X", -1.0), ("Y", -1.0), ("X", 2.0)])
+def test_where_another_axis_is_mirrored_or_scaled_the_first_move_of_it_stops_above_the_table(
+    name: str, axis: str, factor: float
+) -> None:
+    made = commission.air(golden(), 1)
+    found = ran(name, made, {}, {"scaled": {axis: factor}})
+    assert (found.why or found.stops) and not set(NEAR) & {event for event, _ in found.events}
+    assert min(place["Z"] for place in found.places) >= made.touches[0].standoff[made.machine.column("Z")] - 1e-6
+
+
+@pytest.mark.parametrize("name", DIALECTS)
 def test_a_probe_that_is_on_at_the_step_is_not_taken_for_inches(name: str) -> None:
     found = ran(name, golden(), probe="inverted")
     assert "INCHES" not in (found.why or " ".join(found.stops))
@@ -74,7 +101,7 @@ def test_the_read_back_asks_for_the_step(name: str) -> None:
     assert refused([*lines[:absolute], *lines[absolute + 1 :]])  # everything behind it would be a distance
     assert refused([*lines[:moved], lines[moved].replace("-0.5", "-5."), *lines[moved + 1 :]])
     assert refused([*lines[:moved], lines[moved].replace("Z", "X"), *lines[moved + 1 :]])
-    both = 10 if lines[judged].startswith("$IF") else 2  # lines: is it an inch, is it what was said
+    both = 15 if lines[judged].startswith("$IF") else 3  # lines: is it an inch, or the other way, is it what was said
     assert refused([*lines[:judged], *lines[judged + both :]])  # who does not look has not asked
 
 

@@ -39,7 +39,7 @@ EXPERIMENT = Experiment(
     judge,
     re.compile(
         r"OFFSET|UNITS|INCHES|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"
-        r"CANCEL|SCALING|MIRROR|ROTATED"
+        r"CANCEL(?! G51)|ROTATED"
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
@@ -51,7 +51,6 @@ EXPERIMENT = Experiment(
         "wait",
         "reset",
         "length_check",
-        "must_be_off",
         "axis_numbers",
         "decimals",
         "trafoof",
