@@ -6,6 +6,7 @@ import re
 from itertools import pairwise
 
 from ...gate import MIRRORED
+from ..digits import lost
 from ..experiment import Experiment, Seen, Verdict
 
 FAR = 0.5  # by which a factor has to be off one: frames says what is less
@@ -13,9 +14,9 @@ FAR = 0.5  # by which a factor has to be off one: frames says what is less
 
 def judge(seen: Seen) -> Verdict:
     """→ the way that each axis went in the measuring moves that met nothing, by that which it was sent."""
-    names, worst, which = seen.plan.machine.names, 1.0, ""
+    names, worst, which, clipped = seen.plan.machine.names, 1.0, "", lost(seen)
     went: dict[str, list[tuple[float, float]]] = {name: [] for name in seen.plan.machine.linear}
-    touches = [touch for touch in seen.plan.touches if touch.number in seen.records]
+    touches = [touch for touch in seen.plan.touches if touch.number in seen.records and touch.number not in clipped]
     for before, after in pairwise(touches):
         for name, ways in went.items():
             column = names.index(name)
