@@ -17,6 +17,7 @@ from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..loaded import IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program, _scales
@@ -224,7 +225,7 @@ def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
     kept = loop.one(folder, number)
     if not (reason or "").strip():
         raise InputError('--reason: found none; allowed: why it was taken out again, e.g. --reason "the spindle was changed"')
-    if (state := loop.state(folder, number)) not in loop.IN_CONTROL:
+    if (state := loop.state(folder, number)) not in IN_CONTROL:
         raise InputError(
             f"--rolled-back: found compensation {number}, which is noted as {state}; allowed: one that is in the control"
         )
@@ -238,7 +239,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     number = options["measured"]
     kept = loop.one(cell.folder, number)
     loop.check(kept.folder)
-    if (state := loop.state(cell.folder, number)) not in loop.IN_CONTROL:
+    if (state := loop.state(cell.folder, number)) not in IN_CONTROL:
         raise InputError(
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
