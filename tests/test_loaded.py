@@ -11,6 +11,7 @@ from tango_cnc.history import Compensation, Decision
 from tango_cnc.loaded import holds
 from tango_cnc.nightly.control import Given
 from tango_cnc.report.compensated import dated, held
+from tango_cnc.report.facts import Nights
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -103,9 +104,9 @@ def test_a_kept_compensation_closes_its_stories_and_shows_what_was_before() -> N
     (fault,) = told(record, [*SECOND, event(2, "kept", 4)], KNOCK, dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))
     assert "accept" in fault["office"] and "Enter nothing again" in fault["todo"]
     assert "nearly right" in fault["whole"] and "Correct" not in fault["whole"]
-    assert "is +0.5 µm today; it was −2.0 µm before" in fault["whole"], fault["whole"]
+    assert "is +0.5 µm today; it was −2 µm before" in fault["whole"], fault["whole"]
     (again,) = told(at(5, -8.0, 20.0, in_control=KEPT), [*SECOND, event(2, "kept", 4)], KNOCK)
-    assert "it was −2.0 µm before" in again["whole"]  # another number is taken off tonight, and not off that night
+    assert "it was −2 µm before" in again["whole"]  # another number is taken off tonight, and not off that night
     (alone,) = told(record, [*SECOND, event(2, "kept", 4)], dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))
     assert "was measured and kept" in alone["todo"] and "--measured" not in alone["office"] + alone["todo"]
 
@@ -142,3 +143,14 @@ def test_what_happened_since_the_night_is_said_beside_it() -> None:
     assert "the next night says" in found[0]["whole"] and "−30 µm" in found[0]["text"].replace("-", "−")
     assert not any("--measured" in x["office"] + x["todo"] for x in found)
     assert "is noted as rolled back" in held(record, texts(), events) and "--measured" not in held(record, texts(), events)
+
+
+@pytest.mark.parametrize(
+    ("measured", "age"),
+    [("01:59:59", "older"), ("02:00:00", "own"), ("02:04:10", "own"), ("02:04:11", "newer")],
+)
+def test_the_readings_of_the_newest_night_are_its_own(measured: str, age: str) -> None:
+    record = night("M", 3)
+    nights = Nights(DAY[3], "good", "", 0, record["end_utc"], record)
+    assert nights.beside(f"{DAY[3]}T{measured}+00:00") == age
+    assert all(f"{member}.nights_{age}" in texts() for member in ("check", "verdict"))

@@ -232,7 +232,8 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     found = in_control(folder, result.model, lambda: levers_of(result))
     if found is None:
         return None
-    return Held(found.number, found.target, False, found.gone if found.measured else None, found.event)
+    gone = found.gone if found.measured or found.beneath is not None else None
+    return Held(found.number, found.target, False, gone, found.event, found.beneath)
 
 
 def _place(folder: Path) -> str | Path | None:
