@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 from support.nights import night
 
@@ -11,7 +13,8 @@ from tango_cnc.history import Compensation, Decision
 from tango_cnc.loaded import holds
 from tango_cnc.nightly.control import Given
 from tango_cnc.report.compensated import dated, held
-from tango_cnc.report.facts import Nights
+from tango_cnc.report.facts import Facts, Nights, _limit
+from tango_cnc.report.facts import Held as ReportHeld
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -154,3 +157,12 @@ def test_the_readings_of_the_newest_night_are_its_own(measured: str, age: str) -
     nights = Nights(DAY[3], "good", "", 0, record["end_utc"], record)
     assert nights.beside(f"{DAY[3]}T{measured}+00:00") == age
     assert all(f"{member}.nights_{age}" in texts() for member in ("check", "verdict"))
+
+
+def test_a_report_names_the_newest_and_what_is_off_its_limit() -> None:
+    """Compensation 3 is undecided, 1 was kept: what 1 takes away is off, and 3 is named though the machine is within its limit."""
+    control = ReportHeld(3, "fanuc", False, np.zeros(1), "undecided", 1)
+    f = SimpleNamespace(tip=SimpleNamespace(worst=0.013, std=0.0005), factor=2.0, control=control)
+    f.wishes = SimpleNamespace(limit=0.045, units=Units())
+    said = _limit(cast(Facts, f), texts()).text
+    assert "what compensation 1 (fanuc) takes away" in said and "compensation 3 (fanuc) is in the control (undecided)" in said
