@@ -74,7 +74,7 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
 
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
-    done = run("compensate", "-C", mill, "--target", "linuxcnc", "--cap-mm", "0.0001")
+    done = run("compensate", "-C", mill, "--target", "linuxcnc", "--cap-mm", "0.0001", "--simulated")
     assert isinstance(done.exception, TangoError) and done.exception.exit_code == 1
     assert "allowed: 0.0001 mm" in str(done.exception) and "--cap-mm" in str(done.exception)
     assert not (mill / "compensations").exists()
