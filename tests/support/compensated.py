@@ -45,7 +45,7 @@ def first(name: str) -> Estimate:
 
 @cache
 def proposed(name: str, target: str) -> Proposal:
-    """Name of an example, control → what that estimate proposes for it; nobody changes it, each stores it in a folder of its own."""
+    """Name of an example, control → what that estimate proposes for it. Nobody changes it; each stores it in an own folder."""
     return propose(first(name), target)
 
 
