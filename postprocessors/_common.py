@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from textwrap import wrap
 from typing import Any
 
-from tango_cnc.gate import PROVING, TOUCH
+from tango_cnc.gate import PROVING, TOUCH, proving_touch
 from tango_cnc.gate import RELEASE as RELEASE
 from tango_cnc.records import OFF, InputError, Machine
 
@@ -129,12 +129,22 @@ def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
 
 def kept_in_mind(job: Job) -> Iterator[str]:
     """job → the text of remarks on what the profile says of this control, and a person has to do in every run."""
+    yield from found_at(job)
     if job.options.get("feed_override") != "acts":
         yield "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES - HAND ON FEED HOLD"
     else:
         yield "KEEP THE FEED OVERRIDE AT 100 PERCENT - IT ACTS ON MEASURING MOVES"
     if job.options.get("records_file") == "anew":
         yield "COPY THE FILE OF THE RECORDS BEFORE THE NEXT PROGRAM - THAT BEGINS IT ANEW"
+
+
+def found_at(job: Job) -> Iterator[str]:
+    """job → the text of a remark on the facet that proves the probe: where its search ends, and who has found that place."""
+    if job.options.get("gate") == "facet":
+        one = proving_touch(job.plan)
+        off = job.plan.met.get(one.number)
+        where = "AT ITS PLACE IN THE PLAN - NO RUN HAS FOUND IT" if off is None else f"{off:+.2f} MM FROM THE PLAN AS LAST FOUND"
+        yield f"FACET {comment(one.facet, 20)} PROVES THE PROBE - {where}"
 
 
 def doubted(job: Job, width: int) -> Iterator[str]:

@@ -10,19 +10,25 @@ from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
 GUARDED, MEASURING, RECORD, FINDING, CYCLE, GATE = 1, 2, 3, 4, 5, 6  # labels
-MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED = 91, 92, 93, 94, 95, 96, 97, 98
+MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED, SCALED = 91, 92, 93, 94, 95, 96, 97, 98, 99
 STOPS = {
     MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
     UNTOUCHED: "STYLUS WAS NOT TOUCHED",
+    SCALED: "A SCALING IS ON. CYCLE 11 OR 26",
 }
 CANCELS = (  # datum shift, mirror image, rotation, scaling
     *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 7.1 X+0.0", "CYCL DEF 7.2 Y+0.0", "CYCL DEF 7.3 Z+0.0"),
     *("CYCL DEF 8.0 MIRROR IMAGE", "CYCL DEF 8.1"),
     *("CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0"),
     *("CYCL DEF 11.0 SCALING", "CYCL DEF 11.1 SCL 1"),
+)
+UNSCALED = tuple(  # whether cycle 26 has left a factor on, which a measuring move would go by: asked, as its own text is not sure
+    line
+    for number in (1, 2, 3)
+    for line in (f"FN 18: SYSREAD Q35 = ID210 NR4 IDX{number}", f"FN 10: IF +Q35 NE +1 GOTO LBL {SCALED}")
 )
 TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
 START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}

@@ -17,7 +17,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from tango_cnc.gate import INCH
+from tango_cnc.gate import INCH, MIRRORED
 from tango_cnc.records import OFF, Machine
 
 START, PROTECTED, MEASURE, FREE, TURN, RECORD, END, STEPS = range(880, 888)
@@ -160,7 +160,7 @@ def _protected() -> list[str]:
 def _steps() -> list[str]:
     """A step of so much in each of X Y Z; positions in inches would make a wrong frame, and send the first move anywhere."""
     axes = " & ".join(f'" {n}" & Format(GetVar({TARGET + PLACE[n]}), "0.0000")' for n in "XYZ")
-    way = " + ".join(f"Abs(GetOEMDRO({_MACHINE + PLACE[n]}) - From{n})" for n in "XYZ")
+    way = " + ".join(f"(GetOEMDRO({_MACHINE + PLACE[n]}) - From{n}) * GetVar({TARGET + PLACE[n]})" for n in "XYZ")
     wanted = " + ".join(f"Abs(GetVar({TARGET + PLACE[n]}))" for n in "XYZ")
     return [
         *_stop(f"GetOEMLED({_PROBE}) <> 0", "PROBE IS DEFLECTED"),
@@ -169,9 +169,10 @@ def _steps() -> list[str]:
         *_WAIT,
         'Code "G90"',
         *_WAIT,
-        f"Off = {way}",
         f"Wanted = {wanted}",
+        f"Off = ({way}) / Wanted",
         *_stop(f"Abs(Off - Wanted / {INCH:g}) < 0.005", "POSITIONS ARE IN INCHES"),
+        *_stop(f"Abs(Off - Wanted / 2) > Wanted / 2 + GetVar({TOLERANCE})", MIRRORED),
         *_stop(
             f"Abs(Off - Wanted) > GetVar({TOLERANCE}) Or GetOEMLED({_PROBE}) <> 0",
             "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM",

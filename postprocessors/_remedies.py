@@ -14,6 +14,10 @@ OWN_FILE = (
 )
 
 MACRO_B: Remedies = {
+    "mirror": (
+        "mirror image: its page of the settings and its switch; G50.1 and G50 in MDI where a program has left G51.1 or G51 on",
+        UNCONFIRMED,
+    ),
     "miss": (
         "G31 itself says nothing of a miss: an alarm comes from a word of the builder in its place",
         "B-63614EN p. 322 on the miss; the rest unconfirmed",
@@ -41,6 +45,11 @@ BROTHER: Remedies = {
 }
 HAAS: Remedies = {
     **MACRO_B,
+    "mirror": (
+        "Settings 45 to 48 (mirror image of X, Y, Z, A) are OFF; G50, G101, G255 and G235 in MDI where a program has left G51, "
+        "mirror image, G254 or G234 on",
+        UNCONFIRMED,
+    ),
     "widths": ("none is known: a field of DPRNT grows with its number; look at what copies the file", "96-8000 p. 116"),
     "alive": (
         "the probe is wired to the skip input of the I/O board: there is one, and G31 has no P. M59 P1134 has to switch it on",
@@ -67,6 +76,7 @@ MAZAK: Remedies = {
     "end": ("PCLOS; parameters DPR of the I/O page say where it goes and whether a file is closed", UNCONFIRMED),
 }
 CENTROID: Remedies = {
+    "mirror": ("scaling and mirror image off: G50 in MDI", UNCONFIRMED),
     "alive": (
         "machine parameter 11: the number of the input that the probe is wired to, negative where it opens",
         "macros of Centroid",
@@ -87,6 +97,7 @@ FAGOR: Remedies = {
         "G100 that ends without the probe is an error in some versions; which parameter allows it is not known: ask the maker",
         UNCONFIRMED,
     ),
+    "mirror": ("mirror image and scaling off: G10 and G72 S1 in MDI, see the programming manual", UNCONFIRMED),
     "frames": ("cancel mirror image G11, G12, G13, pattern rotation G73 and scaling G72 in reset", UNCONFIRMED),
     "records": ("conversion: the letter after % of a number with a point; #WRITE prints a point", UNCONFIRMED),
     "widths": ("none is known: #WRITE prints a number whole; look at what copies the file", UNCONFIRMED),
@@ -113,6 +124,7 @@ HEIDENHAIN: Remedies = {
         "the probe is at the input of the touch probe (X12, X112 or X113), and its row in the probe table is the active one",
         UNCONFIRMED,
     ),
+    "mirror": ("cycle 26 in MDI with the factor 1 for every axis, or select the program anew", UNCONFIRMED),
     "frames": (
         "basic rotation of the active line of the preset table: 0; scaling and mirror image off",
         "cycles 7, 8, 10, 11 do not undo it: unconfirmed",
@@ -145,6 +157,7 @@ MACH3: Remedies = {
         "Config, Ports and Pins, Input Signals: Probe is enabled, and port and pin are those of its cable",
         "Using Mach3Mill",
     ),
+    "mirror": ("Scale of each axis on the settings page is 1 (G50), and no axis is reversed by its DRO scale", UNCONFIRMED),
     "frames": ("Config, Select Native Units: millimeters; scale factors of the axes are 1", "Using Mach3Mill"),
     "miss": ("G31 says nothing of a miss; an error comes from the plugin of the motion board: its probe options", UNCONFIRMED),
     "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
@@ -154,6 +167,7 @@ MACH3: Remedies = {
 }
 MACH4: Remedies = {
     "alive": ("Configure, Control, Input Signals: Probe (G31) is mapped to the input of its cable", UNCONFIRMED),
+    "mirror": ("scaling and mirror image off: G50 in MDI", UNCONFIRMED),
     "frames": ("Configure, Control, Machine Units: millimeters; scaling and mirror image off in reset", UNCONFIRMED),
     "miss": (
         "G31 says nothing of a miss; an error comes from the plugin of the motion board: its probe options",

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from tango_cnc.gate import INCH, STEP, STEP_FEED, step
+from tango_cnc.gate import INCH, MIRRORED, STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -35,8 +35,9 @@ STOPS = (
     "ROTARY AXIS NOT IN PLACE",
     common.UNTOUCHED,
     "POSITIONS ARE IN INCHES",
+    MIRRORED,
 )
-ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES = range(9001, 9008)
+ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES, OTHERWISE = range(9001, 9009)
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
 OPTIONS = (
@@ -115,8 +116,10 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
         yield "G91"
         yield f"M125 /{name}[{number(by)}] P#9011 F{number(STEP_FEED)}"
         yield "G90"
-        yield f"#{FROM} = ABS[{place} - #{FROM}]"
+        yield f"#{FROM} = {f'{place} - #{FROM}' if by > 0 else f'#{FROM} - {place}'}"
         yield f"IF [ABS[#{FROM} - {number(STEP / INCH)}] < 0.005] THEN GOTO {INCHES}"
+        beyond = f"ABS[#{FROM} - {number(STEP / 2)}] > {number(STEP / 2 + float(job.options['tolerance']))}"
+        yield f"IF [{beyond}] THEN GOTO {OTHERWISE}"
         short = f"ABS[#{FROM} - {number(STEP)}] > {number(job.options['tolerance'])}"
         yield f"IF [[{TRIPPED} != 0] || [{short}]] THEN GOTO {ON_THE_WAY}"
     yield from move(job, leg)

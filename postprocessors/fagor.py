@@ -11,11 +11,12 @@ P12 P13 P14 distances
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from tango_cnc.gate import INCH, STEP, STEP_FEED, step
+from tango_cnc.gate import INCH, MIRRORED, STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -136,8 +137,10 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
         yield "G91"
         yield f"G100 {name}{number(by)} F{number(STEP_FEED)}"
         yield "G90"
-        yield f"{SHORT}=ABS[{_machine(job, name)}-{SHORT}]"
+        yield f"{SHORT}=[{_machine(job, name)}-{SHORT}]*{number(math.copysign(1.0, by))}"
         yield from _stop_if(job, f"ABS[{SHORT}-{number(STEP / INCH)}]<0.005", "POSITIONS ARE IN INCHES")
+        beyond = STEP / 2 + float(job.options["tolerance"])
+        yield from _stop_if(job, f"ABS[{SHORT}-{number(STEP / 2)}]>{number(beyond)}", MIRRORED)
         yield from _stop_if(job, f"ABS[{SHORT}-{number(STEP)}]>{number(job.options['tolerance'])}", ON_ITS_WAY)
         yield from _met_nothing(job)
     yield from move(job, leg)

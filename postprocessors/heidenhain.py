@@ -42,12 +42,14 @@ from ._klartext import (
     MEASURING,
     MISSES,
     RECORD,
+    SCALED,
     SPINDLE,
     START,
     STOPS,
     TARGET,
     TOUCH,
     TURNED,
+    UNSCALED,
     UNTOUCHED,
     guarded,
     measuring,
@@ -73,6 +75,12 @@ OPTIONS = (
     Option("mask", "TNC:\\TANGO.A", "mask file of FN 16 on the control; docs/dialects.md has its three lines"),
     Option("output", "TNC:\\TANGO.TXT", "file for the records, on the control's disk"),
     Option("axis_numbers", {}, "number of each axis in FN 18 and IDX, e.g. {X: 1, Y: 2, Z: 3, B: 5, C: 6}; empty: A B C are 4 5 6"),
+    Option(
+        "scaling_check",
+        True,
+        "FN 18 ID210 NR4 says the scaling factor of X Y Z, which cycle 26 may have left on: other than 1 ends the program; false: "
+        "it is not asked",
+    ),
     Option("plane_reset", True, "PLANE RESET STAY leaves a tilted plane; false where the control has no tilting"),
     Option("tcpm_reset", True, "FUNCTION RESET TCPM and M129; false where the control has no TCPM"),
     Option("distance", "DIST", "word of the way in TCH PROBE 4.3; some English manuals have ABST", choices=("DIST", "ABST")),
@@ -120,6 +128,8 @@ def begin(job: Job) -> Iterator[str]:
     if options["tcpm_reset"]:
         yield from ("FUNCTION RESET TCPM", "M129")
     yield from CANCELS
+    if options["scaling_check"]:
+        yield from UNSCALED
     yield from ("M137", "M5")  # feeds in mm/min
     if options["shortest"]:
         yield "M126"
@@ -221,7 +231,7 @@ def end(job: Job) -> Iterator[str]:
             yield from measuring(finding(job), FINDING)
     yield from record_text(job)
     for label, text in stops.items():
-        if label == UNTOUCHED and job.options["gate"] == "none":
+        if (label == UNTOUCHED and job.options["gate"] == "none") or (label == SCALED and not job.options["scaling_check"]):
             continue
         yield f"LBL {label}"
         yield from filter(None, [job.options["probe_off"]])

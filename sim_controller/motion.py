@@ -96,6 +96,7 @@ class Motion:
         latches: bool = True,
         short_way: tuple[str, ...] = (),
         block_time: float = 0.0,
+        stands: Mapping[str, float] | None = None,
     ) -> None:
         self.rig, self.machine = rig, rig.machine
         self.time = 0.0
@@ -103,6 +104,8 @@ class Motion:
         self._note, self._wait = note, wait
         self._faults = faults or Faults()
         self._position = probing.home(rig.machine)
+        for name, value in (stands or {}).items():  # mm where somebody has left a linear axis
+            self._position[rig.machine.column(name)] = value
         self._direction = np.ones(len(rig.machine.names))
         self._move = np.zeros(len(rig.machine.names))
         self._pressed: _Pressed | None = None

@@ -41,9 +41,10 @@ def rotation(axis: int, angles: Array) -> Array:
 def error(components: Array) -> Array:
     """(n, 6) mm, rad: X Y Z A B C → (n, 4, 4): translation, then R_z(C) R_y(B) R_x(A) (model.md, Frames and chain)."""
     moved = translation(components[:, :3])
-    if not components[:, 3:].any():
-        return moved
-    return moved @ rotation(2, components[:, 5]) @ rotation(1, components[:, 4]) @ rotation(0, components[:, 3])
+    seen = np.any(components, axis=0)
+    for axis in (2, 1, 0):
+        moved = moved @ rotation(axis, components[:, 3 + axis]) if seen[3 + axis] else moved
+    return moved
 
 
 def inverse(transforms: Array) -> Array:

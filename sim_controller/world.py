@@ -162,16 +162,17 @@ def body(true: TrueMachine, moved_by: tuple[str, ...], positions: Array, directi
 
 def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors: Mapping[str, Iterable[Term]]) -> Array:
     """joints from the foundation outwards → (n, 4, 4) frame of the last one → machine frame."""
-    pose = transforms.translation(np.zeros((len(positions), 3)))
+    pose: Array | None = None
     for joint in joints:
         command, last = positions[:, joint.column], directions[:, joint.column]
         own = errors[joint.name]
+        pose = joint.location if pose is None else pose @ joint.location
         if not own:
             perfect = joint.sense * command
-            motion = transforms.rotation(joint.base, perfect) if joint.rotary else transforms.shift(joint.base, perfect)
-            pose = pose @ joint.location @ motion
+            pose = pose @ (transforms.rotation(joint.base, perfect) if joint.rotary else transforms.shift(joint.base, perfect))
             continue
-        inter, intra = np.zeros((len(positions), 6)), np.zeros((len(positions), 6))
+        still = all(isinstance(value, float) for c, value in own if c.kind == "inter")  # an axis mostly stands where it stands
+        inter, intra = np.zeros((1 if still else len(positions), 6)), np.zeros((len(positions), 6))
         for c, value in own:
             if c.kind == "inter":
                 inter[:, c.component] += value
@@ -183,5 +184,6 @@ def _branch(joints: Iterable[Joint], positions: Array, directions: Array, errors
         moved = joint.sense * (command + intra[:, joint.own])
         intra[:, joint.own] = 0.0
         motion = transforms.rotation(joint.base, moved) if joint.rotary else transforms.shift(joint.base, moved)
-        pose = pose @ joint.location @ transforms.error(inter) @ motion @ transforms.error(intra)
-    return pose
+        pose = (pose @ transforms.error(inter) if inter.any() else pose) @ motion
+        pose = pose @ transforms.error(intra) if intra.any() else pose
+    return transforms.translation(np.zeros((len(positions), 3))) if pose is None else pose

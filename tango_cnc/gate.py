@@ -25,6 +25,7 @@ ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet norm
 STEP = 0.5  # mm of the step that shows whether positions come in mm: every stylus gives way by more
 STEP_FEED = 60.0  # mm/min of it
 INCH = 25.4  # mm
+MIRRORED = "MIRROR IMAGE OR SCALING"  # what a program says where the step goes the other way, or too far
 PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
 
 
@@ -87,7 +88,8 @@ def step(plan: Plan) -> tuple[str, float]:
 def proving_touch(plan: Plan) -> Touch:
     """plan → the touch of its first indexation that proves the probe: most from above, its search ending `BEHIND` behind it.
 
-    Raises InputError where no facet is touched from above there.
+    Where a run has found its facet elsewhere (`Plan.met`) the whole touch is there. Raises InputError where no facet is touched
+    from above.
     """
     linear = [plan.machine.column(name) for name in plan.machine.linear]
     first = plan.touches[0].indexation
@@ -99,9 +101,18 @@ def proving_touch(plan: Plan) -> Touch:
             f"{math.degrees(math.acos(best)):.0f} deg from the tool; allowed: a facet within 45 deg of it at the first indexation "
             "of strategy.yaml, or gate: finger"
         )
-    part = min(BEHIND / plan.strategy.approach.search, 1.0)
-    end = tuple(c + part * (e - c) for c, e in zip(touch.contact, touch.end, strict=True))
-    return replace(touch, end=end, enter=None, leave=None)
+    part, by = min(BEHIND / plan.strategy.approach.search, 1.0), plan.met.get(touch.number, 0.0) / plan.strategy.approach.search
+    way = [(e - c) * (i in linear) for i, (c, e) in enumerate(zip(touch.contact, touch.end, strict=True))]
+    moved = (tuple(p + by * w for p, w in zip(place, way, strict=True)) for place in (touch.standoff, touch.contact))
+    standoff, contact = moved
+    end = tuple(c + part * w for c, w in zip(contact, way, strict=True))
+    return replace(touch, standoff=standoff, contact=contact, end=end, enter=None, leave=None)
+
+
+def from_above(plan: Plan) -> list[Touch]:
+    """plan → its touches on facets that are touched from above: one of them may have to prove the probe."""
+    linear = [plan.machine.column(name) for name in plan.machine.linear]
+    return [touch for touch in plan.touches if _above(touch, linear) >= ABOVE]
 
 
 def served(plan: Plan, which: str) -> Iterator[tuple[Move, Touch]]:

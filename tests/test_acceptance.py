@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from datetime import date
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -183,6 +183,7 @@ def test_a_certificate_that_is_old_or_of_something_else_traces_nothing(
         ({"performed": "sometime"}, "a date"),
         ({"performed": "2031-01-01"}, "not to come"),
         ({"performed": "1999-01-01"}, "2026-11-22"),
+        ({"performed": "2026-11-21"}, "2026-11-22 23:52"),  # no local time of that moment is of the 21st
         ({"laboratory": {"a": 1}}, "a text"),
         ({"conditions": {"machine_temperature": "warm"}}, "temperature"),
         ({"conditions": {"machine_temperature": "68 °F"}}, "temperature"),
@@ -193,7 +194,8 @@ def test_a_certificate_that_is_old_or_of_something_else_traces_nothing(
     ],
 )
 def test_what_no_measurement_can_be_is_refused(tmp_path: Path, changed: dict[str, Any], words: str) -> None:
-    ran = Source("", (date(2026, 11, 22), date(2026, 11, 22)))
+    night = datetime(2026, 11, 22, 23, 52, tzinfo=UTC)
+    ran = Source("", (night, night))
     with pytest.raises(InputError, match=words):
         signed(tmp_path, sheet(1.0), source=ran, **changed)
 

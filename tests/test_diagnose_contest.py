@@ -11,6 +11,7 @@ import pytest
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._contest import Field, contest
+from tango_cnc.diagnose._names import once
 from tango_cnc.diagnose._rows import Rows
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.records import Array
@@ -51,3 +52,11 @@ def test_a_shape_that_a_few_touches_show_is_seen_although_these_were_set_aside()
         outcome = contest(field, y, singles, names)
         assert not outcome.named and len(outcome.shapes) == 1
         assert len(outcome.needless) >= len(singles) - 1
+
+
+@pytest.mark.parametrize(("facets", "left"), [("12", 2), ("123", 0)])
+def test_what_lies_on_three_facets_is_one_thing_and_no_three_chips(facets: str, left: int) -> None:
+    patterns = np.random.default_rng(7).normal(size=(TOUCHES, len(facets), 1))
+    chips = [Chosen(Candidate("chip", {"facet": f, "at": 100}, patterns[:, i]), patterns[:, i], 12.0) for i, f in enumerate(facets)]
+    step = Chosen(Candidate("step", {"at": 100, "frame": "machine"}, patterns[:, 0]), patterns[:, 0], 12.0)
+    assert [c.candidate.cause for c in once([*chips, step])] == ["chip"] * left + ["step"]

@@ -10,6 +10,7 @@ from support import blind, judge, trials
 from support.outside import KINDS, NULLS
 
 from tango_cnc.diagnose import Diagnosis, as_term, diagnose
+from tango_cnc.diagnose._closed import _formulas as formulas
 from tango_cnc.diagnose._records import Remainder
 from tango_cnc.diagnose._shapes import recognised
 from tango_cnc.diagnose.sentences import said, unexplained
@@ -92,6 +93,22 @@ def test_a_single_touch_that_only_a_resembling_name_leaves_apart_does_not_speak_
     d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
     assert d.verdict == "unexplained" and not d.findings and not d.outliers
     assert [r.covariate for r in d.unexplained] == ["dX × X"]
+
+
+@pytest.mark.long
+def test_what_rests_elsewhere_beyond_an_angle_is_a_shape_of_this_angle_and_no_knock() -> None:
+    """The plan goes beyond it once, so that two knocks would explain the touches nearly as well."""
+    d = told("loose_table", 0.005, 31117050)
+    assert d.verdict == "unexplained" and not d.findings
+    assert [(r.covariate, r.closed) for r in d.unexplained] == [("C", "a step at C = 22.5°")]
+
+
+def test_formulas_are_in_the_units_of_a_person() -> None:
+    turned = np.radians(np.repeat([0.0, 45.0, 90.0], 5))
+    told_c = [text for text, *_ in formulas([("C", turned)], {"C": (float(np.degrees(1.0)), "°")})]
+    assert "a step at C = 22.5°" in told_c and "a step at C = 45°" not in told_c
+    told_x = [text for text, *_ in formulas([("X", np.linspace(-200, 200, 81))], {"X": (1.0, " mm")})]
+    assert "a wave over X of period 100 mm" in told_x
 
 
 @pytest.mark.long

@@ -230,6 +230,13 @@ def test_damaged_file_is_named(name: str, damage: str, cell: Path, capsys: pytes
     refused([*command, "-C", str(cell)], cell, [name, words], capsys)
 
 
+def test_the_journal_of_a_run_that_was_broken_off_is_named(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (cell / "readings.csv").unlink()
+    (cell / "readings.journal").touch()
+    words = ["readings.csv", "no such file", "readings.journal", "--resume", "salvage"]
+    refused(["estimate", "-C", str(cell)], cell, words, capsys)
+
+
 def refused(command: list[str], folder: Path, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     before = contents(folder)
     status = guarded(tango.main, command, standalone_mode=False)

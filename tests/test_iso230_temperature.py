@@ -71,6 +71,13 @@ def test_a_temperature_without_uncertainty_is_refused(tmp_path: Path) -> None:
         read_thermal(file)
 
 
+def test_degrees_fahrenheit_are_refused_and_said_in_celsius(tmp_path: Path) -> None:
+    file = tmp_path / "temperature.yaml"
+    file.write_text("bar: [73.4, 0.1]\nmachine: [25, 0.3]\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"bar\[0\].*73\.4 °F are 23\.0 °C"):
+        read_thermal(file)
+
+
 def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"
     assert runner.invoke(tango, ["init", str(cell)]).exit_code == 0

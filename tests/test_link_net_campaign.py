@@ -24,6 +24,7 @@ from support.remote import KINDS, NEEDED, free_port, ftp_server, place
 LINKS = (*KINDS, "lsv2", "opcua")
 CAMPAIGN = int(os.environ.get("TANGO_SESSIONS", "3000"))
 PARTS = 4  # of the long test
+pytestmark = pytest.mark.xdist_group("network")
 
 
 def marked(kind, *more):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from dataclasses import replace
 from datetime import datetime
@@ -10,13 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.controls import GOLDEN, golden
+from support.gates import ran
 
-from postprocessors._base import load
+from postprocessors import _base as posts
+from postprocessors._base import load, program
 from sim_controller.simulate import simulate
+from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._common import asks_for_a_finger
-from tango_cnc.commands._night_gate import NEAR, proves
+from tango_cnc.commands._night_gate import NEAR, as_found, proves
 from tango_cnc.commands._night_world import RealControl
 from tango_cnc.commands._proofs import keys_of
 from tango_cnc.commands._simulated_nights import Story, nights
@@ -24,10 +28,10 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.files.readings import readings_text
-from tango_cnc.gate import proving_touch
+from tango_cnc.gate import BENT, proving_touch
 from tango_cnc.history import opened
-from tango_cnc.plan import part, plan
-from tango_cnc.records import Cell, World
+from tango_cnc.plan import part, plan, plan_hash
+from tango_cnc.records import Artefact, Cell, InputError, Plan, World
 
 
 @pytest.fixture
@@ -129,8 +133,67 @@ def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Ce
     assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 2
     said = capsys.readouterr().err
     assert "no run has touched it yet" in said and "gate: finger" in said and "Nothing was sent" in said
-    measured(cell, 1.0)
+    measured(cell, NEAR + 0.05)
     assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 2
     assert "tango locate" in capsys.readouterr().err
     measured(cell, 0.0)
     assert guarded(tango.main, tries, prog_name="tango", standalone_mode=False) == 3  # nobody listens there: it would begin
+
+
+def off_by(by: float) -> tuple[Plan, Artefact]:
+    """mm → the plan with the facet found so far behind its place, and the artefact that really stands there."""
+    made = golden()
+    one = proving_touch(made)
+    linear = [made.machine.column(name) for name in made.machine.linear]
+    way = (np.array(one.end) - np.array(one.standoff))[linear]
+    way = way / np.linalg.norm(way)
+    facet = made.artefact.facets[one.facet]
+    there = replace(facet, point=tuple(np.array(facet.point) - by * np.array(facet.normal)))
+    artefact = replace(made.artefact, facets={**made.artefact.facets, one.facet: there})
+    return replace(made, met={one.number: by}, met_in="readings.csv"), artefact
+
+
+@pytest.mark.parametrize(
+    "name", ["fanuc", pytest.param("grbl", marks=pytest.mark.long), pytest.param("okuma", marks=pytest.mark.long)]
+)
+@pytest.mark.parametrize("by", [-0.9, 0.9])
+def test_the_search_ends_half_a_millimetre_behind_where_the_last_run_found_the_facet(name: str, by: float) -> None:
+    """Behind its place in the plan a live probe would not have met it, or a dead one would be bent by 1.35 mm."""
+    made, artefact = off_by(by)
+    facet = {"gate": "facet"}
+    alive = ran(name, made, facet, person=False, really=artefact)
+    assert not alive.why and not alive.stops
+    dead = ran(name, made, facet, person=False, probe="dead", really=artefact)
+    bent = [data["depth"] for event, data in dead.events if event == "bent"]
+    assert (dead.why or dead.stops) and 0.4 < max(bent) <= BENT
+    lines = list(program(load(name), made, facet, plan_hash(made))[2]())
+    assert any(f"{by:+.2f} MM FROM THE PLAN AS LAST FOUND".replace("+", "") in line.replace("+", "") for line in lines[:40])
+    readback.check(lambda: iter(lines), made, posts.settings(load(name), facet), written_in=load(name).language)
+    with pytest.raises(InputError):  # a program for another place is not this one
+        readback.check(lambda: iter(lines), golden(), posts.settings(load(name), facet), written_in=load(name).language)
+
+
+def test_the_place_is_that_of_the_last_run_and_of_none_before_the_table_was_moved(cell: Cell) -> None:
+    one, post = proving_touch(golden()), load("fanuc")
+    assert as_found(cell, golden(), post).met == {}
+    measured(cell, 0.123)
+    found = as_found(cell, golden(), post)
+    assert found.met[one.number] == pytest.approx(0.10) and found.met_in == "readings.csv"  # towards the probe
+    assert as_found(with_gate(cell, "finger"), golden(), post).met == {}
+    assert proves(cell, found).passed and "+0.12 mm" in proves(cell, found).found
+    later = (cell.folder / "readings.csv").stat().st_mtime + 3600
+    os.utime(cell.folder / "artefact.yaml", (later, later))
+    assert as_found(cell, golden(), post).met == {} and not proves(cell, golden()).passed
+
+
+def test_the_plan_says_which_place_it_is(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
+    file = cell.folder / "tango.yaml"
+    file.write_text(file.read_text().replace("post: fanuc", "post: fanuc, gate: facet, probe_state: 1004"))
+    for by, words in (
+        (None, "no run has found it: the search ends 0.45 mm"),
+        (-0.5, "readings.csv found it -0.50 mm from the plan"),
+    ):
+        if by is not None:
+            measured(cell, by)
+        assert not guarded(tango.main, ["plan", "-C", str(cell.folder)], prog_name="tango", standalone_mode=False)
+        assert words in capsys.readouterr().out

@@ -142,3 +142,12 @@ def test_corners_of_the_facets_instead_of_their_centers_are_named(sound: tuple[C
         facets[key] = replace(facet, point=tuple(corner.tolist()))
     first = suspects(replace(cell, artefact=replace(cell.artefact, facets=facets)), readings)[0]
     assert (first.kind, first.key, first.fits) == ("facet_place", "facets", True) and "corners instead of centers" in first.text
+
+
+def test_a_work_offset_within_the_tolerance_gets_one_remark(sound: tuple[Cell, Readings]) -> None:
+    cell, readings = sound
+    x = cell.machine.column("X")
+    assert not any("work offset" in text for text in judged(cell, readings).remarks)
+    found = judged(cell, changed(readings, x, readings.position[:, x] + 0.5))
+    (said,) = (text for text in found.remarks if "work offset" in text)
+    assert found.verdict == "trustworthy" and said.startswith("EX0S -0.49")

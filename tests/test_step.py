@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from support.controls import golden
@@ -37,6 +38,38 @@ def test_where_positions_come_in_inches_nothing_moves_but_the_step_and_the_text_
     assert failed.experiment.belief == "frames" and "in inches" in failed.experiment.advice
 
 
+CONVERTED = [n for n in names() if load(n).language in ("macro_b", "mach4")]
+
+
+@pytest.mark.parametrize("name", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in CONVERTED])
+@pytest.mark.parametrize("macros", ["inline", "called"])
+def test_where_positions_come_in_inches_the_profile_says_so_and_the_program_makes_mm_of_them(name: str, macros: str) -> None:
+    if name == "mach4" and macros == "called":
+        return
+    made, stated = golden(), {"position_unit": "inch"} | ({} if name == "mach4" else {"macros": macros})
+    found = ran(name, made, stated, {**INCHES[name], "g54": LOW})
+    assert not found.why and not found.stops
+    plain = ran(name, made, {k: v for k, v in stated.items() if k != "position_unit"}, {"g54": LOW})
+
+    def numbers(lines: list[str]) -> list[float]:
+        return [
+            float(text.replace(" ", ""))
+            for line in lines
+            if line.lstrip().startswith("P")
+            for text in re.findall(r"[XYZBC] *(-? *[\d.]+)", line)
+        ]
+
+    assert numbers(found.lines) and numbers(found.lines) == pytest.approx(numbers(plain.lines), abs=2e-4)
+    lines = list(program(load(name), made, stated, plan_hash(made))[2]())
+    files, whole = companions(load(name), made, stated), settings_of(load(name), stated)
+    readback.check(lambda: iter(lines), made, whole, files, written_in=load(name).language)
+    text = list(program(load(name), made, {**stated, "position_unit": "mm"}, plan_hash(made))[2]())
+    with pytest.raises(InputError):  # a program for the other unit
+        readback.check(lambda: iter(text), made, whole, files, written_in=load(name).language)
+    wrong = ran(name, made, stated, {"g54": LOW})  # whose positions come in mm all the same
+    assert "POSITIONS ARE IN MM" in wrong.why and max(p["Z"] for p in wrong.places) - min(p["Z"] for p in wrong.places) <= STEP
+
+
 @pytest.mark.parametrize("name", ["fanuc", pytest.param("haas", marks=pytest.mark.long)])
 def test_where_z_has_another_number_than_the_profile_says_nothing_moves_but_the_step(name: str) -> None:
     """The frame of Y taken for that of Z sent the first move down by the difference of the two."""
@@ -45,6 +78,33 @@ def test_where_z_has_another_number_than_the_profile_says_nothing_moves_but_the_
     found = ran(name, commission.air(golden(), 1), stated, {**other, "g54": LOW})
     z = [place["Z"] for place in found.places]
     assert "MET SOMETHING" in found.why and max(z) - min(z) <= STEP
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("factor", [-1.0, 2.0])
+def test_where_z_is_mirrored_or_scaled_nothing_moves_but_the_step_and_the_text_says_it(name: str, factor: float) -> None:
+    """A mirrored Z sends the first move, up, down into the table; nothing has proven the probe alive by then."""
+    made = commission.air(golden(), 1)
+    found = ran(name, made, {}, {"scaled": {"Z": factor}}, stands={"Z": 700.0})
+    said = found.why or " ".join(found.stops)
+    assert "MIRROR IMAGE OR SCALING" in said
+    z = [place["Z"] for place in found.places]
+    assert z and max(z) - min(z) <= 2 * STEP and not set(NEAR) & {event for event, _ in found.events}
+    (failed,) = [
+        judged for judged in commission.judge(commission.Seen(made, {}, True, False, said=said)) if judged.verdict.verdict == "FAIL"
+    ]
+    assert failed.experiment.belief == "mirror" and "mirror image" in failed.experiment.advice
+
+
+@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize(("axis", "factor"), [("X", -1.0), ("Y", -1.0), ("X", 2.0)])
+def test_where_another_axis_is_mirrored_or_scaled_the_first_move_of_it_stops_above_the_table(
+    name: str, axis: str, factor: float
+) -> None:
+    made = commission.air(golden(), 1)
+    found = ran(name, made, {}, {"scaled": {axis: factor}})
+    assert (found.why or found.stops) and not set(NEAR) & {event for event, _ in found.events}
+    assert min(place["Z"] for place in found.places) >= made.touches[0].standoff[made.machine.column("Z")] - 1e-6
 
 
 @pytest.mark.parametrize("name", DIALECTS)
@@ -74,7 +134,7 @@ def test_the_read_back_asks_for_the_step(name: str) -> None:
     assert refused([*lines[:absolute], *lines[absolute + 1 :]])  # everything behind it would be a distance
     assert refused([*lines[:moved], lines[moved].replace("-0.5", "-5."), *lines[moved + 1 :]])
     assert refused([*lines[:moved], lines[moved].replace("Z", "X"), *lines[moved + 1 :]])
-    both = 10 if lines[judged].startswith("$IF") else 2  # lines: is it an inch, is it what was said
+    both = 15 if lines[judged].startswith("$IF") else 3  # lines: is it an inch, or the other way, is it what was said
     assert refused([*lines[:judged], *lines[judged + both :]])  # who does not look has not asked
 
 

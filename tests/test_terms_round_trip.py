@@ -66,6 +66,12 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
             "values": [0.5, 1, -0.3],
         },
         {"name": "rested", "factors": [of("pause", 1, 5), of("Y", -200, 200)], "weight": "machine z", "values": [0.5, 1.0, -0.3]},
+        {
+            "name": "pad",
+            "factors": [{"covariate": "C", "kind": "beyond", "low": 0.4, "high": 4.7, "count": 1}],
+            "weight": "table",
+            "values": [1.0, -0.5, 0.2],
+        },
         {"name": "wound", "factors": WAVES, "weight": "machine z", "values": [0.3, 1.0, -0.5, 0.2, 0.6]},
     ],
     "ambient_cycle": [{"period": 600.0}],

@@ -54,6 +54,8 @@ def _functions(h: History, f: Mapping[str, Any]) -> Sequence[Array]:
     low, high = float(f.get("low", 0)), float(f.get("high", 1))
     if kind == "side":
         return [np.sign(x)]
+    if kind == "beyond":
+        return [np.heaviside(x - low, 0.0)]
     x = np.minimum(np.maximum(x, low), high)
     part = (x - low) / (high - low or 1.0)
     orders = range(1, count + 1)
@@ -67,7 +69,7 @@ def _functions(h: History, f: Mapping[str, Any]) -> Sequence[Array]:
     if kind == "cycle":
         turns = 2 * np.pi * float(f.get("cycles", 1)) * part
         return [*(np.cos(j * turns) / j for j in half), *(np.sin(j * turns) / j for j in half)]
-    raise InputError(f"factors: found the kind {kind!r}; allowed: polynomial, waves, turn, cycle, side")
+    raise InputError(f"factors: found the kind {kind!r}; allowed: polynomial, waves, turn, cycle, side, beyond")
 
 
 def _covariate(h: History, name: str) -> Array:

@@ -45,6 +45,7 @@ class Profile:
     axes: tuple[str, ...]  # axis 1, 2, 3 …
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     probe: Mapping[str, float] = field(default_factory=lambda: {"P": 15.0})  # machine parameter 11, with its sign
+    scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (G51)
     inches: bool = False  # the machine's own units, in which positions are read
     read_ahead: bool = True
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
@@ -271,7 +272,7 @@ class Control:
         goal = {}
         for name, value in axes.items():
             base = here[name] if self._relative else self._profile.g54.get(name, 0.0)
-            goal[name] = base + value * self._unit(name)
+            goal[name] = base + value * self._unit(name) * self._profile.scaled.get(name, 1.0)
         return commanded(self._motion, goal)
 
     def _unit(self, name: str) -> float:

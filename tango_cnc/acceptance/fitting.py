@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 
 from ..iso230.temperature import Thermal
 from ..records import Cell, InputError
@@ -12,10 +12,11 @@ from .order import Certificate, Order
 ROUNDED = 0.6e-4  # mm: a certificate's length as it is written into artefact.yaml
 TIP = 0.02  # mm, by which the diameter of a tip may differ from twice tip_radius: facets take up the rest
 OLD = 3 * 366  # days that a certificate serves where it does not say how long
+WEST, EAST = timedelta(hours=12), timedelta(hours=14)  # local time beside UTC, at most
 APART = {"machine": 1.0, "table": 2.0}  # K
 
 
-def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple[date, date] | None) -> None:
+def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple[datetime, datetime] | None) -> None:
     """order, cell, temperatures, days on which the readings were made → nothing. Raises InputError where they contradict."""
     for c in order.certificates:
         _certificate(c, cell)
@@ -30,10 +31,12 @@ def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple
                     f"{known.value:g} °C; allowed: within {most:g} K of it, or one of the two files is wrong"
                 )
     if order.performed is not None and ran is not None:
-        day, (first, last) = timedelta(days=1), order.performed  # clocks of readings are UTC
-        if last < ran[0] - day or first > ran[1] + day:
+        first, last = order.performed
+        begun, ended = ran
+        if last < (begun - WEST).date() or first > (ended + EAST).date():
             raise InputError(
-                f"acceptance.yaml: performed: found {_span(first, last)}, and the readings are of {_span(*ran)}; "
+                f"acceptance.yaml: performed: found {_span(first, last)}, and the readings are of {begun:%Y-%m-%d %H:%M} to "
+                f"{ended:%Y-%m-%d %H:%M} UTC; "
                 "allowed: the day on which they were made"
             )
 

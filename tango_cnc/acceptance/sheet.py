@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, datetime
 
 from scipy import special
 
@@ -28,10 +28,10 @@ SURPRISE = 0.01
 
 @dataclass(frozen=True)
 class Source:
-    """Where the readings come from: `doubt` is empty where a run measured a machine; days on which it did; touches left out."""
+    """Where the readings come from: `doubt` is empty where a run measured a machine; its begin and end, UTC; touches left out."""
 
     doubt: str
-    ran: tuple[date, date] | None = None
+    ran: tuple[datetime, datetime] | None = None
     text: str = ""
     remarks: tuple[str, ...] = ()
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +14,18 @@ from postprocessors import _base as posts
 from postprocessors._base import Post
 
 from ..files import read_readings
-from ..gate import proving_touch
+from ..gate import from_above, proving_touch
 from ..nightly import Finding
-from ..records import Cell, Plan, Touch
+from ..records import Cell, InputError, Plan, Touch
 from ..texts import say
 from ._common import dialect
 from ._proofs import proven
 
-NEAR = 0.3  # mm between where the facet was found and where the plan expects it; the search ends 0.45 mm behind the latter
+NEAR = 1.0  # mm between where the facet was found and where the plan expects it: the search ends 0.45 mm behind the former
+STEPS = 0.05  # mm in which that is said, towards the probe, so that a program stays the same from day to day
+COPIED = 60.0  # s within which files are copied together
 TURNED = math.radians(0.1)  # of a rotary axis: the same indexation
+RUNS = 3  # of the last ones, as a check does not touch everything
 FAR = 30.0  # mm from the expected contact: not this touch
 
 
@@ -38,9 +44,9 @@ def proves(cell: Cell, made: Plan) -> Finding:
         found = say("preflight.gate.nothing_tells_stylus_deflected_before")
         advice = say("preflight.gate.state_probe_state_variable_shows")
         return Finding("gate", False, found, advice)
-    one = proving_touch(made)
-    for file in _runs(cell.folder):
-        off = _found(cell, made, one, file)
+    one = proving_touch(replace(made, met={}))
+    for file in _runs(cell):
+        off = _found(cell, made, [one], file).get(one.number)
         if off is not None:
             where = say(
                 "preflight.gate.facet_proves_probe_found_mm",
@@ -66,21 +72,47 @@ def _looks(cell: Cell, post: Post) -> bool:
     return bool(stated) or (held is not None and held.verdict == "PASS")
 
 
-def _runs(folder: Path) -> list[Path]:
-    """folder of a cell → readings of its runs, the last one first."""
-    files = [*folder.glob("nights/*/readings.csv"), *folder.glob("readings.csv")]
-    return sorted(files, key=lambda file: file.stat().st_mtime, reverse=True)
+def as_found(cell: Cell, made: Plan, post: Post) -> Plan:
+    """cell, plan, its post → the plan with where the last run has found the facets that may have to prove the probe.
+
+    A search that proves it ends 0.45 mm behind that place, and behind that of the plan where there is none, or one farther off
+    than `NEAR`: then `proves` refuses the run.
+    """
+    options = cell.controller.options if cell.controller else {}
+    if posts.settings(post, options).get("gate", "none") != "facet":
+        return made
+    met: dict[int, float] = {}
+    met_in = ""
+    for file in _runs(cell)[:RUNS]:
+        with suppress(InputError):  # readings that cannot be read: 'tango run' says so
+            found = _found(cell, made, [touch for touch in from_above(made) if touch.number not in met], file)
+            met = found | met
+            met_in = met_in or (str(file.relative_to(cell.folder)) if found else "")
+    near = {number: STEPS * math.floor(off / STEPS + 1e-6) for number, off in met.items() if abs(off) <= NEAR}
+    return replace(made, met=near, met_in=met_in)
 
 
-def _found(cell: Cell, made: Plan, one: Touch, file: Path) -> float | None:
-    """cell, plan, touch, readings → mm that its facet was met behind (+) the expected contact; None where it was not touched."""
+def _runs(cell: Cell) -> list[Path]:
+    """cell → readings of its runs since the table was last moved in artefact.yaml, the last one first."""
+    files = [*cell.folder.glob("nights/*/readings.csv"), *cell.folder.glob("readings.csv")]
+    written = {file: file.stat().st_mtime for file in files}
+    moved = (cell.folder / "artefact.yaml").stat().st_mtime if (cell.folder / "artefact.yaml").is_file() else 0.0
+    return sorted((file for file in files if written[file] > moved - COPIED), key=lambda file: written[file], reverse=True)
+
+
+def _found(cell: Cell, made: Plan, touches: Sequence[Touch], file: Path) -> dict[int, float]:
+    """cell, plan, touches, readings → {touch: mm that its facet was met behind (+) the expected contact} of those made there."""
     read, machine = read_readings(file, made.machine, cell.artefact), made.machine
     linear = [machine.column(name) for name in machine.linear]
     rotary = [machine.column(name) for name in machine.rotary]
-    contact, way = np.array(one.contact), (np.array(one.end) - np.array(one.standoff))[linear]
-    for row in reversed(range(len(read))):
-        off = read.position[row] - contact
-        same = read.facet[row] == one.facet and read.status[row] == "ok" and (np.abs(off[rotary]) < TURNED).all()
-        if same and np.linalg.norm(off[linear]) < FAR:
-            return float(off[linear] @ way / np.linalg.norm(way))
-    return None
+    good = np.array([status == "ok" for status in read.status], dtype=bool)
+    facets = np.array(read.facet)
+    found = {}
+    for touch in touches:
+        off = read.position - np.array(touch.contact)
+        way = (np.array(touch.end) - np.array(touch.standoff))[linear]
+        same = good & (facets == touch.facet) & (np.abs(off[:, rotary]) < TURNED).all(axis=1)
+        rows = np.flatnonzero(same & (np.linalg.norm(off[:, linear], axis=1) < FAR))
+        if len(rows):
+            found[touch.number] = float(off[rows[-1]][linear] @ way / np.linalg.norm(way))
+    return found

@@ -23,7 +23,7 @@ from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
 from ._common import address_of, dialect
-from ._night_gate import proves
+from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
 
 LISTEN = 5.0  # s that a control may take to say what it is
@@ -216,8 +216,9 @@ class RealControl:
 
     def _plan(self, kind: str, touches: Sequence[int]) -> Plan:
         if kind == "check" and self.check is not None:
-            return plan(self.check)
-        return part(self.whole, list(touches)) if touches else self.whole
+            return as_found(self.check, plan(self.check), dialect(self.check))
+        whole = as_found(self.cell, self.whole, dialect(self.cell))
+        return part(whole, list(touches)) if touches else whole
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ what came of the run. Moves the machine. Raises LinkError where nothing at all was measured."""

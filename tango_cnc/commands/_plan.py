@@ -12,6 +12,7 @@ import click
 
 from ..commission import remaining
 from ..files import drawn_lines
+from ..gate import BEHIND, proving_touch
 from ..plan import OBSTRUCTED, USUAL, plan_hash
 from ..records import Plan
 from ._common import Decorator, table
@@ -76,9 +77,18 @@ def _moves(plan: Plan) -> Iterator[str]:
 
 
 def as_json(
-    plan: Plan, post: str, folder: Path, written: Sequence[Program], doubts: tuple[str, ...], proven: Mapping[str, Proof]
+    plan: Plan,
+    post: str,
+    folder: Path,
+    written: Sequence[Program],
+    doubts: tuple[str, ...],
+    proven: Mapping[str, Proof],
+    gate: str,
 ) -> dict[str, Any]:
-    """plan, post, folder of its programs, what no profile states, proofs that hold → plain data of tango-plan/1; mm and deg."""
+    """plan, post, folder of its programs, what no profile states, proofs that hold, what proves the probe alive → plain data.
+
+    That of tango-plan/1; mm and deg.
+    """
     used = {}
     low, high = dict.fromkeys(plan.machine.names, math.inf), dict.fromkeys(plan.machine.names, -math.inf)
     least, most = (tuple(sign * math.inf for _ in plan.machine.names) for sign in (1, -1))  # of the contacts
@@ -125,6 +135,7 @@ def as_json(
         "left_out": list(plan.left_out.values()),
         "doubtful": list(plan.doubtful),
         "start": list(plan.start),
+        "gate": _gate(plan, gate),
         "moves": dict(kinds),
         "travel_used": used,
         "unverified": [text for text in doubts if text in left],
@@ -140,6 +151,28 @@ def _range(program: Mapping[str, Any], result: Mapping[str, Any]) -> str:
 
 def _name(file: str) -> str:
     return Path(file).name
+
+
+def proving(plan: Plan, result: Mapping[str, Any]) -> list[str]:
+    """plan, result → a sentence on the facet that proves the probe, where the program says that one does."""
+    if result["gate"] is None:
+        return []
+    facet, off, where = (result["gate"][key] for key in ("facet", "behind_mm", "found_in"))
+    if off is None:
+        return [f"facet {facet} proves the probe; no run has found it: the search ends {BEHIND:g} mm behind its place in the plan"]
+    return [
+        f"facet {facet} proves the probe; {where} found it {off:+.2f} mm from the plan: the search ends {BEHIND:g} mm behind there"
+    ]
+
+
+def _gate(plan: Plan, given: str) -> dict[str, Any] | None:
+    """plan, what proves the probe → the facet, mm by which it was found behind (+) its place in the plan, in which readings."""
+    if given != "facet":
+        return None
+    one = proving_touch(plan)
+    off = plan.met.get(one.number)
+    found = {"behind_mm": None, "found_in": None} if off is None else {"behind_mm": round(off, 3), "found_in": plan.met_in}
+    return {"facet": one.facet, **found}
 
 
 def as_text(plan: Plan, result: dict[str, Any]) -> str:
@@ -169,6 +202,7 @@ def as_text(plan: Plan, result: dict[str, Any]) -> str:
         + "".join(f"program {p['program']} (hash {p['program_hash']}){_range(p, result)}\n" for p in result["programs"])
         + f"plan    {result['plan']} (hash {result['plan_hash']})\n"
         + (f"beside  {', '.join(map(_name, result['companions']))}: have to be on the control too, see docs/dialects.md\n" * beside)
+        + "".join(f"gate    {line}\n" for line in proving(plan, result))
         + (f"proven on this control: {', '.join(passed)}\n" if passed else "")
         + (f"unverified: {CONFIRM}{unverified}" if unverified else "")
     ).rstrip()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import UTC, date, datetime
+from datetime import UTC, datetime
 from pathlib import Path
 
 import click
@@ -114,16 +114,16 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
     known = origin.known
     run = known.get("run", {})
     doubt = said_of_origin(origin) or ("readings of the simulated machine" if simulated else "")
-    days = [found for key in ("start_utc", "end_utc") if (found := _day(run.get(key))) is not None]
+    moments = [found for key in ("start_utc", "end_utc") if (found := _moment(run.get(key))) is not None]
     text = f"{readings.name}, {known.get('origin', 'of unknown origin')}"
     text += "".join(f"; {key.replace('_', ' ')} {run[key]}" for key in ("start_utc", "end_utc", "program_hash") if run.get(key))
     left = sum(s != "ok" for s in status)
     remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
-    return Source(doubt, (days[0], days[-1]) if days else None, text, remarks)
+    return Source(doubt, (moments[0], moments[-1]) if moments else None, text, remarks)
 
 
-def _day(text: object) -> date | None:
+def _moment(text: object) -> datetime | None:
     try:
-        return datetime.fromisoformat(str(text)).date()
+        return datetime.fromisoformat(str(text))
     except ValueError:
         return None

@@ -98,7 +98,8 @@ def command(
         _trusted.needed(Path(post))
     dialect = posts.load(post, "--post") if post else dialect_of(cell) if name is not None else None
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
-    options = dict(cell.controller.options) if cell.controller and (post is None or post == cell.controller.post) else {}
+    own = cell.controller is not None and (post is None or post == cell.controller.post)
+    options = dict(cell.controller.options) if cell.controller and own else {}
     target = out or (folder_of(folder / "program", cell) if capability is None else folder / "capability" / capability)
     if not dry_run:  # before the work; the names of programs are known after it
         _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
@@ -125,6 +126,11 @@ def command(
             click.echo(line)
         return
     assert name is not None and dialect is not None
+    gate = options.get("gate")
+    if own and capability is None and gate == "facet":
+        from ._night_gate import as_found  # with the nights comes their database
+
+        made = as_found(cell, made, dialect)
     with blamed_on(folder / "tango.yaml") if options else nullcontext():
         written = programs(dialect, made, options, most)
         companions = posts.companions(dialect, made, options)
@@ -135,8 +141,7 @@ def command(
     if capability is not None:
         texts = artefact_text(cell.artefact), strategy_text(cell.strategy)
         files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
-    own = cell.controller is not None and (post is None or post == cell.controller.post)
-    result = as_json(made, name, target, written, doubts, proven(cell, dialect) if own else {})
+    result = as_json(made, name, target, written, doubts, proven(cell, dialect) if own else {}, str(gate))
     result |= {
         "drawings": drawn_sizes(cell.machine, cell.artefact),
         "companions": [str(target / name_beside) for name_beside in companions],

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..files import blamed_on, of_stylus, read_cell
+from ..files.checked import BROKEN_OFF
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
@@ -133,12 +134,16 @@ def command(
     for text in warnings(made):
         click.echo(text, err=True)
     post = dialect(cell)
-    if not resume and gate_of(cell, post) == "facet":
-        from ._night_gate import proves  # with the nights comes their database
+    if gate_of(cell, post) == "facet":
+        from ._night_gate import as_found, proves  # with the nights comes their database
 
-        if not (alive := proves(cell, made)).passed:
+        made = as_found(cell, made, post)
+        if not resume and not (alive := proves(cell, made)).passed:
             raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
     someone = attended()
+    journal = target.with_suffix(".journal")
+    if not resume and journal.exists() and not target.exists():
+        said(f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew; {BROKEN_OFF}")
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:

@@ -94,9 +94,14 @@ def _even(rng: np.random.Generator, rows: int) -> Array:
 def sizes(drawn: Array, levers: Array, less: Array) -> Array:
     """(m, p) draws, (3n, p), (3n,) mm taken off → (m, n) mm, lengths of the vectors, each draw at poses drawn anew."""
     square = np.zeros((len(drawn), len(levers) // 3))
+    part = np.empty_like(square)
     for c in range(3):
-        square += (drawn @ levers[c::3].T - less[c::3]) ** 2
-    return np.sqrt(np.take(square, _again(*square.shape)))
+        np.matmul(drawn, levers[c::3].T, out=part)
+        part -= less[c::3]
+        part *= part
+        square += part
+    np.take(square, _again(*square.shape), out=part, mode="clip")  # any other mode makes a copy first
+    return np.sqrt(part, out=part)
 
 
 @lru_cache(maxsize=2)

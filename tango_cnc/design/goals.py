@@ -53,7 +53,7 @@ def read(text: str, option: str = "--goal", words: Sequence[str] = WORDS) -> Goa
         if not equals or not 0 < limits[name.strip()] < math.inf:
             raise InputError(
                 f"{option}: found {part!r}; allowed: {', '.join(words)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
-                f"(µm, µrad, µm/m; above 0){suggestion(part, words)}"
+                f"(µm, µrad, µm/m; above 0){suggestion(name.strip(), words)}"
             )
     return Goal("", limits)
 
@@ -90,7 +90,7 @@ def of_limits(choice: Candidates, limits: Mapping[str, float], seen: bool = Fals
             unseen = [c.text for c in choice.selection.unseen if c.names[0] == name]
             why = f"no plan here can see: {unseen[0]}" if unseen else "is no parameter of these terms"
             raise InputError(
-                f"--goal: found {name!r}, which {why}; allowed: {', '.join(list(names)[:12])} …{suggestion(name, list(names))}"
+                f"--goal: found {name!r}, which {why}; allowed: {', '.join(list(names)[:12])} …{suggestion(name, [*WORDS, *names])}"
             )
         row = np.zeros(len(choice.scale))
         row[names[name]] = choice.sigma * choice.scale[names[name]] * shown(model.coefficients[names[name]].unit)[0] / limit

@@ -282,6 +282,10 @@ def _told(
         picked = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
         remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in picked]
     remains += _moments.left(means, found, outcome, weight, moments)
+    told = _scatter.remembering(_scatter.EVEN if any(r.form for r in remains) else scatter, outcome)
+    if not remains:  # as a walk of the machine, this is more than scatter
+        like = [p for p in outcome.picked if p.kernel.kind == "memory" and p.score > _scatter.CLEAR]
+        remains += [Remainder("order", "none", "memory", found.sigma * float(np.sqrt(p.tau)), 0.0, np.zeros(n)) for p in like[:1]]
     tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
     if not remains and not outcome.picked:
         remains += _seen.left_over(tests_after, bool(findings or moments))
@@ -308,7 +312,7 @@ def _told(
         tuple(dropped),
         tuple(moments),
         outcome,
-        _scatter.remembering(_scatter.EVEN if any(r.form for r in remains) else scatter, outcome),
+        told,
         means,
     )
 

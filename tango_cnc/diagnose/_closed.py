@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 
 import numpy as np
 
-from ..records import Array
+from ..records import Array, Machine
 from ..terms._shape import Form, values, weights
 from ._rows import Rows
 
 Function = Callable[[Array], Array]
+FEW = 40  # places of an axis between which each is tried
 AS_WELL = 0.9  # part of the shape's own pattern that a formula has to take
 POWERS = {"": 1, "²": 2, "³": 3}
 
@@ -21,11 +22,12 @@ def closed(form: Form, means: Rows, pattern: Array, outside: Callable[[Array], A
 
     The formula with the fewest numbers in it that takes AS_WELL of the shape; of equals the one that takes most.
     """
-    known = values(means.whole)
+    known, machine = values(means.whole), means.whole.machine
     felt = weights(means.whole, form.weight)
     whole = float(pattern @ pattern)
     best: tuple[int, float, str] | None = None
-    for text, free, function in _formulas([(f.covariate, known[f.covariate]) for f in form.factors]):
+    units = {f.covariate: _unit_of(f.covariate, machine) for f in form.factors}
+    for text, free, function in _formulas([(f.covariate, known[f.covariate]) for f in form.factors], units):
         left = outside(means.of(function[:, None] * felt))
         q = np.linalg.qr(left)[0]
         part = float(np.sum((q.T @ pattern) ** 2)) / whole if whole else 0.0
@@ -34,10 +36,18 @@ def closed(form: Form, means: Rows, pattern: Array, outside: Callable[[Array], A
     return None if best is None else best[2]
 
 
-def _formulas(covariates: list[tuple[str, Array]]) -> Iterator[tuple[str, int, Array]]:
-    """covariates with their values → formula, how many numbers were searched for it, (n,) of it."""
+def _unit_of(covariate: str, machine: Machine) -> tuple[float, str]:
+    """covariate → by what its values are multiplied for a person, and the unit that follows."""
+    if covariate in (*machine.rotary, "S"):
+        return float(np.degrees(1.0)), "°"
+    return 1.0, " mm" if covariate in machine.linear or covariate.startswith("place") else " s" if covariate == "time" else ""
+
+
+def _formulas(covariates: list[tuple[str, Array]], units: Mapping[str, tuple[float, str]]) -> Iterator[tuple[str, int, Array]]:
+    """covariates with their values, their units → formula, how many numbers were searched for it, (n,) of it."""
     if len(covariates) == 1:
-        yield from _single(*covariates[0])
+        name, x = covariates[0]
+        yield from _single(name, x, *units[name])
         return
     (one, x), (other, y) = covariates
     for (a, p), (b, q) in product(POWERS.items(), POWERS.items()):
@@ -51,22 +61,27 @@ def _formulas(covariates: list[tuple[str, Array]]) -> Iterator[tuple[str, int, A
                 yield f"{name} {angle} · {straight[0]}{b}", 0, f(order * turning[1]) * _unit(straight[1]) ** q
 
 
-def _single(name: str, x: Array) -> Iterator[tuple[str, int, Array]]:
+def _single(name: str, x: Array, times: float, unit: str) -> Iterator[tuple[str, int, Array]]:
+    def told(number: float, digits: int = 4) -> str:
+        return f"{float(f'{number * times:.{digits}g}'):g}{unit}"
+
     for text, power in POWERS.items():
         yield f"{name}{text}", 0, _unit(x) ** power
     if np.ptp(x) < 14 and np.abs(x).max() < 7:
         for order in range(1, 5):
             for word, f in (("sin", np.sin), ("cos", np.cos)):
                 yield f"{word} {order if order > 1 else ''}{name}", 0, f(order * x)
-    for place in np.quantile(x, np.linspace(0.05, 0.95, 37)):
-        yield f"a step at {name} = {place:.4g}", 1, (x > place).astype(float)
-        yield f"|{name} − {place:.4g}|", 1, np.abs(x - place)
+    used = np.unique(np.round(x, 4))  # a step is between places that were used
+    places = (used[1:] + used[:-1]) / 2 if len(used) <= FEW else np.quantile(x, np.linspace(0.05, 0.95, 37))
+    for place in places:
+        yield f"a step at {name} = {told(place)}", 1, (x > place).astype(float)
+        yield f"|{name} − {told(place)}|", 1, np.abs(x - place)
         for width in np.array([0.03, 0.06, 0.12]) * np.ptp(x):
-            yield f"a dip at {name} = {place:.4g}, {2 * width:.2g} wide", 2, np.exp(-(((x - place) / width) ** 2))
+            yield f"a dip at {name} = {told(place)}, {told(2 * width, 2)} wide", 2, np.exp(-(((x - place) / width) ** 2))
     for cycles in np.arange(0.5, 8, 0.1):
         for phase in np.arange(8) * np.pi / 8:
             wave = np.sin(2 * np.pi * cycles * (x - x.min()) / (np.ptp(x) or 1.0) + phase)
-            yield f"a wave over {name} of period {np.ptp(x) / cycles:.3g}", 2, wave
+            yield f"a wave over {name} of period {told(float(np.ptp(x)) / cycles, 3)}", 2, wave
 
 
 def _unit(x: Array) -> Array:

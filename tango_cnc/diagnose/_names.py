@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,17 +12,21 @@ from ..records import Array
 from ._catalogue import Chosen
 from ._space import orthonormal
 
-TWICE = 2  # times a cause of one axis may be named
+TWICE = 2  # times a cause of one axis, or of single facets, may be named
 
 
 def once(names: Sequence[Chosen]) -> list[Chosen]:
     """names → without the second of a cause that a machine has once: two warm-ups, or kinks, or cycles follow any curve.
 
-    Of every other cause of one axis it may have two.
+    Of every other cause of one axis it may have two. Something that lies on three facets is one thing that these facets share,
+    and none of the three.
     """
     kept: list[Chosen] = []
     causes = families.causes()
+    often = Counter(c.candidate.cause for c in names if "facet" in c.candidate.setting)
     for c in names:
+        if often[c.candidate.cause] > TWICE:
+            continue
         same = [k for k in kept if k.candidate.cause == c.candidate.cause and _axis(k) == _axis(c)]
         only = c.candidate.cause in causes and causes[c.candidate.cause].once
         if len(same) < (1 if only else TWICE):

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..kinematics import Slot
 from ..records import Array
-from ..terms._shape import CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
+from ..terms._shape import BEYOND, CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
 from ._crossed import crossed
 from ._rows import Rows
@@ -29,7 +29,8 @@ REMEMBERED = 160  # waves of a noise with memory
 WHOLE = 4.0  # rad: what an axis turns beyond this is a wave, and no polynomial of four functions
 PLAIN = 1  # function of each covariate of a pair that is a product; two beside a side from which an axis came
 HALF = 2.0  # rad: what waves of an axis can do with a name, they can do without one
-OFTEN = 6  # touches of a facet that show a course
+OFTEN = 6  # touches of a facet that show a course, and beyond a place
+PLACES = 40  # of an axis beyond which something may rest elsewhere
 LEAST = {"way": 1e-3, "pause": 0.2, "place": 1.0, "path": 0.05, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
@@ -79,6 +80,10 @@ def forms(touches: Touches) -> Iterator[Form]:
                 for c in "ABC":
                     if Slot(axis, "intra", 3 + "ABC".index(c)) in touches.seen.slots and (name == axis or name in linear):
                         yield from single(name, f"tilt {c} of {axis}")
+    for name in rotary:  # beyond an angle something rests on another pad: a knock to a plan that goes there once
+        for place in _between(known[name]):
+            for weight in ("machine", "table", f"axis {name}"):
+                yield Form((Factor(name, BEYOND, place, float(known[name].max()), 1),), weight)
     for name in (p for p in known if p.startswith("path")):
         for weight in (*felt, "machine", "table"):
             yield from (Form((line(name, LEGENDRE, count),), weight) for count in (1, 3))
@@ -109,8 +114,18 @@ def forms(touches: Touches) -> Iterator[Form]:
     if "time" in known:  # a face that is warm, or wears: its offset is known already, and no facet once touched tells a course
         for facet, often in Counter(touches.facet).items():
             if often >= OFTEN:
-                yield Form((Factor(f"facet {facet}", SIDE, 0.0, 1.0, 1), line("time", LEGENDRE, SLOW)), ONE)
+                for count in (PLAIN, SLOW):
+                    yield Form((Factor(f"facet {facet}", SIDE, 0.0, 1.0, 1), line("time", LEGENDRE, count)), ONE)
     yield from crossed(known, linear, rotary)
+
+
+def _between(v: Array) -> list[float]:
+    """(n,) angles → places between those that were used, with enough touches on each side."""
+    used = np.unique(np.round(v, 4))
+    if len(used) > PLACES:
+        used = np.unique(np.quantile(used, np.linspace(0, 1, PLACES)))
+    middle = (used[1:] + used[:-1]) / 2
+    return [float(m) for m in middle if min((v > m).sum(), (v < m).sum()) >= OFTEN]
 
 
 def _moves(touches: Touches, name: str, v: Array) -> bool:

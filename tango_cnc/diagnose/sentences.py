@@ -183,6 +183,8 @@ def unexplained(r: Remainder) -> str:
             covariate=covariate(r.covariate),
             spread=spread(r.amplitude, 0.0),
         )
+    if r.shape == "memory":
+        return say("diagnosis_said.touches_are_like_those_before", spread=spread(r.amplitude, 0.0))
     if r.shape == "uneven":
         return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
     if r.shape == "no pattern":

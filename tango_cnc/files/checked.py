@@ -38,6 +38,7 @@ MISSING = {  # file name → what to do when it is not there
     "acceptance.yaml": "it states who accepts what within which limits; docs/verify.md has one to copy",
     "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
 }
+BROKEN_OFF = "'tango run --resume' goes on with it, 'tango journal salvage' makes readings of what there is"
 
 
 def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
@@ -287,6 +288,14 @@ def _limited(file: Path, raw: Raw | None) -> None:
         size(raw, 0)
 
 
+def _instead(file: Path) -> str:
+    """file that is not there → what to do; where a run has left a journal and no readings, it was broken off."""
+    journal = file.with_suffix(".journal")
+    if file.suffix == ".csv" and there(journal):
+        return f"{journal.name} has the touches of a run that was broken off: {BROKEN_OFF}"
+    return MISSING.get(file.name, "check the path; it starts from here")
+
+
 def read_bytes(file: Path) -> bytes:
     """file → its bytes. Raises InputError when it is missing, is a device or a pipe, or is too large."""
     try:
@@ -297,7 +306,7 @@ def read_bytes(file: Path) -> bytes:
                 raise complaint(file, None, "", f"{size} bytes", f"at most {LARGEST} are read; is it another kind of file?")
             return opened.read(max(size, SMALL))
     except FileNotFoundError:
-        raise complaint(file, None, "", "no such file", MISSING.get(file.name, "check the path; it starts from here")) from None
+        raise complaint(file, None, "", "no such file", _instead(file)) from None
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error)
         raise complaint(file, None, "", f"cannot be read ({why})", "check the path and its permissions") from None

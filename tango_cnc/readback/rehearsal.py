@@ -150,7 +150,7 @@ class Rehearsal:
         self._phase = after(self._phase, step)
 
     def steps(self, name: str, by: float, feed: float) -> None:
-        """axis letter, mm, mm/min → the step before all else; beside the machine there is one whose positions come in inches."""
+        """axis letter, mm, mm/min → the step before all else; beside it there are positions in inches and a mirror image."""
         inches, self._inches = self._inches, None
         wanted, far = step(self.plan)
         if inches is None or name != wanted or abs(by - far) > 1e-9:
@@ -164,7 +164,9 @@ class Rehearsal:
             twin.position[name] += by
             twin.skip, twin.hit = dict(twin.position), False
         short = SHORT * float(self.options.get("tolerance", TOLERANCE))
-        self.doubts([inches, *stopped_short(self.base, start, target, short, self._latches)])
+        mirrored = self.base.twin("stop", f"{name} goes the other way: a mirror image")
+        mirrored.position[name] = mirrored.skip[name] = start[name] - by
+        self.doubts([inches, mirrored, *stopped_short(self.base, start, target, short, self._latches)])
 
     def _ready(self) -> None:
         self.watched()

@@ -74,6 +74,8 @@ class Plan:
     left_out: Mapping[int, str] = field(default_factory=dict)  # touches of the strategy that it does not make: number → why not
     doubtful: tuple[str, ...] = ()  # touches of the plan that a straight stylus can hardly make, in words
     start: tuple[str, ...] = ()  # what a person has to see to before it begins, in words
+    met: Mapping[int, float] = field(default_factory=dict)  # touch → mm behind (+) its contact where a run has found its facet
+    met_in: str = ""  # the readings of that run
 
     @property
     def moves(self) -> Iterator[Move]:

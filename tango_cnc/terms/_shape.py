@@ -16,7 +16,7 @@ from ..kinematics import Slot
 from ..records import Array, InputError
 from ..touches import Touches
 
-LEGENDRE, WAVES, TURN, CYCLE, SIDE = "polynomial", "waves", "turn", "cycle", "side"
+LEGENDRE, WAVES, TURN, CYCLE, SIDE, BEYOND = "polynomial", "waves", "turn", "cycle", "side", "beyond"
 ONE = "none"
 PLAYS = (30, 120)  # °: how far a rotary axis turns back before all that was wound up is wound up the other way
 SHORT = 20.0  # mm of a way: what is shorter is told apart by its size, what is longer by the logarithm of it
@@ -42,6 +42,8 @@ class Factor:
             return np.hstack([np.cos(angle) / order, np.sin(angle) / order])
         if self.kind == SIDE:
             return np.sign(values)[:, None]
+        if self.kind == BEYOND:  # what rests elsewhere from a place on
+            return (np.asarray(values) > self.low).astype(float)[:, None]
         u = (x - self.low) / ((self.high - self.low) or 1.0)
         if self.kind == CYCLE:  # any form that repeats
             angle = 2 * np.pi * u[:, None] * self.cycles * np.arange(1, self.count // 2 + 1)

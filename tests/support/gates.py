@@ -17,7 +17,7 @@ from support.dialects import EVERY
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
-from tango_cnc.records import Machine, Plan, World
+from tango_cnc.records import Artefact, Machine, Plan, World
 
 NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
 
@@ -29,11 +29,13 @@ def ran(
     habits: Mapping[str, Any] | None = None,
     truly: Machine | None = None,
     brake: int | None = None,
+    really: Artefact | None = None,
     **who: Any,
 ) -> Ran:
     """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program.
 
-    `habits`: of the control, beside its usual ones; `truly`: the machine that really moves; `brake`: M code that opens it.
+    `habits`: of the control, beside its usual ones; `truly`: the machine that really moves; `really`: the artefact on it;
+    `brake`: M code that opens it.
     """
     spoken, found = EVERY[name], Ran()
     family = language(spoken.family)
@@ -41,7 +43,7 @@ def ran(
     lines = lines[spoken.frame : len(lines) - spoken.frame]
     library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
     machine = truly or made.machine
-    motion = Motion(rig(machine, made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
+    motion = Motion(rig(machine, really or made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
     profile = replace(family.default_profile(machine), **{**spoken.settings, **(habits or {})})
 
     def note(event: str, **data: Any) -> None:

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[2]
 ONE_CONTROL = "from support.realcontrol import"  # who starts a LinuxCNC has this
 ONCE = 'scope="module"'  # given out one by one, its tests would make every worker make it
 CONTROL = "linuxcnc"
+NETWORK = "network"  # sessions over real servers, which wait most of their time: beside them there is work for two cores
 GROUP = re.compile(r"^(?:pytestmark|@).*xdist_group\(\"(\w+)\"\)", re.MULTILINE)
 
 
@@ -38,17 +39,19 @@ def share(test: str) -> str:
 
 
 class Shares(LoadGroupScheduling):
-    """First the LinuxCNC, which takes its time whatever the computer does, then the largest share, in the end single tests.
+    """First the LinuxCNC, which takes its time whatever the computer does, and the network; then the largest share, in the end
+    single tests.
 
-    So nobody waits at the end for a share that has just begun.
+    So nobody waits at the end for a share that has just begun, and of four workers two compute while the real control moves.
     """
 
     def _split_scope(self, nodeid: str) -> str:
         return share(nodeid)
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        if CONTROL in self.workqueue:
-            self.workqueue.move_to_end(CONTROL, last=False)
+        for first in (NETWORK, CONTROL):
+            if first in self.workqueue:
+                self.workqueue.move_to_end(first, last=False)
         super()._assign_work_unit(node)
 
 

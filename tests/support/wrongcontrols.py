@@ -19,6 +19,7 @@ from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc.records import Cell, Machine, Plan
 
 BRAKE = 11
+FRAMED = ("brother", "centroid", "fagor", "fanuc", "haas", "mach3", "mach4", "mazak", "mitsubishi")  # that move in a work frame
 FAR = 12_000.0  # mm
 
 
@@ -151,6 +152,8 @@ def cases(name: str) -> dict[str, Case]:
         "append": Case("append", {}, {}, {"records_file": "anew"}, "records_file", overwrites=True),
         "rollover": Case("rollover", {"short_way": ("C",)}, names="nearer", restated=nearer),
     }
+    if name in FRAMED:  # the others say machine positions, which nothing mirrors
+        found["mirror"] = Case("mirror", {"habits": {"scaled": {"Z": -1.0}}, "stands": {"Z": 700.0}}, names="mirror image")
     word = next((option.default for option in post.options if option.name == "orient"), False)
     if isinstance(word, str) and name != "grbl":
         turns = {"habits": {"orient": "P"}}
@@ -181,6 +184,7 @@ def cases(name: str) -> dict[str, Case]:
     if name == "heidenhain":
         found["miss"] = Case("miss", {"habits": {"no_contact": "error"}}, names="parameter")
         found["frames"] = Case("frames", {"habits": {"rotation": {"C": 3.0}}}, names="rotation")
+        found["mirror"] = Case("mirror", {"habits": {"axis_scale": {"Z": 2.0}}}, names="scaling")
     if name == "siemens":
         found["frames"] = Case("frames", {"habits": {"transformation": True}}, {"trafoof": False}, {"trafoof": True}, "trafoof")
     if name == "linuxcnc":
@@ -249,13 +253,13 @@ def table(dialects: list[str]) -> str:
     every = list(dict.fromkeys(belief for name in dialects for belief in cases(name)))
     rows = ["| dialect | " + " | ".join(every) + " |", "|---" * (len(every) + 1) + "|"]
     return "\n".join(
-        [*rows, *(f"| {name} | " + " | ".join(_mended(cases(name).get(b)) for b in every) + " |" for name in dialects)]
+        [*rows, *(f"| {name} | " + " | ".join(_mended(cases(name).get(b), b) for b in every) + " |" for name in dialects)]
     )
 
 
-def _mended(case: Case | None) -> str:
+def _mended(case: Case | None, belief: str) -> str:
     if case is None:
-        return "driver"
+        return "machine" if belief == "mirror" else "driver"
     if case.fails is None:
         return "looks"
     if case.mended:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from decimal import ROUND_HALF_UP, Decimal
+from types import MappingProxyType
 
 from ...motion import Motion, MotionStop, Skip
 from .scales import by_sign, commanded, nearer, roll, shown
@@ -22,8 +23,11 @@ class Axes:
         offsets: Mapping[str, float],
         rollover: tuple[str, ...],
         signed: bool,
+        scaled: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        """`offsets`: machine minus work position; `signed`: the sign of a roll-over axis' angle is its direction."""
+        """`offsets`: machine minus work position; `signed`: the sign of a roll-over axis' angle is its direction; `scaled`: factors
+        of work coordinates, -1 is a mirror image."""
+        self._scaled = scaled
         self._motion, self.names, self._increment, self._offsets = motion, axes, increment, offsets
         self._rollover, self._signed = rollover, signed
         self.machine, self.incremental, self.length = False, False, 0.0
@@ -63,6 +67,8 @@ class Axes:
     def _end(self, words: Mapping[str, float], machine: bool | None) -> dict[str, float]:
         now, end = self._now(), {}
         for name, value in words.items():
+            if not (self.machine if machine is None else machine):
+                value *= self._scaled.get(name, 1.0)
             goal = now[name] + value if self.incremental else self._turned(name, value, machine, now[name])
             if not abs(goal) < FARTHEST:
                 raise MotionStop("overtravel", f"{name} would leave its travel", name, 1 if goal > 0 else -1)

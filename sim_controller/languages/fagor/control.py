@@ -68,6 +68,7 @@ class Profile:
     measured: Literal["all", "named"] = "all"  # axes that G100 measures
     base_offset: Mapping[str, float] = field(default_factory=dict)  # mm and deg, of the PLC: G53 leaves it in
     transformation: bool = False  # RTCP is active from the start: here a shift that nobody expects
+    scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (G11 to G13, G72)
     inch_positions: bool = False  # an inch machine: variables of positions stay in inches, whatever G70 and G71 say
     rounded: Decimal = Decimal(0)  # mm that positions come in whole steps of, as on the display; 0: as they are
     waits: bool = True  # variables of positions wait for the axes; else they are as old as the last dwell
@@ -91,7 +92,9 @@ class Control:
         self._zero, self._rtcp = True, profile.transformation
         self._offsets: dict[str, float] = {}
         self._frame()
-        self._axes = Axes(motion, profile.axes, profile.increment, self._offsets, profile.rollover, profile.signed_direction)
+        self._axes = Axes(
+            motion, profile.axes, profile.increment, self._offsets, profile.rollover, profile.signed_direction, profile.scaled
+        )
         self._axes.length = profile.tool_lengths.get(1, 0.0)
         self._local: dict[int, Value] = {}
         self._measured: dict[str, tuple[float, float]] = dict.fromkeys(profile.axes, (0.0, 0.0))  # machine, programmed

@@ -59,6 +59,7 @@ class Profile:
     )  # {C: deg}: basic rotation in the plane, which cycle 10 does not undo
     mirrored: tuple[str, ...] = ()  # axes that a program before has left mirrored
     scale: float = 1.0  # that a program before has left active
+    axis_scale: Mapping[str, float] = field(default_factory=dict)  # the same of cycle 26, which cycle 11 does not undo
     rollover: tuple[str, ...] = ()  # rotary axes whose scale begins anew after a turn
     no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
     probe_table: Mapping[str, float] = field(default_factory=dict)  # what differs from TABLE in the row of the probe
@@ -96,7 +97,7 @@ class Control:
         self._known = self._now()
         self._nominal: dict[str, float] = {}
         self._feed, self._short_way, self._angle = 0.0, False, 0.0
-        self._frame = Frame(mirrored=set(profile.mirrored), scale=profile.scale)
+        self._frame = Frame(mirrored=set(profile.mirrored), scale=profile.scale, own=dict(profile.axis_scale))
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
@@ -248,7 +249,7 @@ class Control:
             self._values[result + 3] = -1.0
             return
         place, stopped = shown(self._motion, self._profile.axes, skip.position), self._now()
-        gone = sum((stopped[name] - start[name]) * w for name, w in way.items()) / self._frame.scale**2
+        gone = math.dist([stopped[name] for name in way], [start[name] for name in way]) / math.hypot(*way.values())
         back = min(value["back"], gone)
         if back > 0:
             self._motion.feed({name: stopped[name] - back * w for name, w in way.items()}, 1000.0)
@@ -261,7 +262,7 @@ class Control:
     def _cycle_444(self, block: str) -> None:
         """To its place before the point by way of the clearance height, then DIST towards it, and back to that place."""
         asked, table = cycle_444.asked(block, self._values), self._table()
-        if self._frame.mirrored or self._frame.scale != 1:
+        if self._frame.mirrored or self._frame.scale != 1 or {*self._frame.own.values()} - {1.0}:
             raise error("CYCLE NOT ALLOWED WITH MIRROR IMAGE OR SCALING", block)
         if self._motion.deflected:
             raise error("TOUCH PROBE IS DEFLECTED", block)
@@ -290,6 +291,8 @@ class Control:
     def _system(self, group: int, which: int, axis: int) -> float:
         if group == 350 and (which, axis) in cycle_444.SYSTEM:
             return self._table()[cycle_444.SYSTEM[which, axis]]
+        if group == 210 and which == 4 and 1 <= axis <= 3:  # the factor of an axis, of cycles 11 and 26
+            return self._frame.scale * self._frame.own.get("XYZ"[axis - 1], 1.0)
         known = which == 1 or (group == 240 and which == 8)
         if group not in (240, 270) or not known or not 1 <= axis <= 6 or "XYZABC"[axis - 1] not in self._profile.axes:
             raise error("SYSTEM DATUM NOT THERE", f"ID{group} NR{which} IDX{axis}")

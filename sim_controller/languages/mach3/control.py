@@ -38,6 +38,7 @@ class Profile:
 
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
+    scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (G51, a scale DRO)
     inches: bool = False  # native units, in which machine positions are shown
     ahead: Mapping[str, float] = field(default_factory=lambda: {"N": 3.0})  # lines carried out after a stop
     shortest: float = 0.254  # mm, of a G31: RS274/NGC's hundredth of an inch, which Mach3 is remembered to have inherited
@@ -59,6 +60,7 @@ class Control:
     ) -> None:
         self._motion, self._profile, self._punch, self._note = motion, profile, punch, note
         self._frames = Frames(motion, profile.g54, 0.0, profile.tool_lengths)
+        self._frames.scaled = profile.scaled
         self._macros = _files(library)
         self._numbers: dict[int, float] = {}
         self._hit = dict.fromkeys(LETTERS, 0.0)

@@ -123,7 +123,7 @@ class Axes:
     def _target(self, found: list[Word]) -> dict[str, float]:
         now, targets = self._now(), {}
         for word in found:
-            name, value = word.letter, self._value(word)
+            name, value = word.letter, self._value(word) * self._profile.scaled.get(word.letter, 1.0)
             if self.incremental:
                 targets[name] = now[name] + value
             else:

@@ -31,6 +31,7 @@ class Profile:
     skip_word: str = "G31"  # how a skip move has to be written: G31 P1 with several inputs, else alarm P601 (M700V p. 555)
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
+    scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (a setting, G51, G51.1)
     inch_positions: bool = False  # an inch machine: variables of positions stay in inches, whatever G20 and G21 say
     counts: bool = False  # variables of positions come in whole increments, as on the display
     probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none

@@ -20,6 +20,7 @@ class Frames:
         self.motion = motion
         self.axes = tuple(name for name in "XYZABC" if name in (*motion.machine.linear, *motion.machine.rotary))
         self.rotation = rotation  # deg, of XY about the origin of the work frame
+        self.scaled: Mapping[str, float] = {}  # of work coordinates; -1 is a mirror image
         self.inch = self.relative = False
         self._g54 = {name: g54.get(name, 0.0) for name in self.axes}
         self.g92 = dict.fromkeys(self.axes, 0.0)
@@ -55,7 +56,7 @@ class Frames:
             goal = {name: value * self.unit(name) for name, value in words.items()}
         else:
             here = self.work()
-            there = {n: (here[n] if self.relative else 0.0) + v for n, v in words.items()}
+            there = {n: (here[n] if self.relative else 0.0) + v * self.scaled.get(n, 1.0) for n, v in words.items()}
             rel = {n: there.get(n, here[n]) * self.unit(n) + self.g92[n] for n in self.axes}
             rel |= self._turned(rel, self.rotation)
             told = {*words} | ({"X", "Y"} if self.rotation and {*words} & {"X", "Y"} else set())

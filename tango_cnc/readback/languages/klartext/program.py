@@ -28,6 +28,7 @@ from .blocks import (
     CYCLES,
     DWELL,
     END,
+    FACTOR,
     FOLLOWS,
     HEAD,
     JUMP,
@@ -107,6 +108,7 @@ class _Program:
             for words in said
         }
         self._words = stated_words(options) | set(CYCLES)
+        self._unasked = set("123") if options.get("scaling_check") else set()  # axes whose scaling factor nobody has asked
         self._texts = Texts()
         self._name, self._mark, self._before = "", "", ""
         self._probing: list[re.Match[str]] = []
@@ -141,6 +143,8 @@ class _Program:
             self._jump(match)
         elif match := READ.fullmatch(code):
             self._system(match[1], match[2], match[3])
+        elif match := FACTOR.fullmatch(code):
+            self._factor(match[1], match[2])
         elif match := PROBE_TABLE.fullmatch(code):
             self._table(match[1], match[2], match[3])
         elif match := ASSIGN.fullmatch(code):
@@ -199,6 +203,8 @@ class _Program:
             raise InputError("no block that a program of this kind may have here")
 
     def _call(self, label: str) -> None:
+        if self._unasked:
+            raise InputError("something moves before ID210 NR4 has said that nothing is scaled, see controller.scaling_check")
         if label not in self._bodies or label in self._stops:
             raise InputError(f"found a call of label {label}, which is not after M30 or has no LBL 0")
         self._depth += 1
@@ -248,6 +254,14 @@ class _Program:
             twin.shared[parameter] = twin.position[name] if group == "240" else cycle_444.in_its_frame(twin, name)
 
         self._machine.does(_unless_ahead(does))
+
+    def _factor(self, parameter: str, axis: str) -> None:
+        """The scaling factor of an axis, and a twin where cycle 26 has left one on."""
+        self._stays(parameter)
+        twin = self._machine.base.twin("stop", "cycle 26 scales an axis")
+        self._machine.doubts([twin])
+        self._machine.does(_unless_ahead(lambda each: each.shared.update({parameter: 2.0 if each is twin else 1.0})))
+        self._unasked.discard(axis)
 
     def _table(self, parameter: str, number: str, index: str) -> None:
         """A column of the probe table, and twins where it says something else: with it the program must not begin."""
