@@ -42,6 +42,7 @@ PROBE_STATE = "number of the variable that is not 0 while the probe is deflected
 STATES = range(1000, 1064)
 WANTED, RAN = 121, 122  # number of the set of macros: that of the program, that of the macro which has run last
 MACROS = ("inline", "called")
+POSITIONS = "what #5021 #5041 #5061 of X Y Z come in, whatever G21 says; inch: the program makes mm of them, records too"
 ALARM = (
     "tidy: an alarm first jumps (GOTO) to blocks that switch the probe off and close the port; at once: it does not, for controls "
     "that refuse GOTO in a drip-fed program"
@@ -70,6 +71,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("probe_state", 0, PROBE_STATE),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
+    Option("position_unit", "mm", POSITIONS, True, ("mm", "inch")),
     Option("rollover", "auto", ROLLOVER, choices=("auto", "always", "never", "signed")),
     *common.clamping("M11", "M10"),
     Option("print_format", "44", "digits before and after the point of a printed coordinate", choices=("44", "43", "53")),
@@ -123,7 +125,7 @@ class _Steps:
         yield "(MACHINE MINUS WORK COORDINATES)"
         yield from text.waited(job)
         for name, axis in common.axis_numbers(job).items():
-            yield f"#{FRAME + axis}=#{5020 + axis}-#{5040 + axis}({name})"
+            yield f"#{FRAME + axis}={text.at(job, 5020, name, axis)}-{text.at(job, 5040, name, axis)}({name})"
         yield f"#{MISSES}=0"
         if job.options["macros"] == "called":
             yield f"#{WANTED}={self._set(job)}"
@@ -169,7 +171,10 @@ class _Steps:
 
     def _off(self, job: Job, leg: Leg) -> str:
         numbers = common.axis_numbers(job)
-        off = {name: f"[#{5020 + numbers[name]}{step}-#{FRAME + numbers[name]}]" for name, step in common.off(job, leg).items()}
+        off = {
+            name: f"[{text.at(job, 5020, name, numbers[name])}{step}-#{FRAME + numbers[name]}]"
+            for name, step in common.off(job, leg).items()
+        }
         return f"G1 {' '.join(name + value for name, value in off.items())} F{number(job.options['positioning_feed'])}(OFF)"
 
     def _measured(self, job: Job, leg: Leg, feed: float) -> Iterator[str]:

@@ -84,7 +84,19 @@ class Words:
 
 def said(job: Job, which: int) -> str:
     """number of a stop from 0 → what the control shows."""
+    if which == 10 and in_inches(job):
+        return "POSITIONS ARE IN MM"
     return unmet(job) if which == UNPROVEN else STOPS[which]
+
+
+def in_inches(job: Job) -> bool:
+    """job → whether its control gives positions in inches, whatever G21 says."""
+    return bool(job.options["position_unit"] == "inch")
+
+
+def at(job: Job, base: int, name: str, axis: int) -> str:
+    """5020 (machine), 5040 (work) or 5060 (skip), axis letter and number → the expression of that position, mm or deg."""
+    return f"[#{base + axis}*{INCH:g}]" if in_inches(job) and name in "XYZ" else f"#{base + axis}"
 
 
 Arguments = Mapping[str, str] | None  # None: the text of a macro, whose arguments are in local variables
@@ -97,7 +109,7 @@ def protected(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     """
     for name, axis in _linear(job):
         if given is None:
-            yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}=#{5020 + axis}"
+            yield f"IF[#{ARGUMENT[name]}EQ#0]THEN#{ARGUMENT[name]}={at(job, 5020, name, axis)}"
     yield from _targets(job, given)
     named = {name: WORK + i for i, (name, _) in enumerate(_linear(job), 1) if given is None or name in given}
     yield from _free(job, words)
@@ -113,9 +125,10 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     yield f"{job.options['skip']} X#31 Y#32 Z#33 F{_value(given, 'F')}"
     yield from _skipped(job)
     for name, axis in axis_numbers(job).items():
-        yield f"#{FLAG + axis}=#{5060 + axis}+#{5020 + axis}-#{5040 + axis}({name})"
-    moved = "+".join(f"ABS[#{5020 + axis}-#{5040 + axis}-#{FRAME + axis}]" for _, axis in _linear(job))
-    yield words.unless(job, f"{moved}GT0.005", 1)
+        skipped, machine, work = (at(job, base, name, axis) for base in (5060, 5020, 5040))
+        yield f"#{FLAG + axis}={skipped}+{machine}-{work}({name})"
+    moved = "+".join(f"ABS[{at(job, 5020, n, axis)}-{at(job, 5040, n, axis)}-#{FRAME + axis}]" for n, axis in _linear(job))
+    yield words.unless(job, f"{moved}GT{0.0075 if in_inches(job) else 0.005}", 1)
     for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
         yield f"#{WAY + i}=#{FLAG + axis}-{signed(_value(given, start))}"
     yield f"#{FLAG}=1"
@@ -155,7 +168,7 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 def stepped(job: Job, words: Words) -> Iterator[str]:
     """Before all else a step: positions in inches, or a mirror image, would send the first move anywhere."""
     name, by = step(job.plan)
-    place = f"#{5020 + axis_numbers(job)[name]}"
+    place = at(job, 5020, name, axis_numbers(job)[name])
     yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER POSITIONS COME IN MM)"
     yield from _free(job, words)
     yield f"#{WORK + 1}={place}"
@@ -164,7 +177,8 @@ def stepped(job: Job, words: Words) -> Iterator[str]:
     yield from _skipped(job)
     way = f"{place}-#{WORK + 1}" if by > 0 else f"#{WORK + 1}-{place}"
     yield f"#{WORK + 1}={way}"
-    yield words.unless(job, f"ABS[#{WORK + 1}-{number(STEP / INCH)}]LT0.005", 10)
+    other, near = (STEP * INCH, "0.1") if in_inches(job) else (STEP / INCH, "0.005")
+    yield words.unless(job, f"ABS[#{WORK + 1}-{number(other)}]LT{near}", 10)
     beyond = f"ABS[#{WORK + 1}-{number(STEP / 2)}]GT{number(STEP / 2 + float(job.options['tolerance']))}"
     yield words.unless(job, beyond, 11)
     short = f"ABS[#{WORK + 1}-{number(STEP)}]GT{number(job.options['tolerance'])}"
@@ -214,9 +228,9 @@ def _value(given: Arguments, letter: str) -> str:
 def _targets(job: Job, given: Arguments) -> Iterator[str]:
     for i, (name, axis) in enumerate(_linear(job), 1):
         known = given is None or name in given
-        yield f"#{WORK + i}={_value(given, name) if known else f'#{5020 + axis}'}-#{FRAME + axis}"
+        yield f"#{WORK + i}={_value(given, name) if known else at(job, 5020, name, axis)}-#{FRAME + axis}"
 
 
 def _short(job: Job) -> str:
     """→ the expression for the distance in mm, axis by axis, between where a G31 ended and its target."""
-    return "+".join(f"ABS[#{5060 + axis}-#{WORK + i}]" for i, (_, axis) in enumerate(_linear(job), 1))
+    return "+".join(f"ABS[{at(job, 5060, name, axis)}-#{WORK + i}]" for i, (name, axis) in enumerate(_linear(job), 1))

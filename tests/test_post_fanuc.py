@@ -147,7 +147,7 @@ def test_the_first_retract_names_its_axis_alone(made: Plan) -> None:
 @pytest.mark.parametrize("macros", ["inline", "called"])
 def test_alarms_are_short_enough_for_the_screen_of_an_old_control(made: Plan, macros: str) -> None:
     texts = {line.rpartition("(")[2].rstrip(")") for line in lines_of(made, macros=macros) if "#3000=" in line}
-    assert len(texts) == (12 if macros == "called" else 10) and max(map(len, texts)) <= 26
+    assert len(texts) == (13 if macros == "called" else 11) and max(map(len, texts)) <= 26
 
 
 def test_a_rotary_axis_that_went_elsewhere_is_an_alarm_before_anything_is_touched(made: Plan) -> None:

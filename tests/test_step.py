@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import pytest
 from support.controls import golden
@@ -35,6 +36,38 @@ def test_where_positions_come_in_inches_nothing_moves_but_the_step_and_the_text_
         judged for judged in commission.judge(commission.Seen(made, {}, True, False, said=said)) if judged.verdict.verdict == "FAIL"
     ]
     assert failed.experiment.belief == "frames" and "in inches" in failed.experiment.advice
+
+
+CONVERTED = [n for n in names() if load(n).language in ("macro_b", "mach4")]
+
+
+@pytest.mark.parametrize("name", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in CONVERTED])
+@pytest.mark.parametrize("macros", ["inline", "called"])
+def test_where_positions_come_in_inches_the_profile_says_so_and_the_program_makes_mm_of_them(name: str, macros: str) -> None:
+    if name == "mach4" and macros == "called":
+        return
+    made, stated = golden(), {"position_unit": "inch"} | ({} if name == "mach4" else {"macros": macros})
+    found = ran(name, made, stated, {**INCHES[name], "g54": LOW})
+    assert not found.why and not found.stops
+    plain = ran(name, made, {k: v for k, v in stated.items() if k != "position_unit"}, {"g54": LOW})
+
+    def numbers(lines: list[str]) -> list[float]:
+        return [
+            float(text.replace(" ", ""))
+            for line in lines
+            if line.lstrip().startswith("P")
+            for text in re.findall(r"[XYZBC] *(-? *[\d.]+)", line)
+        ]
+
+    assert numbers(found.lines) and numbers(found.lines) == pytest.approx(numbers(plain.lines), abs=2e-4)
+    lines = list(program(load(name), made, stated, plan_hash(made))[2]())
+    files, whole = companions(load(name), made, stated), settings_of(load(name), stated)
+    readback.check(lambda: iter(lines), made, whole, files, written_in=load(name).language)
+    text = list(program(load(name), made, {**stated, "position_unit": "mm"}, plan_hash(made))[2]())
+    with pytest.raises(InputError):  # a program for the other unit
+        readback.check(lambda: iter(text), made, whole, files, written_in=load(name).language)
+    wrong = ran(name, made, stated, {"g54": LOW})  # whose positions come in mm all the same
+    assert "POSITIONS ARE IN MM" in wrong.why and max(p["Z"] for p in wrong.places) - min(p["Z"] for p in wrong.places) <= STEP
 
 
 @pytest.mark.parametrize("name", ["fanuc", pytest.param("haas", marks=pytest.mark.long)])

@@ -35,11 +35,12 @@ EXPERIMENT = Experiment(
     "axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
     "cycle800, off); check the names of the position variables (contact and contact_frame, position, machine_position). A control "
     "that says contact where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: "
-    "state wait. Where positions come in inches, no key helps: the control has to give them in mm",
+    "state wait. Where positions come in inches, state position_unit: inch; where the post has no such key, the control has to "
+    "give them in mm",
     judge,
     re.compile(
-        r"OFFSET|UNITS|INCHES|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|TRIPPED ON THE WAY|"
-        r"CANCEL(?! G51)|ROTATED"
+        r"OFFSET|UNITS|INCHES|POSITIONS ARE IN MM|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|"
+        r"TRIPPED ON THE WAY|CANCEL(?! G51)|ROTATED"
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
@@ -52,6 +53,7 @@ EXPERIMENT = Experiment(
         "reset",
         "length_check",
         "axis_numbers",
+        "position_unit",
         "decimals",
         "trafoof",
         "cycle800",

@@ -14,6 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+from ...gate import INCH
 from ...records import InputError, Plan
 from ..expressions import Value
 from ..language import Companions, Language
@@ -117,6 +118,9 @@ class _Program:
         self._on, self._watching = options.get("probe_on") or None, False
         self._axis = axes_by_number(plan, options)
         self._machine = Rehearsal(plan, options, self._read, framed=True)
+        if options.get("position_unit") == "inch":
+            self._machine.base.unit, self._machine.everywhere[-1].unit = INCH, 1.0
+            self._machine.everywhere[-1].what = "positions come in mm"
         self._macros, self._mark = macros, ""
         self._aside = False  # within the text of a macro
         self._words = stated_words(options)
