@@ -15,6 +15,7 @@ NUMERIC = "records texts judgement files.checked kinematics features touches ter
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
     "judgement": "",
+    "loaded": "",
     "nearest": "",
     "texts": "",
     "records": "judgement",
@@ -42,18 +43,18 @@ INTERNAL: dict[str, str | None] = {
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
-    "compensate": f"{NUMERIC} iso230 verify uncertainty files",
+    "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded",
     "history": "records texts files state nearest",
-    "nightly": f"{NUMERIC} files history state "
+    "nightly": f"{NUMERIC} files history state loaded "
     "report.compensated report.units report.look report.repeated report.texts report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked "
-    "state.changes state.volume nearest history",
+    "state.changes state.volume nearest history loaded",
     "state": f"{NUMERIC} verify iso230",
-    "web": "records texts files history report link.journal link.entries",
+    "web": "records texts files history report loaded link.journal link.entries",
     "commands": None,
     "cli": "records commands nearest",
     "__main__": "cli",

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from support.compensated import example, first
+from support.compensated import example, proposed
 
 from sim_controller.compensation import read
-from tango_cnc.compensate import loop, propose, targets
+from tango_cnc.compensate import loop, targets
 from tango_cnc.records import InputError, TangoError
 
 NUMBER = re.compile(r"[-+]?\d+\.\d+")
@@ -107,7 +107,7 @@ def tried(count: int, folder: Path) -> tuple[int, int]:
     cell, _ = example("trunnion")
     every = []
     for i, target in enumerate(targets.names()):
-        kept = loop.store(folder, propose(first("trunnion"), target), "2026-01-01T00:00:00Z", simulated=i % 2 == 1)
+        kept = loop.store(folder, proposed("trunnion", target), "2026-01-01T00:00:00Z", simulated=i % 2 == 1)
         assert loop.check(kept.folder)["target"] == target
         every.append(kept)
     refused = swallowed = 0
@@ -150,14 +150,14 @@ def test_a_thousand_spoilt_tables_are_refused(tmp_path: Path) -> None:
 
 
 def test_ends_of_lines_may_differ(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "linuxcnc"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "linuxcnc"), "2026-01-01T00:00:00Z")
     file = kept.folder / "joint_0.comp"
     file.write_bytes(file.read_bytes().replace(b"\n", b"\r\n"))
     assert loop.check(kept.folder)
 
 
 def test_a_changed_record_is_refused(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z")
     record = kept.folder / "compensation.json"
     record.write_text(record.read_text().replace("0.0", "0.1", 1))
     with pytest.raises(InputError, match="changed or cut off"):
@@ -165,7 +165,7 @@ def test_a_changed_record_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_record_of_another_shape_is_refused_although_its_digest_is_right(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z")
     for part, value in [("values", {"p": 0.5}), ("files", {"../a.txt": "x"}), ("promise", []), ("volume", {"X": [1.0]})]:
         record = kept.record | {part: value}
         (kept.folder / "compensation.json").write_text(json.dumps(record | {"digest": loop.digest(record)}))
@@ -174,7 +174,7 @@ def test_a_record_of_another_shape_is_refused_although_its_digest_is_right(tmp_p
 
 
 def test_a_step_that_was_lost_is_missed(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z", simulated=True)
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z", simulated=True)
     assert loop.check(kept.folder)
     steps = kept.folder / "steps.txt"
     steps.write_text("".join(steps.read_text().splitlines(keepends=True)[:-1]))
@@ -185,7 +185,7 @@ def test_a_step_that_was_lost_is_missed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("text", ["", "made from readings\n", None])
 def test_a_remark_that_was_lost_is_missed(tmp_path: Path, text: str | None) -> None:
     """The files for a control say nowhere that no machine was measured: the remark beside them does."""
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z", simulated=True)
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z", simulated=True)
     remark = kept.folder / loop.REMARK
     remark.unlink() if text is None else remark.write_text(text)
     with pytest.raises(TangoError, match=r"SIMULATED.txt.*found"):
@@ -194,7 +194,7 @@ def test_a_remark_that_was_lost_is_missed(tmp_path: Path, text: str | None) -> N
 
 def test_a_record_with_a_line_twice_is_refused(tmp_path: Path) -> None:
     """Whoever reads the record takes one of the two lines; which one, depends on the reader."""
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z")
     record = kept.folder / loop.RECORD
     lines = record.read_text().splitlines(keepends=True)
     record.write_text("".join([*lines[:2], *lines[1:]]))
@@ -203,7 +203,7 @@ def test_a_record_with_a_line_twice_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_folder_of_the_way_back_is_missed(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z")
     shutil.rmtree(kept.folder / "undo")
     with pytest.raises(TangoError, match=r"undo.settings.txt: found no such file"):
         loop.check(kept.folder)
@@ -221,7 +221,7 @@ def test_a_control_reads_no_file_outside_of_the_folder(tmp_path: Path, name: str
 
 
 def test_a_line_that_differs_is_shown_as_far_as_anybody_reads(tmp_path: Path) -> None:
-    kept = loop.store(tmp_path, propose(first("trunnion"), "haas"), "2026-01-01T00:00:00Z")
+    kept = loop.store(tmp_path, proposed("trunnion", "haas"), "2026-01-01T00:00:00Z")
     (kept.folder / "settings.txt").write_text("9" * 5000)
     with pytest.raises(TangoError, match=r"settings.txt:1: found") as refused:
         loop.check(kept.folder)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.compensated import example, first, measured, write
+from support.compensated import example, first, measured, proposed, write
 
 from sim_controller.compensation import read
 from tango_cnc.commands._present import present
@@ -33,7 +33,7 @@ def cell(tmp_path: Path) -> Path:
 
 
 def test_two_controls_do_not_hold_the_same_error(cell: Path) -> None:
-    one, two, again = (loop.store(cell, propose(first("trunnion"), target), NOW) for target in ("haas", "centroid", "haas"))
+    one, two, again = (loop.store(cell, proposed("trunnion", target), NOW) for target in ("haas", "centroid", "haas"))
     assert loop.other_control(cell, two) is None
     loop.note(cell, one, NOW, "written")
     other = loop.other_control(cell, two)
@@ -45,7 +45,7 @@ def test_two_controls_do_not_hold_the_same_error(cell: Path) -> None:
 
 def test_readings_from_before_a_compensation_do_not_contain_it(cell: Path) -> None:
     rows = [f"{i:08x}" for i in range(10)]
-    kept = loop.store(cell, propose(first("trunnion"), "haas"), NOW, rows=rows)
+    kept = loop.store(cell, proposed("trunnion", "haas"), NOW, rows=rows)
     assert loop.ignored(cell, rows, None) is None  # proposed, and not in the control
     loop.note(cell, kept, NOW, "written")
     missed = loop.ignored(cell, rows, None)
@@ -58,7 +58,7 @@ def test_readings_from_before_a_compensation_do_not_contain_it(cell: Path) -> No
 def test_readings_of_an_earlier_compensation_are_from_before_the_later_one(cell: Path) -> None:
     """1 was made from `rows`, 2 on top of it from `second`, 3 from what was measured with 2: each knows what it cannot be in."""
     rows, second, third = ([f"{i:08x}" for i in range(start, start + 10)] for start in (0, 10, 20))
-    proposal, days = propose(first("trunnion"), "haas"), (NOW, LATER, "2026-03-01T00:00:00Z")
+    proposal, days = proposed("trunnion", "haas"), (NOW, LATER, "2026-03-01T00:00:00Z")
     one, two, _ = (loop.store(cell, proposal, day, rows=made) for day, made in zip(days, (rows, second, third), strict=True))
     assert "10 of 10 rows" in loop.before(cell, one.record, rows, None)
     assert "4 of 4 rows" in loop.before(cell, one.record, rows[3:7], None)  # some of them are the same touches
@@ -172,7 +172,7 @@ def test_only_evidence_against_it_is_no_help(
 
 
 def test_a_sign_trial_asks_for_no_sign_trial(cell: Path) -> None:
-    proposal = propose(first("trunnion"), "siemens")
+    proposal = proposed("trunnion", "siemens")
     assert SIGN_TRIAL in steps(proposal.request)
     whole, trial = (loop.store(cell, proposal, NOW, cell / name, trial=name == "b").record["steps"] for name in "ab")
     assert sum("--sign-trial" in step for step in whole) == 1 and not any("sign" in step for step in trial)

@@ -17,9 +17,10 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.history import Compensation, Decision
+from tango_cnc.report.compensated import last_written
 from tango_cnc.report.days import day, ended
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import context, last_within, last_written, render
+from tango_cnc.report.morning import context, last_within, render
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
@@ -206,8 +207,9 @@ def test_what_was_done_is_not_ordered_again() -> None:
 
     drift = [step(3, 3.9, total=0.0075), step(2, 3.6, total=0.0112)]
     other = step(1, 5.0, parameter="EX0S", id="2026-10-25-1", on_part_um=5.0, do=do)
-    for written, wanted in (("", True), ("2026-10-26", True), ("2026-10-28", False)):  # on the 27th it moved last
-        first, second = faults(night("M", 4, standing=[*drift, other]), (), {}, Units(), texts(), written=written)
+    for written, wanted in (("", True), ("2026-10-24", True), ("2026-10-28", False)):  # on the 27th it moved last
+        events = [Compensation(0, f"{written}T12:00:00Z", 1, "table", "written", "", None, None, None)] if written else []
+        first, second = faults(night("M", 4, standing=[*drift, other]), (), {}, Units(), texts(), events=events)
         assert ("Enter no new location" in first["todo"]) is wanted and ("written on" in first["todo"]) is not wanted
         assert second["todo"].startswith("End the drift first. Then: ")
     stopped = night("M", 1, status="partial", touches=58, planned=84, why="the door was opened")

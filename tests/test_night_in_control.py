@@ -103,10 +103,16 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     record = {**own, "verdict": "changed", "kind": "full", "parameters": {"EY0C": moved}, "alarms": [alarm]}
     (fault,) = faults(record, (), {}, Units(), texts())
     assert "is +20 µm today" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
-    second = loop.store(folder, proposal, LATER)  # on top of it: until it is kept, the first counts
+    second = loop.store(folder, proposal, LATER)  # on top of it: until it is kept, what the first was proven to take away is off
     for event in ("written", "undecided"):
         loop.note(folder, second, LATER, event)
-        assert night()["verdict"] == "good" and night()["in_control"]["number"] == 1
+        both = night()
+        there = both["in_control"]
+        assert both["limits"] == own["limits"] and (there["number"], there["event"], there["beneath"]) == (2, event, 1)
+        said = held(both, texts())
+        assert "Compensation 2 (fanuc)" in said and "Enter nothing again" in said and "What compensation 1 takes away" in said
+        (fault,) = faults(record | {"in_control": there}, (), {}, Units(), texts())
+        assert "nobody knows" in fault["whole"] and "20" not in fault["whole"] and "Correct" not in fault["whole"]
     loop.note(folder, second, LATER, "no help")  # a wrong sign, perhaps: then not even the first one acts
     assert night()["verdict"] == "out_of_limits" and night()["in_control"]["number"] == 2
     loop.note(folder, second, LATER, "rolled back", text="spindle")

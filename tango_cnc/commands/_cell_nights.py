@@ -15,6 +15,7 @@ import scipy.linalg
 
 from postprocessors import _base as posts
 
+from ..compensate import loop
 from ..duration import duration
 from ..estimate import Estimate
 from ..files import read_readings_text, read_strategy
@@ -62,6 +63,7 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
         in_control(cell.folder, followed.model, lambda: levers(followed)),
         given(cell.folder),
+        tuple(loop.happened(cell.folder)),
     )
 
 

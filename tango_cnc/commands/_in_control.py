@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..compensate import loop, targets
 from ..compensate.hidden import of_record, unseen
-from ..compensate.space import Poses
+from ..compensate.space import Held, Poses
 from ..iso230.poses import at_poses
+from ..loaded import KEPT
 from ..model import Model
 from ..nightly.control import Given, InControl
 from ..records import Array
@@ -27,37 +29,61 @@ def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InCont
 
     None where no compensation is in the control, or where the runs see all of it: it was kept after one with tool center point
     control. Nothing is taken off for one that is only noted as written, or whose measurement was undecided, not as promised or
-    no help: nobody knows that it acts. Where it was made on top of one that was kept, that one counts until then: the control
-    has at least its numbers. After no help even that is not known.
+    no help: nobody knows that it acts. What it was made on top of, and was kept, is taken off until then: the control has at
+    least its numbers. After no help even that is not known.
     """
-    kept = loop.in_control(folder)
-    if kept is not None and loop.state(folder, kept.number) != "no help":
-        kept = _proven(folder) or kept
-    state = "" if kept is None else loop.state(folder, kept.number)
-    if kept is None or state not in loop.IN_CONTROL:
+    there = loop.holding(folder)
+    if there is None:
         return None
-    event = next(e for e in reversed(loop.history(folder)) if e["compensation"] == kept.number and e["event"] == state)
-    if state == "kept" and event.get("tcp", CALCULATED not in event.get("text", "")):
+    kept = {k.number: k for k in loop.found(folder)}
+    seen = _seen(folder, there.proven)
+    if there.measured and seen:
         return None
-    machine = model.touches.machine
-    module = targets.load(kept.record["target"])
-    limits = _compensate.volume_of(_compensate.volume_text(kept.record), machine)
-    options = targets.options(module, _compensate.settings_of(kept.record))
-    held = module.held(targets.Request(machine, limits, options, model.coefficients))
-    present = of_record(kept.record)
-    sizes = unseen(held, present.numbers, present.before(held))
-    if not sizes.any():
+    hidden = _Hidden.of(kept[there.number], model)
+    if not hidden.sizes.any():
         return None
-    day = local_day(event["utc"])
-    if state != "kept":
-        return InControl(kept.number, kept.record["target"], day, np.zeros(lever().shape[2]), state)
-    position = grid(machine, model.touches, LEVELS, "probed")
-    poses = Poses(at_poses(machine, position, np.zeros_like(position)))
-    moved = sum((h.lever(poses) * v for h, v in zip(held, sizes, strict=True) if v), np.zeros((len(poses), 3)))
-    free = set_up(moved[:, :, None], setup_lever(poses.touches, poses.nominal), np.ones(len(poses), dtype=np.bool_))
-    flat = lever()
-    gone = np.linalg.lstsq(flat.reshape(-1, flat.shape[2]), free.reshape(-1), rcond=1e-9)[0]
-    return InControl(kept.number, kept.record["target"], day, np.asarray(gone, dtype=np.float64))
+    gone = np.zeros(lever().shape[2])
+    proven = None if there.proven is None or seen else there.proven
+    if proven is not None:
+        gone = _Hidden.of(kept[proven], model).gone(lever())
+    beneath = proven if proven != there.number else None
+    return InControl(there.number, there.target, local_day(there.utc), gone, there.event, beneath)
+
+
+@dataclass(frozen=True)
+class _Hidden:
+    """What a compensation holds in the kinematics of a control, which probing programs do not see."""
+
+    model: Model
+    held: Sequence[Held]
+    sizes: Array  # (h,) mm rad
+
+    @classmethod
+    def of(cls, kept: loop.Kept, model: Model) -> _Hidden:
+        """compensation, model of the machine → what it holds."""
+        machine = model.touches.machine
+        module = targets.load(kept.record["target"])
+        limits = _compensate.volume_of(_compensate.volume_text(kept.record), machine)
+        options = targets.options(module, _compensate.settings_of(kept.record))
+        held = module.held(targets.Request(machine, limits, options, model.coefficients))
+        present = of_record(kept.record)
+        return cls(model, held, unseen(held, present.numbers, present.before(held)))
+
+    def gone(self, flat: Array) -> Array:
+        """(m, 3, p) what unknowns do at the corners of what is touched → (p,) of every unknown, what parts do not have."""
+        touches = self.model.touches
+        position = grid(touches.machine, touches, LEVELS, "probed")
+        poses = Poses(at_poses(touches.machine, position, np.zeros_like(position)))
+        moved = sum((h.lever(poses) * v for h, v in zip(self.held, self.sizes, strict=True) if v), np.zeros((len(poses), 3)))
+        free = set_up(moved[:, :, None], setup_lever(poses.touches, poses.nominal), np.ones(len(poses), dtype=np.bool_))
+        found = np.linalg.lstsq(flat.reshape(-1, flat.shape[2]), free.reshape(-1), rcond=1e-9)[0]
+        return np.asarray(found, dtype=np.float64)
+
+
+def _seen(folder: Path, number: int | None) -> bool:
+    """cell, compensation that was kept → whether the runs see all of it: it was measured with tool center point control on."""
+    event = next((e for e in reversed(loop.history(folder)) if e["compensation"] == number and e["event"] == KEPT), None)
+    return event is not None and bool(event.get("tcp", CALCULATED not in event.get("text", "")))
 
 
 def given(folder: Path) -> tuple[Given, ...]:
@@ -66,10 +92,3 @@ def given(folder: Path) -> tuple[Given, ...]:
     return tuple(
         Given(e["utc"], local_day(e["utc"]), e["compensation"], e["target"], taken_out=e["event"] == "rolled back") for e in events
     )
-
-
-def _proven(folder: Path) -> loop.Kept | None:
-    """cell → the last compensation that was kept, of the target that is in the control; None where nothing was."""
-    last = loop.in_control(folder)
-    same = [k for k in loop.found(folder) if last is not None and k.record["target"] == last.record["target"]]
-    return next((k for k in reversed(same) if loop.state(folder, k.number) == "kept"), None)

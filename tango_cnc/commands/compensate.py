@@ -17,6 +17,7 @@ from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..loaded import IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from . import _compensate, _program, _scales
@@ -104,7 +105,8 @@ def command(**options: Any) -> int:
         return _sign_of(cell, options)
     if options["source"] is not None:
         contained(cell.folder, options)
-        result, options["of_no_machine"] = _estimate(cell, options), _consented(cell.folder, options)
+        options["of_no_machine"] = _consented(cell.folder, options)
+        result = _estimate(cell, options)
         data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
             click.echo(_program.said(data))
@@ -114,6 +116,7 @@ def command(**options: Any) -> int:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
     there, last = present(folder, options)
+    simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
     result = _estimate(cell, options)
     proposal = propose(
         result,
@@ -125,7 +128,7 @@ def command(**options: Any) -> int:
         tcp=True if options["trial_of"] is not None else options["tcp"],
     )
     if options["trial_of"] is not None:
-        return _sign_trial(cell, proposal, result, options)
+        return _sign_trial(cell, proposal, result, options, simulated=simulated)
     if last and not options["despite"]:
         kept = loop.Kept(0, options["present"], dict(last))
         if why := contradicted(kept, result, proposal.held, tcp=options["tcp"] is not False):
@@ -139,7 +142,6 @@ def command(**options: Any) -> int:
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
         return 0
-    simulated = _consented(folder, options)
     kept = loop.store(folder, proposal, _now(), options["out"], rows(current(folder, options["file"])), simulated=simulated)
     if options["out"] is None:
         recorded(folder)
@@ -161,12 +163,12 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
 
 
 def _consented(folder: Path, options: dict[str, Any]) -> bool:
-    """cell, options → whether its readings are simulated. Raises TangoError where nobody has agreed to files of such readings."""
+    """cell, options → whether its readings are simulated. Raises InputError where nobody has agreed to files of such readings."""
     source = current(folder, options["file"])
     if not made_up(source):
         return False
     if not options["simulated"]:
-        raise TangoError(
+        raise InputError(
             f"compensate: found {source}, which a simulator has made: its errors are those of no machine. Nothing was written. "
             "Allowed: readings of a machine ('tango run'); --simulated to try the files where no machine is"
         )
@@ -192,7 +194,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
     after = (
         f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n"
         f"  tango run -C {folder} --readings after.csv\n"
-        f"  tango compensate -C {folder} --measured {kept.number} --readings after.csv"
+        f"{_measure(folder, kept)}"
         if counted
         else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
@@ -215,16 +217,26 @@ def _written(folder: Path, number: int) -> int:
     click.echo(
         f"compensation {number} ({kept.record['target']}) is noted as written. Measure again:\n"
         f"  tango run -C {folder} --readings after.csv\n"
-        f"  tango compensate -C {folder} --measured {number} --readings after.csv"
+        f"{_measure(folder, kept)}"
     )
     return 0
+
+
+def _measure(folder: Path, kept: loop.Kept) -> str:
+    """cell, compensation → the command that judges it by the run before, as it stands: programs of this project probe without
+    tool center point control.
+    """
+    line = f"  tango compensate -C {folder} --measured {kept.number} --readings after.csv"
+    if not any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"]):
+        return line
+    return f"{line} --no-tcp\n(--tcp in place of --no-tcp where tool center point control was on in that run)"
 
 
 def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
     kept = loop.one(folder, number)
     if not (reason or "").strip():
         raise InputError('--reason: found none; allowed: why it was taken out again, e.g. --reason "the spindle was changed"')
-    if (state := loop.state(folder, number)) not in loop.IN_CONTROL:
+    if (state := loop.state(folder, number)) not in IN_CONTROL:
         raise InputError(
             f"--rolled-back: found compensation {number}, which is noted as {state}; allowed: one that is in the control"
         )
@@ -238,7 +250,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     number = options["measured"]
     kept = loop.one(cell.folder, number)
     loop.check(kept.folder)
-    if (state := loop.state(cell.folder, number)) not in loop.IN_CONTROL:
+    if (state := loop.state(cell.folder, number)) not in IN_CONTROL:
         raise InputError(
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
@@ -281,8 +293,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     return 0 if found.verdict == "kept" else TangoError.exit_code
 
 
-def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any]) -> int:
-    simulated = _consented(cell.folder, options)
+def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any], *, simulated: bool) -> int:
     changed, changes = trial.trial(proposal, options["trial_of"])
     touches = result.model.touches
     number, size = trial.best(proposal.held, changes, touches)

@@ -120,14 +120,19 @@ def list_(history: History, machine: str, last: int | None, since: str | None, j
     for n, text in zip(nights, shortened([known[n.entry] for n in nights]), strict=True):
         volume = "" if n.volume_um is None else f"{n.volume_um:.1f}"
         words = [t.of(code(word)) for word in (n.kind, n.status, n.verdict)]
-        rows.append((n.start_utc, n.entry, [n.night, *words, volume, " ".join(t.of(text).split())]))
+        rows.append((n.start_utc, n.entry, [n.night, _at(n.start_utc), *words, volume, " ".join(t.of(text).split())]))
     for e in events:
-        rows.append((e.utc, e.entry, [e.utc[:10], t("cli.history.compensation"), e.event, "", "", _said(e, t)]))
+        rows.append((e.utc, e.entry, ["", _at(e.utc), t("cli.history.compensation"), e.event, "", "", _said(e, t)]))
     rows.sort(key=lambda row: row[:2], reverse=True)
-    head = _head(t, "entry", "date", "kind", "status", "verdict", "", "what")
-    head[5] = "µm"
+    head = _head(t, "entry", "date", "", "kind", "status", "verdict", "", "what")
+    head[2], head[6] = t("cli.history.begun", zone=datetime.now().astimezone().strftime("%Z")), "µm"
     note_simulated(history, machine, t)
-    click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<><", on_terminal()))
+    click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<<><", on_terminal()))
+
+
+def _at(utc: str) -> str:
+    """moment (UTC) → 2026-11-23 03:00 by the clock of this computer: nights and compensations stand in the order of this one."""
+    return datetime.fromisoformat(utc).astimezone().strftime("%Y-%m-%d %H:%M")
 
 
 def _head(t: Texts, *names: str) -> list[str]:

@@ -98,7 +98,7 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
-            world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder))
+            world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder), analysis.happened)
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
             seen = _known(history, record)
@@ -141,7 +141,7 @@ class _Held:
 def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
     from ..history import compensations
-    from ..report.morning import last_within, last_written, never_within, volumes_of
+    from ..report.morning import last_within, never_within, volumes_of
 
     machine = record["machine"]
     with suppress(TangoError, OSError):
@@ -152,7 +152,7 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
             before = None if last is None else history.night(last.entry).record
             known = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
             known |= {"never": never_within(signs), "volumes": volumes_of(nights)}
-            return known | {"written": last_written(compensations(history, machine))}
+            return known | {"events": compensations(history, machine)}
     return {}
 
 

@@ -232,7 +232,8 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     found = in_control(folder, result.model, lambda: levers_of(result))
     if found is None:
         return None
-    return Held(found.number, found.target, False, found.gone if found.measured else None, found.event)
+    gone = found.gone if found.measured or found.beneath is not None else None
+    return Held(found.number, found.target, False, gone, found.event, found.beneath)
 
 
 def _place(folder: Path) -> str | Path | None:
@@ -249,7 +250,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
     from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night
     from ..history import opened
     from ..report.faults import answered, earlier, faults, still_open, unclosed
-    from ..report.morning import last_written, volumes_of
+    from ..report.morning import volumes_of
     from ..report.pace import ahead
 
     machine = chain.name
@@ -261,8 +262,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         record, before = history.night(n.entry).record, _measured_before(history, machine, n)
         settings, today = read_nightly(folder), now.astimezone().strftime("%Y-%m-%d")
         alarms, decisions = unclosed(history, machine, today)
-        written = last_written(recorded(history, machine))
-        found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, written)
+        events = recorded(history, machine)
+        found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, events)
         waits, has = answered(found, record)
         lately = history.nights(machine, last=LATELY)
         complete = next((x for x in lately if x.status == "complete"), None)

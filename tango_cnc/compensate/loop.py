@@ -20,13 +20,13 @@ from ..files import write_text
 from ..files.checked import printable, read_bytes, read_text
 from ..files.readjson import parse_json
 from ..files.shape import misfit
+from ..loaded import IN_CONTROL, Happened, Holds, holds
 from ..records import InputError, TangoError
 from .proposal import FORMAT, Proposal, as_json
 from .targets import SIGN_TRIAL
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 STEPS, CELL = "steps.txt", "tango.yaml"
-IN_CONTROL = ("written", "kept", "not as promised", "undecided", "no help")  # until a person notes that undo/ is loaded
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 FIGURE = {"value": float, "low?": float, "high?": float}
@@ -236,7 +236,19 @@ def _same(file: Path, text: str) -> None:
 
 def in_control(cell: Path) -> Kept | None:
     """cell → the compensation that is noted as in the control, the last one where there are several."""
-    return next((kept for kept in reversed(list(found(cell))) if state(cell, kept.number) in IN_CONTROL), None)
+    there = holding(cell)
+    return None if there is None else next(kept for kept in found(cell) if kept.number == there.number)
+
+
+def happened(cell: Path) -> list[Happened]:
+    """cell → events of its compensations, oldest first."""
+    return [Happened(e["utc"], e["compensation"], e["target"], e["event"]) for e in history(cell)]
+
+
+def holding(cell: Path) -> Holds | None:
+    """cell → what its control holds now, of the compensations whose folders are there; None where nothing."""
+    numbers = {kept.number for kept in found(cell)}
+    return holds(e for e in happened(cell) if e.number in numbers)
 
 
 def other_control(cell: Path, kept: Kept) -> Kept | None:

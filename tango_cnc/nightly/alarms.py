@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ..loaded import Event
 from ..records import Array, Cell
+from ..report.compensated import as_loaded, dated
 from ..report.texts import texts
 from ..report.units import shown
 from ..state import Frame, Named, State, Tonight
@@ -262,8 +264,11 @@ def _gone(now: str) -> bool:
     return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
-def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
-    """history, machine, day, what is known tonight, kind of night → alarms of other nights that nobody has closed.
+def standing(
+    past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str, events: Sequence[Event] = ()
+) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night, what happened to compensations → alarms of other nights that
+    nobody has closed.
 
     Unanswered ones come first, and what does more to a part before what does less.
 
@@ -287,12 +292,15 @@ def standing(past: Past, machine: str, day: float, parameters: Mapping[str, Any]
             told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
+            told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
+            told |= {"compensation": alarm["compensation"]} if alarm.get("compensation") else {}
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             gone = _gone(told["now"])
             told["confirmed"] = full if full > stored.record["night"] and told["now"] and not gone else None
             told |= {"do": say("night.gone_do")} if gone else {}
+            told = as_loaded(told, events)
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)

@@ -16,6 +16,7 @@ from ..estimate import Estimate
 from ..files.nightly import Nightly
 from ..history import Knowledge, Night
 from ..identify import Selection
+from ..loaded import Event
 from ..model import Model
 from ..records import Array, Cell, Readings
 from ..state import (
@@ -83,6 +84,7 @@ class Nights:
     written: Callable[[Estimate], Mapping[str, str]] | None = None
     control: InControl | None = None
     given: tuple[Given, ...] = ()  # when the control got or lost a compensation, oldest first
+    happened: tuple[Event, ...] = ()  # all that happened to compensations, oldest first
 
     @cached_property
     def lever(self) -> Array:
@@ -245,15 +247,17 @@ class Nights:
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
+        alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
-        waiting = standing(past, machine, day, parameters if judged.believed else {}, kind)
+        waiting = standing(past, machine, day, parameters if judged.believed else {}, kind, self.happened)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
             unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
-            alarms = [] if unheard else [as_alarm(moving, known)]
+            told_of = as_alarm(moving, known)
+            alarms = [] if unheard else [{**told_of, "was": parts.was(told_of, parameters, ())}]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         if self.control is not None and not self.control.measured:

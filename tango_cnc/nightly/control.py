@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..records import Array
-from ..report.compensated import order
+from ..report.compensated import ENTERING, order
 from ..report.units import shown
 from ..state import Frame, State
 from ..state.volume import Volume
 from ..texts import Said, joined, say
 
-ENTERING = ("cause.axis_location.do", "part.square_do", "night.most_do", "night.beyond_do")  # that speak of a compensation
 COVER = 1.959964  # standard deviations of 95 %
 
 
@@ -25,7 +24,8 @@ class InControl:
     target: str
     date: str  # of the event that counts
     gone: Array  # (p,) of every unknown that is followed: what parts do not have
-    event: str = "kept"  # or written, undecided, not as promised, no help: then nothing is gone, as nobody knows that it acts
+    event: str = "kept"  # or written, undecided, not as promised, no help: then nothing of it is gone: nobody knows that it acts
+    beneath: int | None = None  # the one that was kept, and that it was made on top of: what is gone then
 
     @property
     def measured(self) -> bool:
@@ -44,7 +44,8 @@ class InControl:
 
     def as_json(self) -> dict[str, Any]:
         """→ member `in_control` of the record."""
-        return {"number": self.number, "target": self.target, "date": self.date, "event": self.event, "measured": self.measured}
+        found = {"number": self.number, "target": self.target, "date": self.date, "event": self.event, "measured": self.measured}
+        return found | ({"beneath": self.beneath} if self.beneath is not None else {})
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,9 @@ class Given:
         """alarm of the first night after that → the same, saying so, and who decides."""
         key = "compensation_taken_out" if self.taken_out else "compensation_given"
         words = {"number": self.number, "target": self.target, "date": self.date}
-        return alarm | {"text": say(f"changed.after_{key}", text=alarm["text"], **words), "do": say(f"night.{key}_do", **words)}
+        text, part = say(f"changed.after_{key}", text=alarm["text"], **words), say(f"part.{key}", number=self.number)
+        told = {"text": text, "do": say(f"night.{key}_do", **words), "on_part": part, "on_part_um": None}
+        return alarm | told | {"compensation": {"number": self.number, "taken_out": self.taken_out}}
 
 
 def limited(followed: Frame, stated: Mapping[str, float], have: State, chart: Volume) -> list[dict[str, Any]]:

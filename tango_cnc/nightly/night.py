@@ -271,7 +271,7 @@ def _kept(
         alarm |= {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
     if record["verdict"] == "not_measured" and record["status"] != "refused":
         with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
-            waiting = standing(world.past, record["machine"], day_of(ended), {}, "none")
+            waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
             record |= {"standing": waiting} if waiting else {}
     record["headline"] = headline(record)
     trouble: list[str] = []

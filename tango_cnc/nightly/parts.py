@@ -97,3 +97,15 @@ def expected(before: float, after: float) -> float:
     """standard deviation before and after the touches of tonight → that of the change which they make to a quiet machine."""
     known = before**2 - after**2
     return 0.0 if abs(known) < UNMOVED * before**2 else float(np.sqrt(known)) if known > 0 else before  # opened for an alarm
+
+
+def was(alarm: Mapping[str, Any], parameters: Mapping[str, Any], recent: Sequence[Mapping[str, Any]]) -> float | None:
+    """alarm, what is known tonight, records newest first (none: what is in the control tonight was there all the time) → what
+    parts had of its parameter before it, in its unit; None for what is no one parameter.
+    """
+    own = parameters.get(alarm["parameter"])
+    step = None if own is None else alarm["size"] if alarm.get("rate_per_day") else own["change"]
+    if own is None or step is None:
+        return None
+    last = next((r["parameters"] for r in recent if r.get("parameters")), parameters)
+    return float(own["value"] - step - ((last.get(alarm["parameter"]) or own).get("in_control") or 0.0))

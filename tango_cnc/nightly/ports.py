@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import Any, Protocol
 
 from ..history import Decision, Knowledge, Night
+from ..loaded import Event
 from ..records import LinkError, Readings
 
 
@@ -174,3 +175,4 @@ class Ports:
     past: Past
     analysis: Analysis
     lock: AbstractContextManager[None]
+    happened: Sequence[Event] = ()  # to compensations, oldest first

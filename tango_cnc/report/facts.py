@@ -111,10 +111,11 @@ class Nights:
         return (known.get("parameters") or {}).get(name)
 
     def beside(self, measured: str) -> str:
-        """moment at which the readings were made → whether they are older or newer than this night, or unknown."""
+        """moment at which the readings were made → whether they are older or newer than this night, its own, or unknown."""
         try:
             made, ended = (datetime.fromisoformat(text) for text in (measured, self.ended_utc))
-            return "newer" if made > ended else "older"
+            began = datetime.fromisoformat(str((self.record or {}).get("start_utc") or self.ended_utc))
+            return "newer" if made > ended else "own" if made >= began else "older"
         except (ValueError, TypeError):  # no moment, or one without a zone
             return "unknown"
 
@@ -128,6 +129,7 @@ class Held:
     older: bool
     gone: Array | None  # (p,) of every unknown: what parts do not have
     event: str = "kept"  # or written, undecided, not as promised, no help: nobody knows that it acts
+    beneath: int | None = None  # the one that was kept, and that it was made on top of: what is gone then
 
 
 @dataclass(frozen=True)
@@ -392,7 +394,9 @@ def _limit(f: Facts, t: Texts) -> Check:
     passed = limits_of(f)[0]["passed"]
     text = t("check.limit_judged", worst=value, limit=length(f.wishes.limit * 1e3, u))
     if f.control is not None and f.control.gone is not None:
-        text = f"{text}; {t('check.limit_in_control', number=f.control.number, target=f.control.target)}"
+        text = f"{text}; {t('check.limit_in_control', number=f.control.beneath or f.control.number, target=f.control.target)}"
+    if f.control is not None and f.control.event != "kept":
+        text = f"{text}; {t('check.limit_open_control', number=f.control.number, target=f.control.target, event=f.control.event)}"
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")

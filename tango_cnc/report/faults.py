@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ..loaded import changes
 from ..records import Machine
 from ..state.changes import change
 from ..texts import Said, instead
+from .compensated import after, as_loaded, born, broken, dated, last_written
 from .days import day, days_between, local_day
 from .plain import amount, office, plain, shop
 from .texts import Texts, texts
@@ -38,16 +40,18 @@ def faults(
     machine: Machine | None = None,
     before: Mapping[str, Any] | None = None,
     today: str = "",
-    written: str = "",
+    events: Sequence[Any] = (),
 ) -> list[dict[str, Any]]:
-    """record, alarms of earlier nights, decisions by alarm, last night that measured, date, date on which a compensation was last
-    written → what is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that,
-    what is closed last. One order a machine: what was done is not told again.
+    """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations → what
+    is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that, what is closed
+    last. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
     tonight = [(a, False) for a in record.get("alarms") or ()]
     older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
+    before_ = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
+    stale = bool(known.get("end_utc")) and bool(changes(events, str(known["end_utc"])))
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         if str(a.get("id")) in standing:
@@ -56,10 +60,21 @@ def faults(
                 **{key: standing[str(a["id"])].get(key) for key in ("total", "now")},
                 "confirmed": _confirmed(standing[str(a["id"])], known),
             }
+        if not before_tonight:
+            a = {**a, "utc": record.get("start_utc")}
+        elif (own := before_.get(str(a.get("id")))) is not None:
+            a = {**a, **{k: own[k] for k in ("utc", "was") if own.get(k) is not None and a.get(k) is None}}
+            a |= {k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {}
+        if stale:  # what the last night measured was another machine
+            a |= {"total": None, "now": ""}
+        a = as_loaded(a, events)
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
-    found = [x | {"whole": _whole_error(x, known, u, t, machine)} for x in _together(list(told.values()), u, t, machine, written)]
+    repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
+    together = _together(list(told.values()), u, t, machine, events, repaired)
+    found = [x | {"whole": _whole_error(x, known, u, t, machine, events)} for x in together]
     for a in record.get("behind") or ():
+        a = as_loaded({**a, "utc": record.get("start_utc")}, events)
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
         if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
             asked = next((x for x in found if x.get("parameter") == a.get("parameter") and not _closed(x)), None)
@@ -107,7 +122,7 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
     """
     last = {d.alarm: d for d in history.decisions(machine)}
     last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
-    every = [dict(a) for stored in history.alarmed(machine) for a in stored.record["alarms"]]
+    every = [dated(a, stored.record) for stored in history.alarmed(machine) for a in stored.record["alarms"]]
     return [a for a in every if a["id"] not in last or last[a["id"]].action not in CLOSED], last
 
 
@@ -120,21 +135,23 @@ def _closed(a: Mapping[str, Any]) -> bool:
     return a["decision"] is not None and a["decision"].action in CLOSED
 
 
-def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None, written: str) -> list[dict[str, Any]]:
-    """alarms, date on which a compensation was last written → one for each parameter, with all that has come together since the
-    oldest of them.
+def _together(
+    alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None, events: Sequence[Any], repaired: Sequence[str]
+) -> list[dict[str, Any]]:
+    """alarms, what happened to compensations, moments of repairs → one for each parameter, with all that has come together since
+    the oldest of them; what a compensation has settled is apart from what came after it.
     """
-    groups: dict[str, list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, bool], list[dict[str, Any]]] = {}
     for a in alarms:
-        groups.setdefault(str(a.get("parameter") or a["id"]), []).append(a)
-    found = []
+        groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled"))), []).append(a)
+    found, written = [], last_written(events)
     for same in groups.values():
-        same.sort(key=lambda a: str(a["night"]))
+        same.sort(key=_moment)
         first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
         own, every = sizes[0], sum(sizes)
         if first.get("total") is not None:
             every = float(first["total"])
-        drifts = any(a.get("rate_per_day") for a in same) or (len(same) > 1 and (min(sizes) > 0 or max(sizes) < 0))
+        drifts = any(a.get("rate_per_day") for a in same) or _one_way(same, events, repaired)
         open_since = [str(a["since"]) for a in same if a.get("since") and not _closed(a)]
         first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
@@ -151,6 +168,24 @@ def _together(alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Mac
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
         )
     return found
+
+
+def _moment(a: Mapping[str, Any]) -> str:
+    """alarm with its night → when it was found: its moment where that is on record, else its date."""
+    return str(a.get("utc") or a["night"])
+
+
+def _one_way(same: Sequence[Mapping[str, Any]], events: Sequence[Any], repaired: Sequence[str]) -> bool:
+    """alarms of a parameter, oldest first → whether it moved several times the same way by itself.
+
+    What a compensation moved is no step of the machine; where one was written or taken out, or somebody repaired, between two
+    steps, they are two stories.
+    """
+    steps = [a for a in same if born(a) is None]
+    sizes = [float(a.get("size") or 0.0) for a in steps]
+    if len(steps) < 2 or not (min(sizes) > 0 or max(sizes) < 0):
+        return False
+    return not broken(events, repaired, _moment(steps[0]), _moment(steps[-1]))
 
 
 def _whole(
@@ -172,7 +207,9 @@ def _whole(
     return whole
 
 
-def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+def _whole_error(
+    a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None, events: Sequence[Any]
+) -> str:
     """fault, last night that measured → what its parameter is in all today beside the change, which nobody may correct by alone.
 
     Nothing for what is no error of an axis, where nothing is known of it, and of a night that is not to be believed.
@@ -182,8 +219,14 @@ def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Te
     total = a.get("total") if a.get("total") is not None else a.get("size")
     if not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
         return ""
+    if (newer := after(known, events)) is not None:
+        words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
+        return t("part.whole_since", **words)
+    there = known.get("in_control") or {}
+    if there and not there["measured"]:
+        return t("part.whole_open", number=there["number"], target=there["target"])
     whole, change_ = float(now["value"]) - float(now.get("in_control") or 0.0), float(total)  # as parts have it
-    was = whole - change_
+    was = whole - change_ if a.get("was") is None else float(a["was"])  # what that night showed stays what it was
     factor, unit = shown(str(a.get("unit") or "mm"))
     sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
     text = plain(t("part.whole", what=spoken(name, machine, t), **sizes), u, t, machine)
@@ -191,6 +234,8 @@ def _whole_error(a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Te
     if a["drifts"]:  # what goes on is not corrected by any number
         return text
     slack = max(2 * float(now.get("std") or 0.0), SAME * abs(change_))
+    if a.get("settled"):  # a compensation was entered after it: what is left of it is no order
+        return f"{text} {t('part.whole_right')}" if abs(whole) <= slack else text
     right = abs(whole) <= slack and abs(was) > slack
     way = (
         "right" if right else "smaller" if abs(whole) < abs(was) - slack else "larger" if abs(whole) > abs(was) + slack else "same"
@@ -226,6 +271,7 @@ def alarm(
     part = _part(told, u, t)
     return {
         **a,
+        "raw_text": raw,
         "id": str(a.get("id") or ""),
         "text": whole_sentence(sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units())),
         "recorded": sentence(t.of(raw), u),

@@ -13,8 +13,8 @@ from markupsafe import Markup
 from ..records import InputError, Machine
 from . import svg
 from .answer import Answer, answer, measuring
-from .compensated import held
-from .days import day, ended, local_day
+from .compensated import after, held
+from .days import day, ended
 from .faults import alarm, answered, begun, faults, sentence, still_open, whole_sentence
 from .look import looks
 from .pace import ahead
@@ -47,17 +47,17 @@ def render(
     within: str = "",
     never: str = "",
     volumes: Mapping[str, float] | None = None,
-    written: str = "",
+    events: Sequence[Any] = (),
 ) -> str:
     """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits,
-    of the first one where none was, {date: µm at the tool tip}, date on which a compensation was last written → HTML alone.
+    of the first one where none was, {date: µm at the tool tip}, what happened to compensations → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
     values = context(
-        record, decisions, units, texts_of(folder), before=before, within=within, never=never, volumes=volumes, written=written
+        record, decisions, units, texts_of(folder), before=before, within=within, never=never, volumes=volumes, events=events
     )
     return rendered(environment(folder), "morning.html", values)
 
@@ -76,7 +76,7 @@ def context(
     within: str = "",
     never: str = "",
     volumes: Mapping[str, float] | None = None,
-    written: str = "",
+    events: Sequence[Any] = (),
     busy: str = "",
     now: datetime | None = None,
     newer: int = 0,
@@ -86,7 +86,7 @@ def context(
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
     where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
-    tool tip} of the nights; `written`: date on which a compensation was last written; `busy`: how long the machine
+    tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
     still measures; `now`: what the age of the night is told by; `newer`: how many nights came
     after this one.
     """
@@ -95,7 +95,7 @@ def context(
     asked = {**record, "owner": record.get("owner") or owner}
     today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
-    found = faults(asked, waiting, by_alarm, u, t, machine, before, today, written)
+    found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events)
     waits, has = answered(found, record)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
     told = answer(record, u, t, waits, before, machine, late, has, coming)
@@ -145,7 +145,8 @@ def context(
         "volume": _volume(record, u),
         "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(t.of((record.get("next") or {}).get("why") or ""))},
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
-        "held": held(record, t),
+        "held": held(record, t, events),
+        "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
         "look": looks((record.get("plausible") or {}).get("reasons") or (), t),
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
@@ -225,12 +226,6 @@ def never_within(nights: Sequence[tuple[str, str]]) -> str:
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:
     """nights of a history, newest first → {date: µm at the tool tip} of those that know it."""
     return {n.night: float(n.volume_um) for n in reversed(nights) if n.volume_um is not None}
-
-
-def last_written(events: Sequence[Any]) -> str:
-    """events of compensations, newest first → date of the last that was written and not taken back; '' where none was."""
-    back = {e.number for e in events if e.event == "rolled back"}
-    return next((local_day(e.utc) for e in events if e.event == "written" and e.number not in back), "")
 
 
 def _checked(point: Mapping[str, Any], t: Texts) -> dict[str, Any]:

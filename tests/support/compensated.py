@@ -43,6 +43,12 @@ def first(name: str) -> Estimate:
     return measured(cell, replace(world, noise=0.0))
 
 
+@cache
+def proposed(name: str, target: str) -> Proposal:
+    """Name of an example, control → what that estimate proposes for it. Nobody changes it; each stores it in an own folder."""
+    return propose(first(name), target)
+
+
 def write(proposal: Proposal, folder: Path, files: dict[str, str] | None = None) -> Path:
     """Proposal, folder, other texts → the folder as a control gets it."""
     folder.mkdir(parents=True, exist_ok=True)

@@ -21,7 +21,7 @@ from ..app import State, needs, page, state_of
 from ..live import title
 from ..places import Row
 from ..places import told as verdict_of
-from .machine import busy_of, run_of, written_of
+from .machine import busy_of, happened_to, run_of
 
 STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
 
@@ -145,8 +145,8 @@ def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     today = _today()
     alarms, decisions = unclosed(history, name, today)
     asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
-    axes, written = state.places.geometry(row.machine), written_of(state, row.machine)
-    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, written)
+    axes, events = state.places.geometry(row.machine), happened_to(state, row.machine)
+    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events)
 
 
 ROUTES = [Route("/", fleet, name="fleet")]

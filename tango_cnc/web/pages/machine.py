@@ -18,7 +18,7 @@ from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
-from ...report.morning import LEVELS, context, last_within, last_written, never_within, strip, volumes_of, who_of
+from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain
 from ...report.repeated import as_decided, shortened
 from ...report.units import Units
@@ -82,7 +82,7 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
         within=last_within(every),
         never=never_within(every),
         volumes=volumes_of(known),
-        written=written_of(state, machine),
+        events=happened_to(state, machine),
         busy=busy,
         now=datetime.now(UTC),
     )
@@ -119,17 +119,13 @@ def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
     return state_of(request).places.kept(f"unclosed {machine.slug}", read)
 
 
-def written_of(state: State, machine: Machine) -> str:
-    """what pages share, machine → date on which a compensation was last written; '' where none was."""
-    return last_written(_compensations(state, machine))
-
-
 def events_of(state: State, machine: Machine) -> Mapping[str, str]:
     """what pages share, machine → {date: what happened to its compensations}, in the words of the page."""
-    return marked(_compensations(state, machine), state.texts)
+    return marked(happened_to(state, machine), state.texts)
 
 
-def _compensations(state: State, machine: Machine) -> Sequence[Compensation]:
+def happened_to(state: State, machine: Machine) -> Sequence[Compensation]:
+    """what pages share, machine → what happened to its compensations, newest first."""
     history, name = machine.history, machine.name
 
     def read() -> Sequence[Compensation]:

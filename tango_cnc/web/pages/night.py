@@ -10,11 +10,12 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...records import InputError
+from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
 from ..places import Machine
-from .machine import ANOTHER, record_before, written_of
+from .machine import ANOTHER, happened_to, record_before
 from .report import NAMES, file_of_night
 
 
@@ -28,6 +29,7 @@ def night(request: Request) -> Response:
     every = state.places.nights(found, ANOTHER)
     place = next((i for i, n in enumerate(every) if n.entry == entry), 0)
     nights, now = every[place:], datetime.now(UTC)
+    events = happened_to(state, found)
     values = context(
         record,
         found.history.decisions(found.name),
@@ -37,7 +39,7 @@ def night(request: Request) -> Response:
         volumes=volumes_of(nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
-        written=written_of(state, found),
+        events=known_then(record, events) if place else events,
         now=now,
         newer=place,
     )
