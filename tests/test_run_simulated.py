@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import yaml
 from support.runs import Result, readings
 from support.simulated_runs import (
     agree,
@@ -15,8 +16,12 @@ from support.simulated_runs import (
 )
 
 
-@pytest.mark.parametrize("mode", ["memory", "dnc"])
-def test_readings_over_tcp_are_those_of_the_true_machine(cell, mode):
+@pytest.mark.parametrize(("mode", "alarm"), [("memory", "tidy"), ("dnc", "at once")])
+def test_readings_over_tcp_are_those_of_the_true_machine(cell, mode, alarm):
+    """A program that is drip-fed cannot jump to where an alarm leaves things in order."""
+    described = yaml.safe_load((cell / "tango.yaml").read_text())
+    described["controller"]["alarm"] = alarm
+    (cell / "tango.yaml").write_text(yaml.safe_dump(described))
     with controller(cell, "--tcp", "127.0.0.1:0", "--mode", mode) as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "10")
     assert result.code == 0, result.err
