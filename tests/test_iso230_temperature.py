@@ -114,7 +114,7 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
         ("machine_expansion: [0, 0]", "0.02 µm/m/K"),
         ("machine_expansion: [1000, 1]", "at most 40"),
         ("machine: [20, 0]", "0.005 K"),
-        ("machine: [293.15, 0.1]", "at most 80"),
+        ("machine: [293.15, 0.1]", "293.15 K are 20.0 °C"),
         ("machine: [.nan, 0.1]", "finite"),
         ("table: [20, 0.1]", "table_expansion, cmm"),
     ],

@@ -83,8 +83,8 @@ def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pyt
 @pytest.mark.parametrize(
     "command",
     [
-        ["compensate", "--target", "iso230"],
-        pytest.param(["compensate", "part.ngc"], marks=pytest.mark.long),
+        ["compensate", "--target", "iso230", "--simulated"],
+        pytest.param(["compensate", "part.ngc", "--simulated"], marks=pytest.mark.long),
         pytest.param(["predict", "part.ngc"], marks=pytest.mark.long),
     ],
 )

@@ -274,8 +274,8 @@ def test_dangerous_mutants_of_macros_are_refused() -> None:
 
 
 @pytest.mark.campaign
-def test_every_dangerous_one_of_three_hundred_mutants_of_macros_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    found, through = judged(300)
+def test_every_dangerous_one_of_350_mutants_of_macros_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    found, through = judged(350)
     with capsys.disabled():
-        print(f"\nmacros of mach3: 300 mutants, {found} dangerous, {found - len(through)} of them refused")
+        print(f"\nmacros of mach3: 350 mutants, {found} dangerous, {found - len(through)} of them refused")
     assert not through and found >= 30

@@ -51,7 +51,7 @@ def test_what_is_dangerous_on_grbl_is_named(old: str, new: str, words: str) -> N
     [
         ("#101=-98. ", "#101=98. ", r"found X 98\.000 mm"),
         ("#104=180.\n", "", "the feed is 1500; allowed: 180"),
-        ("#110=0.02", "#110=20.", "goes on although a protected move has been stopped short in Z"),
+        ("#110=0.02", "#110=20.", "goes on although Z goes the other way: a mirror image"),
         ("#109=5.", "#109=0.", "the flag is 1 where the contact came at once; it has to be 2"),
         ("#111=3", "#111=30", "goes on although no touch finds anything any more"),
         ("#141=0 #142=0 #143=1", "#141=1 #142=1 #143=1", "found X 0.000 mm; the plan goes to X"),

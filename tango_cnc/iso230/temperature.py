@@ -15,6 +15,7 @@ from ..records import InputError
 
 REFERENCE = 20.0  # °C, ISO 1
 COLD, HOT = -20.0, 50.0  # °C, of anything in a workshop; 20 °C in °F is 68
+KELVIN = 273.15  # K, of 0 °C
 SURE = 0.005  # K, below which nobody knows the temperature of a thing in a workshop
 ALIKE = 0.02  # µm/m/K, below which nobody knows an expansion (ISO/TR 230-9)
 SMALLEST, LARGEST = 0.01, 40.0  # µm/m/K, of anything but a glass ceramic, which is written 0
@@ -99,7 +100,8 @@ def _temperature(node: Node) -> Known:
     if std.number() < SURE:
         raise std.wrong(f"a standard uncertainty of {SURE:g} K or more: nothing in a workshop is known better than that")
     if (found := value.number()) > HOT:
-        raise value.wrong(f"°C, {COLD:g} to {HOT:g}: {found:g} °F are {(found - 32) / 1.8:.1f} °C")
+        meant = f"{found:g} °F are {(found - 32) / 1.8:.1f}" if found < KELVIN else f"{found:g} K are {found - KELVIN:.1f}"
+        raise value.wrong(f"°C, {COLD:g} to {HOT:g}: {meant} °C")
     return Known(value.number(COLD, HOT), std.number(SURE, HOT - COLD))
 
 
