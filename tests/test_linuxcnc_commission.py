@@ -28,7 +28,8 @@ KNOWN = {
     "end",
     "widths",
     "rollover",
-}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>
+    "mirror",
+}  # of LinuxCNC 2.9: G38.3, G53, LOG, #<_abs_x>, and that it has neither mirror image nor scaling
 
 
 def hal(control: Control, *words: str) -> str:
