@@ -16,10 +16,10 @@ demo: .venv/base.stamp
 test: .venv/test.stamp
 	$(BIN)/python -m pytest -n $$(n=$$(getconf _NPROCESSORS_ONLN); [ $$n -lt 4 ] && echo $$((n + 1)) || echo 4) --dist worksteal
 
-# Four at a time: one of them has the real control, which a busier computer starves, one waits for networks, so that two compute
+# Three at a time: one of them has the real control, which a fourth starves, one waits for networks, one computes
 # (tests/support/shares.py). What hangs is named after half an hour instead of holding up everything.
 check-long: .venv/test.stamp
-	$(BIN)/python -m pytest -n 4 --dist loadgroup -m 'long and not campaign' -vv --durations=25 --timeout 1800
+	$(BIN)/python -m pytest -n 3 --dist loadgroup -m 'long and not campaign' -vv --durations=25 --timeout 1800
 
 campaign: .venv/test.stamp
 	$(BIN)/python -m pytest -m campaign

@@ -42,7 +42,7 @@ class Shares(LoadGroupScheduling):
     """First the LinuxCNC, which takes its time whatever the computer does, and the network; then the largest share, in the end
     single tests.
 
-    So nobody waits at the end for a share that has just begun, and of four workers two compute while the real control moves.
+    So nobody waits at the end for a share that has just begun, and while the real control moves one worker waits and one computes.
     """
 
     def _split_scope(self, nodeid: str) -> str:
