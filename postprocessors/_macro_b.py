@@ -262,7 +262,8 @@ def numbers_of_stops(job: Job, words: Words) -> list[int]:
     """job, words of its dialect → numbers of the stops that its main program may jump to."""
     called = job.options["macros"] == "called"
     asked = [6] if job.options["probe_state"] and not words.look else []
-    return sorted([0, *([9] if called else [1, 2, 3]), *asked, text.UNPROVEN, 10, 11])
+    proven = [] if job.options.get("gate") == "none" else [text.UNPROVEN]
+    return sorted([0, *([9] if called else [1, 2, 3]), *asked, *proven, 10, 11])
 
 
 def _left_on(job: Job, words: Words) -> Iterator[str]:

@@ -37,6 +37,7 @@ indexations:
   - {S: 90, B: -45, C: 135, facets: [5, 8, 22, 24, 27]}
   - {S: 0, B: 0, C: 180, facets: [3, 5, 12, 17]}
 """
+KNOWN_FAULT = "a known fault of LinuxCNC 2.9 and none of the program: resume it"
 CLEAR = 1.0  # mm that a probe drawn clear is away from everything, at least
 CLOSE = 1e-4  # mm
 
@@ -141,8 +142,13 @@ def judged(cell: Path, control: Control, durable: dict[int, list[float]]) -> tup
 
 
 def resumed_to_the_end(cell: Path, control: Control, durable: dict[int, list[float]]) -> None:
-    process = running(cell, control, resume=True)
-    said = process.communicate(timeout=300)[1]
+    """A busy computer may meet the known fault of LinuxCNC 2.9 meanwhile: the run says that it has to be resumed once more."""
+    for _ in range(3):
+        process = running(cell, control, resume=True)
+        said = process.communicate(timeout=300)[1]
+        if process.returncode != 3 or KNOWN_FAULT not in said:
+            break
+        assert clearance(cell, control) > CLEAR, said
     assert process.returncode == 0, said
     assert judged(cell, control, durable) == (0, 0)
     origin = json.loads((cell / "readings.json").read_text())

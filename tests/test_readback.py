@@ -472,8 +472,10 @@ MAY_BE_MISSING = {
     "TG_MISSES=0",
     "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))",  # a whole turn too many is no longer forgiven
     "#31=ABS[#31-360*FIX[#31/360+0.5]]",  # a whole turn too many is no longer forgiven
-    # The next line stops for it as well, with other words: 0.02 mm of the step instead of 0.5.
-    "IF[ABS[#31-0.0197]LT0.005]THEN#3000=91(POSITIONS ARE IN INCHES)",
+    "GOTO8999",  # a control that cannot jump then stops at the first jump that it needs, or at an alarm
+    # The step of 0.5 mm: the line behind these two stops for an inch, a mirror image or a scaling as well, with other words.
+    "IF[ABS[#31-0.0197]LT0.005]GOTO9011",
+    "IF[ABS[#31-0.25]GT0.27]GOTO9012",
     "Q35 = ABS ( Q35 + 0.0000 )",  # the next line takes the sign away again
     "Q35 = ABS ( Q35 - 360 * INT ( Q35 / 360 + 0.5 ) )",
     "Q47 = 0",  # of those two in a program, the one behind contact
