@@ -110,7 +110,7 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, c
         ("time", None, 40.0, True),
         ("direction", "indexation", 15.0, True),
         ("time", None, 5.0, False),
-        ("facet", None, 40.0, False),  # a rough face is none of the names' faults
+        ("facet", None, 40.0, False),  # one rough facet says nothing against the names
         ("time", "facet", 40.0, False),
         (None, None, 0.0, False),
     ],

@@ -75,8 +75,8 @@ def _looks(cell: Cell, post: Post) -> bool:
 def as_found(cell: Cell, made: Plan, post: Post) -> Plan:
     """cell, plan, its post → the plan with where the last run has found the facets that may have to prove the probe.
 
-    A search that proves it ends 0.45 mm behind that place, and behind that of the plan where there is none, or one farther off
-    than `NEAR`: then `proves` refuses the run.
+    The search that proves the probe ends 0.45 mm behind that place. Where no run has found the facet it ends behind the place in
+    the plan; so it does where the facet was found farther off than `NEAR`, and `proves` refuses that run.
     """
     options = cell.controller.options if cell.controller else {}
     if posts.settings(post, options).get("gate", "none") != "facet":

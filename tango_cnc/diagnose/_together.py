@@ -65,6 +65,3 @@ def _closest(values: Array, marked: NDArray[np.int64], ordered: bool) -> Iterato
             # One of them stands anywhere; that so many of the others stand within the same stretch of neighbors:
             p = float(special.bdtrc(count - 2, k - 1, min(1.0, (width - 1) / (n - 1))))
             yield p * k * (k - LEAST + 1), by[first : last + 1]
-
-
-__all__ = ["together"]
