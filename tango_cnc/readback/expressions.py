@@ -58,9 +58,9 @@ def expression(text: str) -> Expression:
 
 
 @lru_cache(maxsize=4096)
-def constant(text: str) -> float | None:
-    """text → its value where it is one number and nothing else, which is the same whatever has gone wrong; None elsewhere."""
-    return (float(text) or 0.0) if len(text) <= LONGEST and NUMBER.fullmatch(text) else None
+def constant(text: str) -> tuple[float, ...]:
+    """text → its value where it is one number and nothing else, which is the same whatever has gone wrong; none elsewhere."""
+    return (float(text) or 0.0,) if len(text) <= LONGEST and NUMBER.fullmatch(text) else ()
 
 
 def _level(tokens: list[str], depth: int) -> Expression:
