@@ -156,7 +156,7 @@ def _now() -> str:
 def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
     source = current(cell.folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
-    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
     return result

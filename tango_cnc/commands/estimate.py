@@ -15,6 +15,7 @@ import numpy as np
 from ..estimate import Estimate, estimate, without
 from ..features import bar_left_out
 from ..files import blamed_on, read_cell, read_readings, read_terms
+from ..files.checked import resumed
 from ..files.origin import current
 from ..identify import summary
 from ..iso230.signed import withheld
@@ -130,7 +131,7 @@ def _interrupted(source: Path) -> None:
         count = max(len(left.read_bytes().splitlines()) - 1, 0)
         raise InputError(
             f"{source}: no such file; the run was interrupted, and {left.name} has its {count} touches: go on with "
-            f"'tango run --resume', or look at what there is with --readings {left}"
+            f"'tango run {resumed(source.with_suffix('.journal'))}', or look at what there is with --readings {left}"
         )
 
 
