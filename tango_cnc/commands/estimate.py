@@ -173,8 +173,8 @@ def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | Non
         "touches": len(result.residuals),
         "terms": list(result.parameters),
         "parameters": {name: value(p) for name, p in result.parameters.items()},
-        "stylus": {name: p.value for name, p in setup.items() if name.endswith("t")},
-        "stylus_std": {name: p.std for name, p in setup.items() if name.endswith("t")},
+        "stylus": {name: p.value for name, p in setup.items() if not name.endswith("w")},
+        "stylus_std": {name: p.std for name, p in setup.items() if not name.endswith("w")},
         "facets": {name: {"offset": p.value, "std": p.std} for name, p in result.facets.items()},
         "balls": {name: {"centre": [float(c) for c in centre]} for name, centre in result.balls.items()},
         "residual": {
