@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kinematics import Slot, axis_frame
 from ..records import Array, InputError, Machine
 from ..touches import Touches
 from . import Cause, Coefficient
@@ -39,13 +40,31 @@ def cause(
     form = form_of({"factors": factors, "weight": weight})
     size = np.array(values, dtype=float)
 
-    def pattern(t: Touches) -> Array:
-        columns = form.columns(t)
+    def pattern(t: Touches, felt: Array | None = None) -> Array:
+        columns = form.columns(t, felt=felt)
         if columns.shape[1] != len(size):
             raise InputError(f"terms: learned {name}: found {len(size)} values; allowed: {columns.shape[1]}, one a function")
         return np.asarray(columns @ size)
 
+    if (found := moved(machine, weight)) is not None:
+        slot, sign = found
+        return [Coefficient(f"learned[{name}]", "1", slot, lambda t: sign * pattern(t, np.ones((len(t), 1))))]
     return [early(f"learned[{name}]", pattern, "1")]
+
+
+def moved(machine: Machine, weight: str) -> tuple[Slot, float] | None:
+    """machine, how a shape is felt → where in the chain it moves the tool, and with which sign; None where it is no such move.
+
+    What is felt along a direction of the machine frame is a move of the tip in it: parts have it, too, and not touches alone.
+    """
+    frame, _, letter = weight.partition(" ")
+    branch = machine.tool_branch or machine.workpiece_branch
+    if frame != "machine" or letter not in tuple("xyz") or not branch:
+        return None
+    axis = machine.axis(branch[0])
+    if axis_frame(axis.name, axis.direction)[0] is not None:
+        return None
+    return Slot(axis.name, "inter", "xyz".index(letter)), -1.0
 
 
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
