@@ -12,8 +12,11 @@ import pytest
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
+from tango_cnc.model import Model, linearise
 from tango_cnc.plausible import judge
 from tango_cnc.records import Readings
+from tango_cnc.terms import learned
+from tango_cnc.terms._shape import form_of
 from tango_cnc.verify.apart import apart
 from tango_cnc.verify.volume import volume
 
@@ -47,6 +50,16 @@ def test_what_moves_the_tool_is_in_the_map(twisted: tuple[Any, Any, Readings]) -
     apart_by = volume(result, position).error - volume(bare, position).error
     assert 1e-3 < np.abs(apart_by).max() < 8.5e-3
     assert apart(result) == ""
+
+
+@pytest.mark.parametrize("weight", ["machine x", "machine z", "axis Y", "axis C", "tilt B of Z"])
+def test_a_shape_that_moves_the_tool_is_felt_as_its_weight_says(weight: str, twisted: tuple[Any, Any, Readings]) -> None:
+    touches = fitted(twisted).model.touches
+    (moves,) = learned.cause(twisted[0].machine, "twist", TWIST, weight, SIZES)
+    assert moves.slot.axis
+    pattern = form_of({"factors": TWIST, "weight": weight}).columns(touches) @ np.array(SIZES)
+    _, jacobian = linearise(Model(touches, (moves,)), np.zeros(1 + len(touches.facets)))
+    assert jacobian[:, 0] == pytest.approx(-pattern, abs=1e-9)  # early: the ball stands off less
 
 
 def test_what_is_felt_by_touches_alone_is_named_beside_the_map(twisted: tuple[Any, Any, Readings]) -> None:

@@ -55,16 +55,21 @@ def cause(
 def moved(machine: Machine, weight: str) -> tuple[Slot, float] | None:
     """machine, how a shape is felt → where in the chain it moves the tool, and with which sign; None where it is no such move.
 
-    What is felt along a direction of the machine frame is a move of the tip in it: parts have it, too, and not touches alone.
+    What is felt along a direction of the machine frame is a move of the tip in it; what is felt as an axis is, a positioning error
+    of that axis or a tilt of what it carries. Parts have these, too, and not touches alone.
     """
-    frame, _, letter = weight.partition(" ")
+    kind, _, rest = weight.partition(" ")
     branch = machine.tool_branch or machine.workpiece_branch
-    if frame != "machine" or letter not in tuple("xyz") or not branch:
+    if kind == "axis":
+        return Slot(rest, "motion"), 1.0
+    if kind == "tilt":
+        letter, axis = rest.split(" of ")
+        return Slot(axis, "intra", 3 + "ABC".index(letter)), 1.0
+    if kind != "machine" or rest not in tuple("xyz") or not branch:
         return None
-    axis = machine.axis(branch[0])
-    if axis_frame(axis.name, axis.direction)[0] is not None:
-        return None
-    return Slot(axis.name, "inter", "xyz".index(letter)), -1.0
+    first = machine.axis(branch[0])
+    straight = axis_frame(first.name, first.direction)[0] is None
+    return (Slot(first.name, "inter", "xyz".index(rest)), -1.0) if straight else None
 
 
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:
