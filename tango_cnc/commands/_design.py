@@ -77,6 +77,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "power": POWER,
             "false_alarms": ALARMS,
             "stylus_um": 1e3 * ready.wish.stylus,
+            "full_run_s": None if ready.full is None else round(ready.full, 3),
             "limit_um": 1e3 * sees.limit,
             "size_um": 1e3 * sees.size,
             "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
@@ -128,7 +129,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
-        lines += _seen(data["check"])
+        lines += [*_longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
     if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
@@ -158,6 +159,16 @@ def _means(goal: str, value: float, unit: str) -> str:
         "condition": f"most uncertain combination of parameters: {value:.3g} {unit}",
     }
     return said.get(goal, f"the most uncertain of these parameters reaches {100 * value:.0f} % of its limit")
+
+
+def _longer(seconds: float, full: float | None) -> list[str]:
+    """s of a check, of the full run that it rests on → what to do where the check saves no time."""
+    if full is None or seconds < full:
+        return []
+    return [
+        f"this check takes longer than the full run that it rests on ({_clock(full)}): make that run again instead, "
+        "which says more, or state a shorter time with --minutes"
+    ]
 
 
 def _seen(check: dict[str, Any]) -> list[str]:
