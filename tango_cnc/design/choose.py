@@ -45,7 +45,6 @@ CLOSE = 0.015  # of the time
 TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
-AGAIN, GAIN = 3, 0.99  # times that a plan is made better at the same visits at most, and of φ what is worth another time
 FIRST = 3  # times that a first plan is looked for where all of one had no safe way
 LONG = 36_000.0  # s, longer than any plan
 TRIED = 3  # indexations of a plan that says what a touch takes
@@ -99,19 +98,15 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
     best = first, relaxed
     with suppress(NoWay):
         found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
-        best = min((found, last), best, key=lambda each: each[0].value)
+        best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
         with suppress(NoTime):  # the turns of that plan say what turns cost
-            best = min(best, _tried(rows, costs_of(found), SHAKES, last), key=lambda each: each[0].value)
+            found, last = _tried(rows, costs_of(found), SHAKES, last)
+            best = min(best, (on_the_way(found, again), last), key=lambda each: each[0].value)
         if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
-            best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
+            found, last = _tried(problem, costs, SHAKES, None)
+            best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
     made, relaxed = best
-    with suppress(NoTime, NoWay):
-        for _ in range(AGAIN):
-            finer = _at_the_same_visits(made, relaxed)
-            better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
-            if not better:
-                break
-    made = on_the_way(made, again)
+    made = on_the_way(made, again) if made is first else made
     return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
 
 
@@ -146,26 +141,6 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     if not found and last is not None:
         raise last
     return min(found, key=lambda each: each.value), relaxed
-
-
-def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
-    """plan, relaxed design → plan of the same visits in their order, its touches chosen by how axes really come there."""
-    problem, (touch, visit, spare) = found.problem, costs_of(found)
-    number = {tuple(sorted(i.position.items())): j for j, i in enumerate(problem.choice.cell.strategy.indexations)}
-    visits = list(dict.fromkeys(number[tuple(sorted(i.position.items()))] for i in found.cell.strategy.indexations))
-    light = lighter(problem.ordered(visits))
-    made = {(number[tuple(sorted(i.position.items()))], facet) for i in found.cell.strategy.indexations for facet in i.facets}
-    now = np.array([pair in made for pair in zip(light.choice.pose.tolist(), light.choice.facet, strict=True)])
-    some = np.flatnonzero(np.isin(light.choice.pose, visits))
-    rows, pose = light.choice.rows[some], np.searchsorted(np.sort(visits), light.choice.pose[some])
-    of_pose = [np.flatnonzero(pose == j) for j in range(len(visits))]
-    costs = Costs(np.full(len(rows), touch), np.full(len(visits), visit))
-    seconds = problem.seconds - spare
-    _enough(problem, seconds, touch, visit)
-    here = relax(rows, of_pose, light.held, costs, seconds, light.criterion)
-    mask = np.zeros(len(light.choice.pose), dtype=np.bool_)
-    mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES, now[some])]] = True
-    return _fitted(problem, mask, _lifted(problem, relaxed), [j for j in visits if mask[light.choice.pose == j].any()])
 
 
 def costs_of(found: Chosen) -> tuple[float, float, float]:

@@ -12,8 +12,10 @@ worst: for every choice of weights that mean is at most the worst, which is what
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from ..records import Array
@@ -57,13 +59,13 @@ def parts(criterion: Criterion, information: Array) -> Array:
 # What follows is called a hundred thousand times for a plan; LAPACK itself, as the functions around it take longer than it does.
 
 
-def _squares(root: Array, rows: Array) -> Array:
+def _squares(root: NDArray[Any], rows: Array) -> Array:
     """(p, p) lower Cholesky factor of A, (k, p) → (k,) x A⁻¹ x of each row."""
     solved = linalg.lapack.dtrtrs(root, rows.T, lower=1)[0]
     return np.asarray(np.einsum("pk,pk->k", solved, solved))
 
 
-def _inverse(root: Array) -> Array:
+def _inverse(root: NDArray[Any]) -> Array:
     """(p, p) lower Cholesky factor of A → A⁻¹."""
     half = linalg.lapack.dpotri(root, lower=1)[0]
     return np.asarray(np.tril(half) + np.tril(half, -1).T)
