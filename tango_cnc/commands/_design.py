@@ -16,6 +16,7 @@ from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
+from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
 from ..design.propose import Setting
@@ -64,8 +65,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "efficiency_at_these_indexations": efficiency(
                 found.problem.criterion, found.value, found.here, len(found.problem.held)
             ),
-            "touches_in_a_row": found.problem.times,
-            "seconds_per_facet": found.costs[0],
+            "touches_in_a_row": most_in_a_row(found),
+            "seconds_per_facet": found.costs[0] / found.problem.times * most_in_a_row(found),
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
@@ -107,7 +108,8 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
-            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch and "
+            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch, "
+            f"{own['touches_in_a_row']} of a facet in a row at most, and "
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )

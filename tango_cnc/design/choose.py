@@ -24,7 +24,7 @@ from .criterion import parts, value
 from .early import in_vain
 from .enough import serves
 from .exchange import Draft
-from .here import certified_here
+from .here import certified_here, most_in_a_row
 from .in_a_row import shared
 from .on_the_way import on_the_way
 from .problem import Chosen, Problem, lighter
@@ -241,9 +241,15 @@ def _enough(problem: Problem, seconds: float, touch: float, visit: float) -> Non
 
 
 def certified(found: Chosen, relaxed: Relaxed) -> Chosen:
-    """plan, relaxed design from which to go on → the plan with the bound for what its own touches and turns take."""
-    problem, choice = found.problem, found.problem.choice
-    costs = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
+    """plan, relaxed design from which to go on → the plan with the bound for what its own touches and turns take.
+
+    It holds for every plan that touches a facet no more often in a row. Such a visit is a mixture of visits that touch all of their
+    facets as often as that: of those touched once at least, twice at least, and so on.
+    """
+    most = most_in_a_row(found)
+    problem = found.problem.in_a_row(most)
+    choice, touch = problem.choice, found.costs[0] / found.problem.times * most
+    costs = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), found.costs[1]))
     seconds = max(problem.seconds, found.seconds) - proof(found.plan, problem.gate, problem.feed)
     bound = relax(choice.rows, choice.of_pose, problem.held, costs, seconds, problem.criterion, relaxed, THOROUGH).bound
     made = replace(found, bound=bound, efficiency=efficiency(problem.criterion, found.value, bound, len(problem.held)))
