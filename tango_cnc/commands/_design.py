@@ -17,6 +17,7 @@ from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
+from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
 from ..design.propose import Setting
@@ -66,8 +67,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "efficiency_at_these_indexations": efficiency(
                 found.problem.criterion, found.value, found.here, len(found.problem.held)
             ),
-            "touches_in_a_row": found.problem.times,
-            "seconds_per_facet": found.costs[0],
+            "touches_in_a_row": most_in_a_row(found),
+            "seconds_per_facet": found.costs[0] / found.problem.times * most_in_a_row(found),
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
@@ -79,6 +80,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "power": POWER,
             "false_alarms": ALARMS,
             "stylus_um": 1e3 * ready.wish.stylus,
+            "full_run_s": None if ready.full is None else round(ready.full, 3),
             "limit_um": 1e3 * sees.limit,
             "size_um": 1e3 * sees.size,
             "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
@@ -108,7 +110,8 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
-            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch and "
+            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch, "
+            f"{own['touches_in_a_row']} of a facet in a row at most, and "
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )
@@ -130,7 +133,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
-        lines += _seen(data["check"])
+        lines += [*_longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
     if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
@@ -162,6 +165,16 @@ def _means(goal: str, value: float, unit: str) -> str:
         "condition": f"most uncertain combination of parameters: {value:.3g} {unit}",
     }
     return said.get(goal, f"the most uncertain of these parameters reaches {100 * value:.0f} % of its limit")
+
+
+def _longer(seconds: float, full: float | None) -> list[str]:
+    """s of a check, of the full run that it rests on → what to do where the check saves no time."""
+    if full is None or seconds < full:
+        return []
+    return [
+        f"this check takes longer than the full run that it rests on ({_clock(full)}): make that run again instead, "
+        "which says more, or state a shorter time with --minutes"
+    ]
 
 
 def _seen(check: dict[str, Any]) -> list[str]:
