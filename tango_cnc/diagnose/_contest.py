@@ -58,6 +58,15 @@ class Field:
         found._set([self.kernels[i] for i in few], self.columns.T[at].T)
         return found, replace(s, columns=s.columns.T[at].T)
 
+    def plain(self) -> Field:
+        """→ the field without names whose size changes: where a name was refused, its own pattern is no rival of it."""
+        few = [i for i, k in enumerate(self.kernels) if "like" not in k.setting]
+        at = np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in few])
+        found = copy(self)
+        found._set([self.kernels[i] for i in few], self.columns.T[at].T)
+        found.asked = {}
+        return found
+
     def __len__(self) -> int:
         return len(self.kernels)
 
@@ -256,6 +265,15 @@ def shortlist(field: Field, y: Array, names: Sequence[Chosen], outcome: Outcome)
 
 
 @dataclass(frozen=True)
+class Rival:
+    """The shape that comes nearest to a name."""
+
+    name: Chosen
+    kernel: Kernel
+    behind: float  # evidence that it has less
+
+
+@dataclass(frozen=True)
 class Outcome:
     """What stands after the contest."""
 
@@ -266,6 +284,7 @@ class Outcome:
     by_names: float  # with the names that were found, and noises
     by_shapes: float  # without any name
     needless: tuple[Chosen, ...] = ()  # single touches that stood apart only beside a name that did not stand
+    rival: Rival | None = None  # what comes nearest to one of the names in its place
 
     @property
     def shapes(self) -> tuple[Picked, ...]:
@@ -316,7 +335,9 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     kept = once(names)
     value, picked, apart = of(kept)
     without: list[tuple[float, tuple[Picked, ...], Sequence[Chosen]]] = []
+    order: list[Chosen] = []
     while kept:
+        order = list(kept)
         without = [of([c for c in kept if c is not old]) for old in kept]
         margins = [margin if not c.candidate.learned else 0.0 for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
@@ -342,10 +363,16 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         if len(still) < len(kept):
             kept = still
             _, picked, apart = of(kept)
+    near = [
+        (c, next((p.kernel for p in w[1] if not p.kernel.noise), None), value - w[0]) for c, w in zip(order, without, strict=True)
+    ]
+    rivals = [Rival(c, k, behind) for c, k, behind in near if k is not None and c in kept and not c.candidate.learned]
+    rival = min(rivals, key=lambda r: r.behind, default=None)
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
+    needless = tuple(c for c in fixed if c not in apart)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, rival)
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:

@@ -13,9 +13,10 @@ from ..records import Array
 from ..texts import say
 from ..touches import Touches
 from ._catalogue import Chosen, columns_of
+from ._changing import over
 from ._closed import closed
-from ._contest import Outcome, Picked, posterior, refinement
-from ._explain import Explanation
+from ._contest import Outcome, Picked, Rival, posterior, refinement
+from ._explain import DECISIVE, Explanation, gain
 from ._gain import rms
 from ._records import Again, Remainder
 from ._rows import Rows
@@ -46,7 +47,7 @@ def remainders(
     basis = orthonormal(base)
     result = []
     for p, (w, covariance) in zip(outcome.picked, each, strict=True):
-        if p.kernel.kind != "shape" or p.kernel.form is None or refinement(p, accepted):
+        if p.kernel.kind != "shape" or refinement(p, accepted):
             continue
         columns = p.kernel.columns
         whole = np.vstack([columns, np.zeros((len(base) - len(columns), columns.shape[1]))])
@@ -54,6 +55,12 @@ def remainders(
         pattern = left @ w / means.scale
         row = int(np.argmax(np.abs(pattern)))
         std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
+        if p.kernel.form is None:
+            about = str(p.kernel.setting["covariate"]), "none", "changing", float(np.abs(pattern[row]))
+            share = gained(e, names, outcome.picked, p, schemes["indexations"], keep, weight)
+            like = str(p.kernel.setting["like"])
+            result.append(Remainder(*about, share, pattern, std, touch=int(means.first[row]), confirm=like))
+            continue
         result.append(
             Remainder(
                 *(p.kernel.form.covariate, p.kernel.form.frame, p.kernel.form.factors[0].kind),
@@ -107,6 +114,26 @@ def unnamed(kind: str, amplitude: float, n: int) -> Remainder:
     """walk or seat, standard deviation at a touch in mm, number of touches → a spread of the machine that has no name."""
     covariate, shape = ("time", "random walk") if kind == "walk" else ("indexation", "seats")
     return Remainder(covariate, "machine", shape, amplitude, 0.0, np.zeros(n))
+
+
+def refused(e: Explanation, names: Sequence[tuple[Chosen, float]], n: int) -> list[Remainder]:
+    """explanation, names that nothing beat and that are not named all the same with their sizes, mm, number of touches → the
+    surest of them: something is there.
+    """
+    sure = [(gain(e.place, [*e.chosen, *(() if any(c is o for o in e.chosen) else (c,))], c), c, size) for c, size in names]
+    sure = [one for one in sure if one[0] > DECISIVE]
+    if not sure:
+        return []
+    _, c, size = max(sure, key=lambda one: one[0])
+    return [Remainder(over(c), "none", "unsure", size, 0.0, np.zeros(n), confirm=c.candidate.cause)]
+
+
+def close(rival: Rival | None, size: float, n: int) -> list[Remainder]:
+    """what comes nearest to a name, size of this name mm, number of touches → it, where the name is not very surely better."""
+    if rival is None or rival.behind > DECISIVE:
+        return []
+    about = rival.kernel.covariate, "none", "close"
+    return [Remainder(*about, size, 0.0, np.zeros(n), confirm=rival.name.candidate.cause)]
 
 
 def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
