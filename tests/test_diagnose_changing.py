@@ -17,7 +17,6 @@ from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._rows import Rows
 from tango_cnc.diagnose._seen import Test as Tested
 from tango_cnc.diagnose._seen import left_over
-from tango_cnc.diagnose._shapes import close
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Array
@@ -62,13 +61,14 @@ def test_the_covariate_of_a_name_is_asked_alone() -> None:
     assert not left_over(tests, True, {"B", "X", "Y"})
 
 
-@pytest.mark.parametrize(("apart", "told"), [(0.2, ["shape 0"]), (0.4, [])])
-def test_a_name_that_is_only_a_little_better_than_a_shape_explains_nothing(apart: float, told: list[str]) -> None:
-    rng = np.random.default_rng(11)
+@pytest.mark.parametrize(("apart", "above"), [(0.05, None), (0.2, 14.2), (0.4, 44.4)])
+def test_a_name_says_by_how_much_it_beats_the_shapes(apart: float, above: float | None) -> None:
+    rng = np.random.default_rng(10)
     name, other = rng.normal(size=(2, TOUCHES))
     one = Chosen(Candidate("chip", {}, name[:, None]), name[:, None], 12.0)
     outcome = contest(field_of([(name + apart * other)[:, None]]), name + rng.normal(size=TOUCHES), [], [one])
-    assert outcome.named and [r.covariate for r in close(outcome.rival, 0.003, TOUCHES)] == told
+    assert bool(outcome.named) == (above is not None)
+    assert outcome.above == ({} if above is None else {id(one): pytest.approx(above, abs=0.05)})
 
 
 def found(machine: str, kind: str, peak: float, seed: int) -> Diagnosis:

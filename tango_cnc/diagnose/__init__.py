@@ -24,11 +24,11 @@ from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatt
 from ._candidates import candidate
 from ._catalogue import Chosen
 from ._changing import over
-from ._contest import Field, Outcome, contest, largest
+from ._contest import SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
-from ._records import Dropped, Finding, Remainder
+from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
@@ -236,12 +236,32 @@ def _told(
     gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
     back = {key: _stable.worse(once, inside[key].selected) for key, once in back.items()}
     few = found.place.m < FREE
-    why = {id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains, few) for c in outcome.named}
+    alone = [c for c in found.chosen if c.candidate.cause == "outlier"]
+
+    def tested(names: Sequence[Chosen]) -> tuple[Test, ...]:
+        return _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *names))]), data, seen, keep)
+
+    def resting(names: Sequence[Chosen], o: Outcome, anything: bool = True) -> list[Remainder]:
+        """names that stay, what stands → what the rest follows all the same."""
+        if o.shapes or o.events:
+            return []
+        left = _seen.left_over(tested(names), anything, {over(c) for c in names}) if not o.picked else []
+        return left or _rest.rest(field, o, found.place.y, [*alone, *names], anything, seed)
+
+    why: dict[int, Why | None] = {
+        id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains, few) for c in outcome.named
+    }
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same
-        fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
         lost = outcome.resembled
-        outcome = contest(field.plain(), found.place.y, fixed, accepted)
+        outcome = contest(field.plain(), found.place.y, alone, accepted)
+        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
+        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
+    weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
+    if weak and (outcome.shapes or resting(accepted, outcome)):
+        why |= {id(c): "rest" for c in weak}
+        lost = outcome.resembled
+        outcome = contest(field, found.place.y, alone, [c for c in accepted if c not in weak])
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
@@ -294,17 +314,12 @@ def _told(
     if not remains:  # as a walk of the machine, this is more than scatter
         like = [p for p in outcome.picked if p.kernel.kind == "memory" and p.score > _scatter.CLEAR]
         remains += [Remainder("order", "none", "memory", found.sigma * float(np.sqrt(p.tau)), 0.0, np.zeros(n)) for p in like[:1]]
-    tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
+    tests_after = tested(accepted)
     if not remains:
         refusals = [(c, sizes[id(c)].amplitude) for c, w in ((c, why.get(id(c))) for c in whole.chosen) if w is not None]
         remains += _shapes.refused(found, refusals, n)
-    if not remains and outcome.rival is not None:
-        remains += _shapes.close(outcome.rival, sizes[id(outcome.rival.name)].amplitude, n)
-    if not remains and not outcome.picked:
-        remains += _seen.left_over(tests_after, bool(findings or moments), {over(c) for c in accepted})
     if not remains:
-        stay = [c for c in found.chosen if c.candidate.cause == "outlier" or any(c is o for o in accepted)]
-        remains += _rest.rest(field, outcome, found.place.y, stay, bool(findings or moments), seed)
+        remains += resting(accepted, outcome, bool(findings or moments))
     if means.all:
         remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
     if accepted and not remains and _scatter.uneven(scatter):

@@ -7,9 +7,10 @@ that the model does not reach; what is chosen whitens the data and all shapes, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from dataclasses import field as field_of
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,8 @@ ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
-MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
+MARGIN = 10.0  # evidence by which names must beat shapes: very strong (Kass & Raftery 1995)
+SURE = 20.0  # and where something is left beside them, of which they may be a part
 
 
 class Field:
@@ -265,15 +267,6 @@ def shortlist(field: Field, y: Array, names: Sequence[Chosen], outcome: Outcome)
 
 
 @dataclass(frozen=True)
-class Rival:
-    """The shape that comes nearest to a name."""
-
-    name: Chosen
-    kernel: Kernel
-    behind: float  # evidence that it has less
-
-
-@dataclass(frozen=True)
 class Outcome:
     """What stands after the contest."""
 
@@ -284,7 +277,7 @@ class Outcome:
     by_names: float  # with the names that were found, and noises
     by_shapes: float  # without any name
     needless: tuple[Chosen, ...] = ()  # single touches that stood apart only beside a name that did not stand
-    rival: Rival | None = None  # what comes nearest to one of the names in its place
+    above: Mapping[int, float] = field_of(default_factory=dict)  # by id of a name, the evidence that it has over every shape
 
     @property
     def shapes(self) -> tuple[Picked, ...]:
@@ -363,16 +356,12 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         if len(still) < len(kept):
             kept = still
             _, picked, apart = of(kept)
-    near = [
-        (c, next((p.kernel for p in w[1] if not p.kernel.noise), None), value - w[0]) for c, w in zip(order, without, strict=True)
-    ]
-    rivals = [Rival(c, k, behind) for c, k, behind in near if k is not None and c in kept and not c.candidate.learned]
-    rival = min(rivals, key=lambda r: r.behind, default=None)
+    above_shapes = {id(c): value - w[0] for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
     needless = tuple(c for c in fixed if c not in apart)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, rival)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes)
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:

@@ -15,7 +15,7 @@ from ..touches import Touches
 from ._catalogue import Chosen, columns_of
 from ._changing import over
 from ._closed import closed
-from ._contest import Outcome, Picked, Rival, posterior, refinement
+from ._contest import Outcome, Picked, posterior, refinement
 from ._explain import DECISIVE, Explanation, gain
 from ._gain import rms
 from ._records import Again, Remainder
@@ -126,14 +126,6 @@ def refused(e: Explanation, names: Sequence[tuple[Chosen, float]], n: int) -> li
         return []
     _, c, size = max(sure, key=lambda one: one[0])
     return [Remainder(over(c), "none", "unsure", size, 0.0, np.zeros(n), confirm=c.candidate.cause)]
-
-
-def close(rival: Rival | None, size: float, n: int) -> list[Remainder]:
-    """what comes nearest to a name, size of this name mm, number of touches → it, where the name is not very surely better."""
-    if rival is None or rival.behind > DECISIVE:
-        return []
-    about = rival.kernel.covariate, "none", "close"
-    return [Remainder(*about, size, 0.0, np.zeros(n), confirm=rival.name.candidate.cause)]
 
 
 def confirm(p: Picked, touches: Touches, pattern: Array) -> str:

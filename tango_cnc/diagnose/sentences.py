@@ -95,6 +95,8 @@ def dropped(d: Dropped) -> str:
         back = d.finding.stability
         often = say("diagnosis_said.comes_back_subsets_indexations_only", **({} if back is None else asdict(back)))
         return joined("", (text, often))
+    if d.why == "rest":
+        return joined("", (text, say("diagnosis_said.something_is_left_beside_it")))
     if d.why == "few":
         return joined("", (text, say("diagnosis_said.touches_too_few_for_name")))
     if d.why == "size":
@@ -192,8 +194,6 @@ def unexplained(r: Remainder) -> str:
     if r.shape == "changing":
         where = covariate(r.covariate)
         return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
-    if r.shape == "close":
-        return say("diagnosis_said.shape_nearly_as_good", cause=r.confirm, covariate=covariate(r.covariate))
     if r.shape == "unsure":
         return say("diagnosis_said.something_like_a_name", cause=r.confirm, spread=spread(r.amplitude, 0.0))
     if r.shape == "no pattern":
