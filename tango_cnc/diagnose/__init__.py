@@ -245,7 +245,7 @@ def _told(
         """names that stay, what stands → what the rest follows all the same."""
         if o.shapes or o.events:
             return []
-        left = _seen.left_over(tested(names), anything, {over(c) for c in names}) if not o.picked else []
+        left = _seen.left_over(tested(names), anything, {over(c.candidate) for c in names}) if not o.picked else []
         return left or _rest.rest(field, o, found.place.y, [*alone, *names], anything, seed)
 
     why: dict[int, Why | None] = {

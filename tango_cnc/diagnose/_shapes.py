@@ -125,7 +125,7 @@ def refused(e: Explanation, names: Sequence[tuple[Chosen, float]], n: int) -> li
     if not sure:
         return []
     _, c, size = max(sure, key=lambda one: one[0])
-    return [Remainder(over(c), "none", "unsure", size, 0.0, np.zeros(n), confirm=c.candidate.cause)]
+    return [Remainder(over(c.candidate), "none", "unsure", size, 0.0, np.zeros(n), confirm=c.candidate.cause)]
 
 
 def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
