@@ -15,7 +15,7 @@ from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._contest import Field, contest
 from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._rows import Rows
-from tango_cnc.diagnose._seen import Test as Tested
+from tango_cnc.diagnose._seen import Test as Covered
 from tango_cnc.diagnose._seen import left_over
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.words import as_text
@@ -53,8 +53,8 @@ def test_what_is_left_beside_a_name_is_asked_once_more_against_what_chance_does(
 def test_the_covariate_of_a_name_is_asked_alone() -> None:
     """A chance of 1 in 250 is none over twenty covariates, and is one over the axis that the name is about."""
 
-    def test(covariate: str, p: float) -> Tested:
-        return Tested(covariate, 0.1, p, np.zeros(1), np.full(1, 0.001), np.zeros(1))
+    def test(covariate: str, p: float) -> Covered:
+        return Covered(covariate, 0.1, p, np.zeros(1), np.full(1, 0.001), np.zeros(1))
 
     tests = [test("time", 0.003), test("B", 0.004), *(test(f"T_{i}", 0.5) for i in range(18))]
     assert not left_over(tests, True) and not left_over(tests, True, {"X"})

@@ -431,21 +431,4 @@ def _columns(m: int, chosen: Sequence[Chosen]) -> Array:
     return np.hstack([c.columns for c in chosen]) if chosen else np.empty((m, 0))
 
 
-def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) -> list[tuple[Array, Array]]:
-    """data (m,), columns of the names (m, s), shapes → (k,) weights of each and their covariance (k, k), all at once."""
-    covariance = np.eye(len(y)) + sum(p.tau * p.columns @ p.columns.T for p in picked)
-    lower = np.linalg.cholesky(covariance)
-    inverse = np.linalg.inv(lower)
-    basis = orthonormal(inverse @ names)
-    white = inverse @ y
-    white = white - basis @ (basis.T @ white)
-    result = []
-    for p in picked:
-        own = inverse @ p.columns
-        own = own - basis @ (basis.T @ own)
-        known = p.tau * np.eye(own.shape[1]) - p.tau**2 * own.T @ own
-        result.append((p.tau * own.T @ white, sigma**2 * known))
-    return result
-
-
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "posterior", "refinement", "shortlist"]
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]

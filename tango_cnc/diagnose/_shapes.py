@@ -15,7 +15,7 @@ from ..touches import Touches
 from ._catalogue import Chosen, columns_of
 from ._changing import over
 from ._closed import closed
-from ._contest import Outcome, Picked, posterior, refinement
+from ._contest import Outcome, Picked, refinement
 from ._explain import DECISIVE, Explanation, gain
 from ._gain import rms
 from ._records import Again, Remainder
@@ -145,6 +145,23 @@ def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
         return say("diagnosis_said.facet_of_touch", facet=touches.facet[i], touch=touches.number[i])
 
     return say("diagnosis_said.confirm_there", one=place(row), other=place(other))
+
+
+def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) -> list[tuple[Array, Array]]:
+    """data (m,), columns of the names (m, s), shapes → (k,) weights of each and their covariance (k, k), all at once."""
+    covariance = np.eye(len(y)) + sum(p.tau * p.columns @ p.columns.T for p in picked)
+    lower = np.linalg.cholesky(covariance)
+    inverse = np.linalg.inv(lower)
+    basis = orthonormal(inverse @ names)
+    white = inverse @ y
+    white = white - basis @ (basis.T @ white)
+    result = []
+    for p in picked:
+        own = inverse @ p.columns
+        own = own - basis @ (basis.T @ own)
+        known = p.tau * np.eye(own.shape[1]) - p.tau**2 * own.T @ own
+        result.append((p.tau * own.T @ white, sigma**2 * known))
+    return result
 
 
 def spread(y: Array, names: Array, picked: Sequence[Picked]) -> float:
