@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from textwrap import wrap
 from typing import Any
 
@@ -152,7 +153,12 @@ def doubted(job: Job, width: int) -> Iterator[str]:
     if job.unverified:
         yield "WHAT NOBODY HAS CONFIRMED HERE - THE MOST DANGEROUS FIRST"
     for doubt in job.unverified:
-        yield from wrap(f"UNVERIFIED {comment(doubt, LONGEST)}", width, subsequent_indent="  ")
+        yield from _wrapped(doubt, width)
+
+
+@lru_cache(maxsize=1024)  # a program is made more than once: for its length, its mark, its text
+def _wrapped(doubt: str, width: int) -> tuple[str, ...]:
+    return tuple(wrap(f"UNVERIFIED {comment(doubt, LONGEST)}", width, subsequent_indent="  "))
 
 
 def indexed(leg: Leg) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import pkgutil
 import re
@@ -17,7 +16,7 @@ import click
 # The matrices are small: threads of the linear algebra gain nothing and, on a busy machine, wait for each other for minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from . import __version__, commands
+from . import __version__, commands, lean
 from .commands._signs import written
 from .nearest import printable
 from .records import TangoError
@@ -25,7 +24,6 @@ from .records import TangoError
 MESSAGE = 10_000  # characters at most
 
 FOR = re.compile(r'"""`tango [a-z0-9-]+`: (.+?)\.?(?:"""|\n)')  # first line of a command's file: what the command is for
-UNUSED = ("f2py", "testing")  # of numpy: scipy asks for all that numpy has, and these two take as long to load as scipy itself
 PLACE = re.compile(r'^PLACE = "(\w+) (\d+)"', re.MULTILINE)
 
 
@@ -111,21 +109,9 @@ def _say(sentence: str) -> None:
 def main() -> None:
     """The entry point of the command `tango`."""
     _streams()
-    _put_off("numpy", UNUSED)
+    lean.put_off("numpy", lean.UNUSED)
+    lean.leave_notes_out()
     sys.exit(guarded(tango.main, standalone_mode=False))
-
-
-def _put_off(package: str, names: tuple[str, ...]) -> None:
-    """package, names of its modules → each is there at once, and is loaded when something of it is used."""
-    for name in names:
-        full = f"{package}.{name}"
-        spec = importlib.util.find_spec(full)
-        if full in sys.modules or spec is None or spec.loader is None:
-            continue
-        spec.loader = importlib.util.LazyLoader(spec.loader)
-        module = sys.modules[full] = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-        setattr(sys.modules[package], name, module)
 
 
 def _streams() -> None:

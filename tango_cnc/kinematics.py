@@ -17,7 +17,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from .records import COMPONENTS, Array, Machine
+from .records import COMPONENTS, Array, Axis, Machine
 
 Stage = Literal["inter", "motion", "intra", "stylus", "table"]
 Point = list[Array]  # x, y, z, each (..., n)
@@ -110,8 +110,8 @@ def axis_frame(name: str, direction: tuple[float, float, float]) -> tuple[Array 
 
 def chain(machine: Machine, length: Array | None = None) -> Chain:
     """machine, (n,) mm length of the stylus at every touch (None: that of the probe) → its chain from tip to table."""
-    tool = [_joint(machine, name, inverse=False) for name in reversed(machine.tool_branch)]
-    work = [_joint(machine, name, inverse=True) for name in machine.workpiece_branch]
+    tool = [_joint(machine.axis(name), machine.column(name), False) for name in reversed(machine.tool_branch)]
+    work = [_joint(machine.axis(name), machine.column(name), True) for name in machine.workpiece_branch]
     spindle = machine.spindle
     frame, base, sense = axis_frame("S", spindle.direction)
     along = np.array(machine.probe.length if length is None else length)
@@ -122,8 +122,9 @@ def chain(machine: Machine, length: Array | None = None) -> Chain:
     return Chain((*tool, *work), len(tool), tip, np.eye(3) if frame is None else frame, sense * np.eye(3)[base], columns)
 
 
-def _joint(machine: Machine, name: str, *, inverse: bool) -> Joint:
-    axis = machine.axis(name)
+@lru_cache(maxsize=1024)  # hundreds of machines are looked at that differ in one axis
+def _joint(axis: Axis, column: int, inverse: bool) -> Joint:
+    name = axis.name
     frame, base, sense = axis_frame(name, axis.direction)
     sign = -1.0 if inverse else 1.0
 
@@ -134,7 +135,7 @@ def _joint(machine: Machine, name: str, *, inverse: bool) -> Joint:
         # The positioning error acts in the motion, so that its place among the intra-axis errors stays empty.
         return [s for s in (*turns, *shifts) if not (stage == "intra" and s.slot.component == skip)]
 
-    motion = Element(axis.kind != "linear", base, sign * sense, Slot(name, "motion"), machine.column(name))
+    motion = Element(axis.kind != "linear", base, sign * sense, Slot(name, "motion"), column)
     steps = [*displacement("intra"), motion, *displacement("inter")]
     return Joint(name, frame, np.array(axis.point), tuple(reversed(steps) if inverse else steps))
 

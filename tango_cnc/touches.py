@@ -166,10 +166,15 @@ class Touches:
         What a plan can see is decided there: at the real positions, 0.1 mm away, an exact dependence looks like a faint one.
         """
         tip = self.point + self.radius[:, None] * self.normal
-        same = replace(self, position=kinematics.inverse(self.chain, self.position, tip))
-        for name in ("facets", "balls", "facet_index", "ball_index", "curved", "radius"):  # what the position has no part in
-            same.__dict__[name] = getattr(self, name)
+        same = replace(self, position=kinematics.inverse(self.chain, self.position, tip)).named_as(self)
+        same.__dict__["radius"] = self.radius
         return same
+
+    def named_as(self, other: Touches) -> Touches:
+        """touches of the same facets of the same artefact → these, which need not find out again what was touched."""
+        for name in ("facets", "balls", "facet_index", "ball_index", "curved"):  # what the position has no part in
+            self.__dict__[name] = getattr(other, name)
+        return self
 
     @cached_property
     def seen(self) -> Sensitivity:

@@ -15,6 +15,7 @@ NUMERIC = "records texts judgement files.checked kinematics features touches ter
 # A stage without a row works on numbers alone and may import NUMERIC; None: everything but the command line.
 INTERNAL: dict[str, str | None] = {
     "judgement": "",
+    "lean": "",
     "loaded": "",
     "nearest": "",
     "texts": "",
@@ -56,7 +57,7 @@ INTERNAL: dict[str, str | None] = {
     "state": f"{NUMERIC} verify iso230",
     "web": "records texts files history report loaded link.journal link.entries",
     "commands": None,
-    "cli": "records commands nearest",
+    "cli": "records commands nearest lean",
     "__main__": "cli",
 }
 # Packages beside tango_cnc, and who may import them.

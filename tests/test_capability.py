@@ -115,6 +115,7 @@ def test_grid_program_of_25_points_stays_on_the_facet(cell: Cell) -> None:
     assert len(strategy.indexations) == 2
 
 
+@pytest.mark.long
 def test_drift_series_give_back_the_random_walk(cell: Cell) -> None:
     walks = []
     for seed in range(4):

@@ -107,12 +107,17 @@ def printed(text: bytes) -> list[str]:
     return text.decode("ascii", "replace").replace("\x12", "").replace("\x14", "").splitlines()
 
 
+@cache
+def little() -> Plan:
+    return commission.air(golden(), 1)
+
+
 def turned_down(
     name: str, stated: Mapping[str, Any], first: bytes, how: Mapping[str, Any], case: Case
 ) -> tuple[dict[int, float], bool]:
     """dialect, profile, records of the first program, what is wrong → times of the second one with the feed override turned down,
     and whether the file holds both."""
-    few = commission.air(golden(), 1)
+    few = little()
     again = ran(name, few, profile(name, stated) | {"gate": "none"}, **{**how, "override": commission.DIAL})
     file = again.out if case.overwrites else first + again.out
     return dict(enumerate(again.stamps, 1)), file.count(b"TANGO START") == 2

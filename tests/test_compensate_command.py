@@ -167,6 +167,7 @@ def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_p
     assert [e["event"] for e in listed] == ["written", "proposed"]
 
 
+@pytest.mark.long
 def test_readings_that_see_little_of_it_decide_nothing(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "siemens", "--simulated").exit_code == 0

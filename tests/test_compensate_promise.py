@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from support.closing import EXAMPLES, SETTINGS
 from support.compensated import example, first, measured, truth, write
+from support.few import every
 
 from sim_controller.compensation import read
 from tango_cnc.compensate import Proposal, propose, targets
@@ -89,7 +90,7 @@ def fitting(name: str) -> list[str]:
     return result
 
 
-@pytest.mark.parametrize("scatters", [1.5, 2.5, 4.0, 8.0])
+@pytest.mark.parametrize("scatters", every([1.5, 2.5, 4.0, 8.0], 4, first=1))
 def test_one_direction_that_stays_is_not_drawn_to_zero(scatters: float) -> None:
     """An error of some scatters that a control leaves: however it was measured, more than promised is left once in forty times."""
     levers = np.ones((60, 1))

@@ -32,6 +32,7 @@ def cell(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.long
 def test_two_controls_do_not_hold_the_same_error(cell: Path) -> None:
     one, two, again = (loop.store(cell, proposed("trunnion", target), NOW) for target in ("haas", "centroid", "haas"))
     assert loop.other_control(cell, two) is None
@@ -103,6 +104,7 @@ def answers(second: tuple[loop.Kept, Estimate, list[Held]]) -> dict[bool, Outcom
     return {tcp: outcome(kept, again, held, tcp=tcp) for tcp in (True, False)}
 
 
+@pytest.mark.long
 def test_readings_that_another_answer_explains_are_named(second: tuple[loop.Kept, Estimate, list[Held]]) -> None:
     """Made with tool center point control and with the tables; a knock of 50 µm that nothing explains says nothing."""
     kept, again, held = second

@@ -58,6 +58,7 @@ def test_what_is_in_the_way_is_a_fault_of_one_turn_and_the_rest_of_the_plan_is_m
     assert reason(faults[3]) == "the table would come within 5 mm of obstacle 1 of machine.yaml (column, on f) while the axes turn"
 
 
+@pytest.mark.long
 def test_a_turn_past_a_column_is_closed_and_the_others_are_timed() -> None:
     cell = trunnion(COLUMN)
     times, faults = order.turns(cell, cell.strategy.indexations, 6000.0)

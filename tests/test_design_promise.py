@@ -63,6 +63,7 @@ def given(name: str, goal: str, minutes: float | None) -> tuple[Cell, Setting]:
     return cell, propose.setting(cell, wish(goal, minutes, cell))
 
 
+@pytest.mark.long
 def test_a_plan_that_loses_a_ball_is_worth_what_the_estimate_makes_of_it() -> None:
     cell, ready = given("trunnion", "locations", 5)
     world = read_world(EXAMPLES / "trunnion" / "world.yaml")

@@ -210,6 +210,7 @@ def test_rough_facets_are_named_one_by_one(bench: blind.Bench) -> None:
     assert set(d.findings[0].detail["facets"]) <= {"16", "22", "28"}
 
 
+@pytest.mark.long
 def test_the_whole_model_is_advised_where_error_motions_are_missing_and_not_for_what_only_looks_like_them(
     bench: blind.Bench,
 ) -> None:

@@ -86,6 +86,7 @@ def test_many_nights_show_a_shape_as_small_as_the_noise() -> None:
     assert d.richer is None
 
 
+@pytest.mark.long
 def test_a_stale_record_and_a_wrong_name_are_set_aside_before_the_search() -> None:
     s = trials.stage()
     cell, n = s.bench.cell, len(s.history)

@@ -47,6 +47,7 @@ def test_what_the_scatter_depends_on_is_told_and_nothing_else(kind: str) -> None
         assert told.count(kind) >= 9 and set(told) <= {kind, None}
 
 
+@pytest.mark.long
 def test_a_model_that_mixes_the_noise_of_its_touches_hides_no_rough_facet() -> None:
     """Quiet facets are met from one direction and rough ones from all, as those of a table: residuals alone say nothing."""
     for seed in (0, 3):

@@ -60,7 +60,7 @@ def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page
     place = cell(tmp_path / "one", records=records)
     for path in ("/", "/alarms", "/machine/HU40T-like"):
         text = asked(place, path).partition("For the engineer")[0]
-        assert "C axis has moved along Y by 11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, (
+        assert "C axis has moved along Y by +11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, (
             path
         )
         assert "3.6 µm" not in text and "3.9 µm" not in text and "7.2 µm" not in text, path
@@ -78,7 +78,7 @@ def test_one_knock_that_stays_keeps_its_sentence_and_its_advice() -> None:
     assert not found["drifts"] and found["todo"] == "Ask who was at the machine." and "40 µm" in found["on_part"]
     half = [step(2, 20.0, total=0.008), step(3, -12.0, total=-0.012)]
     (back,) = faults(night("M", 3, "changed", standing=half), (), {}, Units(), texts())
-    assert not back["drifts"] and "by 8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
+    assert not back["drifts"] and "by +8 µm since" in back["text"] and "16 µm" in back["on_part"]  # what stands now, no drift
 
 
 def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> None:

@@ -90,6 +90,7 @@ def test_a_measured_file_agrees_and_one_of_another_machine_differs(name: str, wr
     assert any(f.verdict == "differs" for f in other.figures) and other.rms > 2 * right.rms
 
 
+@pytest.mark.long
 def test_from_a_cell_to_a_prediction_and_a_comparison_on_the_command_line(tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"
     assert runner.invoke(tango, ["init", str(cell), "--example", "hu40t"]).exit_code == 0

@@ -57,6 +57,7 @@ def test_white_noise_as_large_as_the_scatter_is_what_the_residuals_are_expected_
     assert expected == pytest.approx(w.sigma, rel=0.02)
 
 
+@pytest.mark.long
 def test_intervals_grow_by_what_the_scatter_does_not_show(tmp_path: Path) -> None:
     (tmp_path / "uncertainty.yaml").write_text(LINES, encoding="utf-8")
     budget = budget_of(tmp_path, fitted())

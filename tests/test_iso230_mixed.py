@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.few import every
 
 from tango_cnc.cli import tango
 from tango_cnc.identify import condition_number, scaled_condition_number
@@ -28,6 +29,7 @@ def rows(example: str, seed: int) -> dict[tuple[str, str], Row]:
     return {(row[0], row[1]): row for row in one(example, seed)}
 
 
+@pytest.mark.long
 def test_squareness_has_the_sign_that_it_has_on_the_part() -> None:
     """X of this machine carries the workpiece; the truth moves a tool over a part."""
     for name in ("Y to X", "EC(0X)Y", "Z to X", "EB(0X)Z"):
@@ -44,6 +46,7 @@ def test_tilts_that_no_plan_sees_with_one_stylus_are_withheld() -> None:
         assert found["angular", name][2] is None, name
 
 
+@pytest.mark.long
 def test_without_a_bar_scale_is_relative(tmp_path: Path) -> None:
     """The bar's touches are taken out of the readings: three gains are withheld, a difference is given."""
     runner, cell = CliRunner(), tmp_path / "cell"
@@ -84,6 +87,7 @@ def test_a_machine_without_errors_shows_sizes_of_nothing() -> None:
     assert np.median(learned / wide) < 0.5
 
 
+@pytest.mark.long
 def test_sizes_are_learned_from_the_touches_and_touches_are_not_counted_twice() -> None:
     """A machine with errors three times as large shows sizes about three times as large; what touches decide stays put."""
     found = []
@@ -112,7 +116,7 @@ def test_each_degree_of_a_tilt_has_a_size_of_its_own() -> None:
         assert std[f"{name}.P1"] > 1.6 * std[f"{name}.P3"], name
 
 
-@pytest.mark.parametrize("example", ["three_axis", "huron"])
+@pytest.mark.parametrize("example", every(["three_axis", "huron"], 2))
 def test_where_nothing_is_decided_it_is_said_what_to_do(example: str, tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"
     assert runner.invoke(tango, ["init", str(cell), "--example", example]).exit_code == 0
@@ -157,6 +161,7 @@ def told(truth: Truth) -> tuple[Sheet, dict[tuple[str, str], float]]:
     return sheet, truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
 
 
+@pytest.mark.long
 def test_an_axis_with_three_lobes_is_told_with_an_interval_that_holds_them() -> None:
     """EXC = 3 µm cos 3C: a polynomial of degree 3 would tell half of it."""
     truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)

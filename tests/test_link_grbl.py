@@ -46,6 +46,7 @@ def test_a_whole_run_over_tcp(cell):
 
 
 @posix
+@pytest.mark.long
 def test_a_whole_run_over_a_serial_line(cell):
     with controller(cell, "--protocol", "grbl", "--pty") as url:
         result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")

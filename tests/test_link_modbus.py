@@ -90,6 +90,7 @@ def test_a_whole_run_over_tcp(cell):
 
 
 @posix
+@pytest.mark.long
 def test_a_whole_run_over_rtu_on_a_serial_line(cell):
     with controller(cell, "--protocol", "modbus", "--pty") as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "20")

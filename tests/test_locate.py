@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.controls import Ran, run_on
+from support.few import every
 
 from postprocessors._base import companions, load, names, program, settings
 from sim_controller.languages import macro_b
@@ -114,7 +115,9 @@ def test_it_takes_less_than_three_minutes() -> None:
     assert len(made().touches) == 9
 
 
-@pytest.mark.parametrize(("example", "count"), {"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items())
+@pytest.mark.parametrize(
+    ("example", "count"), every({"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items(), 2)
+)
 def test_every_example_takes_less_than_three_minutes(example: str, count: int) -> None:
     """Eight touches have to agree: where several facets have an edge near, and time is left, more are made. Split has no ninth."""
     cycle = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / example))
@@ -122,6 +125,7 @@ def test_every_example_takes_less_than_three_minutes(example: str, count: int) -
     assert len(cycle.touches) == count
 
 
+@pytest.mark.long
 def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_table_has_to_be_known() -> None:
     """On the stepped block a wall is 20 mm deep, and its facets may be 36 mm elsewhere; on the HU40T one facet only is so near."""
     assert locate.beside(made()) == (("11",), 20)

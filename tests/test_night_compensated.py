@@ -102,6 +102,7 @@ def test_nights_of_a_machine_whose_tool_center_point_control_is_always_on(tmp_pa
     assert "compensation 1 written" in drawn and "compensation 1 rolled back" in drawn
 
 
+@pytest.mark.long
 def test_a_curve_of_nights_without_compensations_has_no_marks(tmp_path: Path) -> None:
     with opened(tmp_path / "history.db") as history:
         into(history, [plain("m", number) for number in range(3)])

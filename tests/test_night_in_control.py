@@ -16,7 +16,7 @@ from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
 from tango_cnc.cli import tango
-from tango_cnc.commands._cell_nights import nights_of
+from tango_cnc.commands._cell_nights import as_of, nights_of
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate.space import Poses
 from tango_cnc.files import read_cell
@@ -95,6 +95,12 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     for name, value in own["parameters"].items():  # the trend goes on as it was measured
         assert value["value"] == bare["parameters"][name]["value"]
     assert abs(own["parameters"]["EY0C"]["value"] - own["parameters"]["EY0C"]["in_control"]) < 0.002
+    # A night before it was written, estimated again today, is judged by what the control held then.
+    today = nights_of(cell, settings, made, deep=False)
+    for moment, holds in ((NOW, None), ("2026-01-15T00:00:00Z", "written"), ("2026-03-01T00:00:00Z", "kept")):
+        control = as_of(today, moment).control
+        assert (control and control.event) == holds, moment
+    assert as_of(today, NOW).given == () and as_of(today, LATER).given == today.given
     # A change of 20 µm after that: the whole error of parts is the change, and the page does not ask for what is there already.
     moved = {**own["parameters"]["EY0C"]}
     moved["value"] += 0.020

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from support.blockcell import HALF, block, cell, machine, positions
 from support.distances import Body, distance
+from support.few import every
 
 from tango_cnc import kinematics
 from tango_cnc.plan import clearance, plan, sweep, travel
@@ -124,7 +125,7 @@ def nearest(made: Plan) -> float:
     return min((apart(made, way) for start, end in turned(made) for way in ways(made.machine, start, end)), default=math.inf)
 
 
-@pytest.mark.parametrize("topology", TABLES + HEADS)
+@pytest.mark.parametrize("topology", every(TABLES + HEADS, 2))
 def test_all_along_a_turn_the_probe_keeps_20_mm_from_everything(topology: str) -> None:
     for made in random_plans(topology, 3):
         assert nearest(made) > clearance.MARGIN - FOUND
@@ -137,7 +138,7 @@ def test_all_along_many_turns_the_probe_keeps_20_mm_from_everything(topology: st
         assert nearest(made) > clearance.MARGIN - FOUND
 
 
-@pytest.mark.parametrize("topology", TABLES + HEADS)
+@pytest.mark.parametrize("topology", every(TABLES + HEADS, 2, first=1))
 def test_the_ways_to_a_turn_and_from_it_are_free(topology: str) -> None:
     for made in random_plans(topology, 3, seed=2):
         first = made.touches[0].number
@@ -154,7 +155,7 @@ def spheres(monkeypatch: pytest.MonkeyPatch, work: Callable[[], Plan]) -> Plan:
         return work()
 
 
-@pytest.mark.parametrize("topology", TABLES)
+@pytest.mark.parametrize("topology", every(TABLES, 2))
 def test_no_table_turns_higher_than_above_the_sphere_that_it_sweeps(topology: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lower = []
     for made in random_plans(topology, 6, seed=3):

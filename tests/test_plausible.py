@@ -125,6 +125,7 @@ def halved(cell: Path) -> None:
     file.write_text("\n".join([head, *rows[::2]]) + "\n", encoding="utf-8")
 
 
+@pytest.mark.long
 def test_half_of_the_readings_is_incomplete_and_not_used(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     halved(cell)
     code, data = estimated(capsys, cell)
@@ -175,12 +176,14 @@ def test_touches_that_are_not_predicted_make_an_estimate_doubtful(
     assert any("1.7 times as far off as predicted" in reason for reason in data["reasons"])
 
 
+@pytest.mark.long
 def test_terms_that_leave_most_of_the_errors_are_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, data = estimated(capsys, cell, "--terms", "S1")
     assert data["verdict"] == "implausible"
     assert any("at most 50 µm is plausible" in reason for reason in data["reasons"])
 
 
+@pytest.mark.long
 def test_who_knows_less_of_a_machine_states_it(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     change(cell / "world.yaml", "EX0C: -0.1138", "EX0C: -1.4")
     assert called(capsys, "simulate", "-C", cell, "-o", readings_of(cell))[0] == 0
@@ -211,6 +214,7 @@ def test_a_tolerance_that_nobody_knows_is_refused(cell: Path, capsys: pytest.Cap
     assert code == 2 and "tolerances.pivot: found the unknown key 'pivot'" in err
 
 
+@pytest.mark.long
 def test_what_the_plan_left_out_is_not_missing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = readings_of(cell)
     lines = source.read_text(encoding="utf-8").splitlines(keepends=True)

@@ -46,6 +46,7 @@ def offset(root: Path) -> tuple[Cell, Readings]:
     )
 
 
+@pytest.mark.long
 def test_points_of_two_rotary_axes_that_are_exchanged_are_named(root: Path) -> None:
     cell, readings = offset(root)
     a, c = (cell.machine.axis(name).point for name in "AC")
@@ -55,6 +56,7 @@ def test_points_of_two_rotary_axes_that_are_exchanged_are_named(root: Path) -> N
     assert first.fits and first.after < 2e-3
 
 
+@pytest.mark.long
 def test_a_table_mirrored_about_the_line_of_its_axis_is_named(root: Path) -> None:
     cell, readings = offset(root)
     facets = {
@@ -76,6 +78,7 @@ def test_a_gain_of_a_rotary_axis_is_named(gain: float, sound: tuple[Cell, Readin
     assert f"C turns {1 / gain:.4g}" in named.text
 
 
+@pytest.mark.long
 def test_what_leaves_much_is_not_said_to_fit(sound: tuple[Cell, Readings]) -> None:
     cell, readings = sound
     z = cell.machine.column("Z")
@@ -90,6 +93,7 @@ def test_what_leaves_much_is_not_said_to_fit(sound: tuple[Cell, Readings]) -> No
     assert members(judged_on(*named))["suspicions"][0]["evidence"]["fits"] is False
 
 
+@pytest.mark.long
 def test_nothing_is_proposed_that_leaves_more_than_it_began_with(sound: tuple[Cell, Readings]) -> None:
     cell, readings = sound
     rng = np.random.default_rng(5)
@@ -132,6 +136,7 @@ def test_two_axes_that_are_exchanged_in_a_third_of_the_rows_are_named(sound: tup
     assert re.search(r"exchanged in 7\d rows, those of touches 6\d … 13\d", first.text)
 
 
+@pytest.mark.long
 def test_corners_of_the_facets_instead_of_their_centers_are_named(sound: tuple[Cell, Readings]) -> None:
     cell, readings = sound
     rng = np.random.default_rng(8)

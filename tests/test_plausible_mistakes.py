@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.few import every
 from support.slips import SLIPS
 
 from sim_controller.simulate import simulate
@@ -55,7 +56,7 @@ def test_the_catalogue_is_large_enough() -> None:
     assert len(SLIPS) >= 40
 
 
-@pytest.mark.parametrize("slip", ["one_normal_inward", "half_of_the_rows_missing", "normal_along_another_axis"])
+@pytest.mark.parametrize("slip", every(["one_normal_inward", "half_of_the_rows_missing", "normal_along_another_axis"], 3))
 def test_a_slip_is_named(slip: str, root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), slip, 1)
     assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1

@@ -58,6 +58,7 @@ def test_a_pasted_cycle_is_implausible_and_named(cell: Cell, twice: Readings, sh
     assert remark.change == "delete the rows of cycle 2, and measure them"
 
 
+@pytest.mark.long
 def test_rounded_positions_are_named_with_their_digit_and_first(cell: Cell, twice: Readings) -> None:
     one, digit = twice.rows(twice.cycle == 1), 0.1
     rounded = replace(one, position=np.column_stack([np.round(one.position[:, :3] / digit) * digit, one.position[:, 3:]]))

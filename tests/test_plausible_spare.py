@@ -71,6 +71,7 @@ def test_a_sound_cell_has_nothing_of_this(measured: Measured) -> None:
     assert (judgement.verdict, judgement.untrusted, judgement.incomplete) == ("trustworthy", (), False)
 
 
+@pytest.mark.long
 def test_where_most_touches_missed_these_come_first_and_no_mistake_is_said_to_fit(measured: Measured) -> None:
     cell, readings = measured
     some = np.random.default_rng(4).random(len(readings)) < 0.3

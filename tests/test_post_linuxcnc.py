@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.few import every
 
 from postprocessors._base import load, may_roll, program
 from tango_cnc.files import read_cell
@@ -16,6 +17,7 @@ from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import InputError, Plan
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
+EXAMPLES = Path(__file__).parent.parent / "examples"
 BACK_OFF = 0.2541  # mm
 SHIFT = "G21 G10 L2 P1 X10 Y-20 Z5 B3 C-40\nG54\nG92 X1 Z2\n"
 
@@ -104,9 +106,9 @@ def test_records_are_machine_coordinates_in_order(made: Plan, shift: str, tmp_pa
 
 
 @pytest.mark.system("rs274")
-@pytest.mark.parametrize("example", sorted(p.name for p in (Path(__file__).parent.parent / "examples").iterdir() if p.is_dir()))
+@pytest.mark.parametrize("example", every(sorted(p.name for p in EXAMPLES.iterdir() if p.is_dir()), 3))
 def test_the_program_of_every_example_is_accepted(example: str, tmp_path: Path) -> None:
-    made = plan(read_cell(Path(__file__).parent.parent / "examples" / example), "leave-out")
+    made = plan(read_cell(EXAMPLES / example), "leave-out")
     got = moves(interpreted(text_of(made), tmp_path))
     assert sum(kind == "probe" for kind, _ in got) == sum(move.kind in ("probe", "retract") for move in made.moves)
 
@@ -143,7 +145,7 @@ def test_rotary_axes_move_alone_and_wrap_only_when_told(made: Plan) -> None:
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_rotary_axes_come_to_every_touch_in_the_sense_that_the_readings_will_say(example: str, wrapped: bool) -> None:
     """Backlash is signed by it. A wrapped axis (ini-config.adoc) goes to 0 … 360 of its turn in the sense of the word's sign."""
-    folder = GOLDEN if example == "golden" else Path(__file__).parent.parent / "examples" / example
+    folder = GOLDEN if example == "golden" else EXAMPLES / example
     made = plan(read_cell(folder), "leave-out")
     wanted = iter(last_motion(made))
     rolls = {n for n in made.machine.rotary if wrapped and may_roll(made.machine, n)}

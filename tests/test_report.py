@@ -345,6 +345,7 @@ def test_a_touch_that_does_not_fit_is_named_with_its_place(facts: Facts) -> None
     assert "100" in context["flagged"][0]["touch"] and len(context["todo"]) > 1
 
 
+@pytest.mark.long
 def test_with_setup_terms_alone_it_does_not_praise_the_machine(facts: Facts) -> None:
     bare = gathered(facts.cell, facts.readings, Wishes(("S1",), diagnosis=False), facts.paper)
     judged = verdict(bare, texts())

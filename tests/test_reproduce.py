@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner, Result
+from support.few import every
 
 from tango_cnc.cli import tango
 from tango_cnc.commands.reproduce import _setting, study_text
@@ -49,7 +50,7 @@ def ours(number: str, name: str) -> dict[str, float]:
     return {row: pair[1] for row, pair in column(number, name).items() if pair[1] is not None}
 
 
-@pytest.mark.parametrize("number", tables())
+@pytest.mark.parametrize("number", every(tables(), 4))
 def test_every_table_says_what_is_compared_and_what_differs(number: str) -> None:
     one = made(number)
     assert one.number == number

@@ -151,6 +151,7 @@ def test_one_program_after_the_other_on_the_same_line(start: Start) -> None:
     assert line.until(DC4 + DC1 + DC2 + b"HELLO\n" + DC4 + DC1 + DC2 + b"HELLO\n" + DC4)
 
 
+@pytest.mark.long
 def test_common_variables_survive_from_program_to_program(start: Start) -> None:
     _, line = start()
     line.send(b"%\nO1\n#500=7\nM30\n%\n%\nO2\nPOPEN\nDPRNT[V#500[20]]\nPCLOS\nM30\n%\n")
@@ -200,6 +201,7 @@ def test_output_waits_while_the_other_side_holds_it(start: Start) -> None:
     line.until(b"HELLO\n" + DC4)
 
 
+@pytest.mark.long
 def test_seven_bits_and_even_parity(start: Start) -> None:
     process, line = start("--parity", "--once")
     line.send(even(HELLO))
@@ -209,6 +211,7 @@ def test_seven_bits_and_even_parity(start: Start) -> None:
     assert bytes(byte & 0x7F for byte in line.heard).endswith(DC2 + b"HELLO\n" + DC4)
 
 
+@pytest.mark.long
 def test_a_power_cut_is_silence(start: Start, tmp_path: Path) -> None:
     ledger = tmp_path / "ledger.jsonl"
     _, line = start("--fault", "stop-after=2", "--ledger", str(ledger))
@@ -221,6 +224,7 @@ def test_a_power_cut_is_silence(start: Start, tmp_path: Path) -> None:
     assert events[-1]["event"] == "power" and events[-1]["state"] == "off"
 
 
+@pytest.mark.long
 def test_hanging_up_in_the_middle_leaves_the_control_ready_for_the_next(start: Start) -> None:
     process, line = start("--speed", "100")
     line.send(b"%\nO1\nPOPEN\nG4 X10.\nDPRNT[LATE]\nM30\n%\n")

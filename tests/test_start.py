@@ -100,3 +100,26 @@ def test_a_report_of_a_cell_without_nights_loads_no_database(tmp_path: Path) -> 
     done = subprocess.run([sys.executable, "-c", REPORT, str(cell)], capture_output=True, text=True, check=False, cwd=cell)
     assert done.returncode == 0, done.stderr
     assert (cell / "report.html").exists()
+
+
+NOTES = """
+import sys
+from tango_cnc import lean
+from scipy._lib import _array_api
+kept = _array_api.FunctionDoc
+{spoilt}
+lean.leave_notes_out()
+from scipy import special
+assert _array_api.FunctionDoc is kept and special.ndtr(0.0) == 0.5
+assert not any(type(finder).__module__ == lean.__name__ for finder in sys.meta_path)
+print("Array API" in special.ndtr.__doc__)
+"""
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "noted"),
+    [("", False), ("del lean._Unwritten.__getitem__", True)],  # the second: a scipy that asks for more than it did
+)
+def test_functions_of_scipy_are_loaded_without_notes_and_whatever_scipy_asks_for(spoilt: str, noted: bool) -> None:
+    done = subprocess.run([sys.executable, "-c", NOTES.format(spoilt=spoilt)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stdout.strip() == str(noted), done.stderr

@@ -243,6 +243,7 @@ def test_trials_and_propagation_agree_within_3_percent_for_the_thesis_plan(cell:
         assert a.accuracy.rms < 0.01 and a.accuracy.std_ratio < 0.02
 
 
+@pytest.mark.long
 def test_with_touches_that_scatter_by_50_micrometres_they_do_not_agree(found: dict[str, Estimate]) -> None:
     """S4 is no longer linear over such noise: EB0C spreads by half as much again as the propagation says."""
     s = study_of(found["S4"], (Line("repeatability", {"std": 0.05}),))
@@ -254,6 +255,7 @@ def test_with_touches_that_scatter_by_50_micrometres_they_do_not_agree(found: di
     assert trials.accuracy(s, 6).rms > 0.02  # and the frozen Jacobian says that it is too coarse here
 
 
+@pytest.mark.long
 def test_a_rectangular_bar_is_not_validated_although_the_standard_deviations_agree(found: dict[str, Estimate]) -> None:
     lines = (Line("repeatability", {"std": 1e-5}), Line("scale_bar", {"std": 0.002, "distribution": "rectangular"}))
     s = study_of(found["S3"], lines)
@@ -331,6 +333,7 @@ def test_shortest_interval_of_a_skew_distribution_starts_at_its_edge() -> None:
         coverage.symmetric(values[:20], 0.95)
 
 
+@pytest.mark.long
 def test_student_parts_widen_the_trials_as_their_degrees_of_freedom_say(found: dict[str, Estimate]) -> None:
     e = found["S3"]
     n = len(e.model.touches)

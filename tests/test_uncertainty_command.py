@@ -60,6 +60,7 @@ def test_json_of_a_single_run(cell: Path, budget: Path, capsys: pytest.CaptureFi
     assert data["monte_carlo"]["trials"] == 2000 and data["monte_carlo"]["chord_error_rms"] < 0.01
 
 
+@pytest.mark.long
 def test_json_of_repeated_days(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = as_json(capsys, "-C", cell, "--readings", cell / "repeated.csv")
     assert data["pool"] == "cycles"
@@ -80,11 +81,13 @@ def test_text_for_people(cell: Path, budget: Path, capsys: pytest.CaptureFixture
     assert "so few trials do not resolve" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_without_a_budget_it_says_what_is_not_taken_into_account(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("uncertainty", "-C", cell, "--trials", 2000) == 0
     assert "Drift, lobing and form are not" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_the_budget_of_the_cell_is_taken_when_there_is_one(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "uncertainty.yaml"
     file.write_text(BUDGET, encoding="utf-8")
@@ -94,6 +97,7 @@ def test_the_budget_of_the_cell_is_taken_when_there_is_one(cell: Path, capsys: p
         file.unlink()
 
 
+@pytest.mark.long
 def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = as_json(capsys, "-C", cell, "--subset", "all=1-28", "--subset", "fewer=1,3,5-28")
     assert data["format"] == "tango-comparison/1"

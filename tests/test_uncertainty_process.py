@@ -63,6 +63,7 @@ def test_pooling_by_cycles_forgets_what_every_day_does_alike_and_by_days_what_se
     assert pooled.deviations(gaps + between_days, "days")[0] == pytest.approx(plain["days"], abs=1e-12)
 
 
+@pytest.mark.long
 def test_pooled_covariance_of_readings_propagates_to_that_of_the_estimates(cell: Cell, days: Readings) -> None:
     """U_y = C U_x Cᵀ of the pooled readings is the pooled covariance of the cycles' own nonlinear estimates."""
     a = analyse(cell.machine, cell.artefact, days, ("S3",), 3, (*NOISE, Line("scale_bar", {"std": 1e-9})), QUICK)
@@ -73,6 +74,7 @@ def test_pooled_covariance_of_readings_propagates_to_that_of_the_estimates(cell:
         assert std == pytest.approx(direct, rel=0.01)
 
 
+@pytest.mark.long
 def test_warm_up_widens_the_intervals_by_days_and_not_by_cycles(analysed: Analysis) -> None:
     a = analysed
     i = a.study.names.index("EY0S")

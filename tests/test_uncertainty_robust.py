@@ -61,6 +61,7 @@ def test_a_few_wrong_touches_are_in_no_interval(cell: Path, capsys: pytest.Captu
     assert code == 0 and far(cell, data) < 3
 
 
+@pytest.mark.long
 def test_scatter_that_the_budget_leaves_out_is_added_and_said(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spoil(cell, np.random.default_rng(3).normal(0, 0.01, 226))
     (cell / "uncertainty.yaml").write_text("contributions:\n- {source: repeatability, std: 0.0000007}\n", encoding="utf-8")

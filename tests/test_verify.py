@@ -522,6 +522,7 @@ def test_without_matplotlib_pictures_are_refused_before_anything_is_done(
     assert not (tmp_path / "none").exists()
 
 
+@pytest.mark.long
 def test_pictures_are_written(folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     file = cmm_file(tmp_path, world(), (0, 0, 0), (0, 0, 0))

@@ -14,6 +14,7 @@ RULE = (
 RISK = (
     "the sheet accepts at most 5 of 100 figures that are at or beyond their limit, and rejects at most 5 of 100 that are inside it"
 )
+CONFORMITY = "column verdict of the table, by the rule of 7.8.6.2 c); none is made where the head of the sheet says so"
 NOT_IN_IT = "not in U: setting up a tool or workpiece, and whatever changes after the measurement"
 
 
@@ -52,6 +53,7 @@ def checklist(
         "7.8.4.1 b) conditions": _conditions(order.conditions, sheet),
         "7.8.4.1 c) traceability": "; ".join(c.text for c in order.certificates) if traced else "",
         "7.8.4.1 d) before and after adjustment": p.get("adjustment", ""),
+        "7.8.4.1 e) conformity": CONFORMITY,
         "7.8.4.1 f) opinions": "none: the sheet has results and decisions only (7.8.7)",
         "7.8.4.3 calibration interval": "no recommendation is made",
         "7.8.6.1 level of risk": RISK,

@@ -21,7 +21,7 @@ from ..history import Stored, opened
 from ..nightly import Finding, Measured, Ports, night
 from ..plan import plan
 from ..records import InputError
-from ._cell_nights import nights_of
+from ._cell_nights import as_of, nights_of
 from ._simulated_nights import Folder, Nobody, Time
 
 Mapper = Callable[[Callable[[int], Any], Iterable[int]], Iterable[Any]]
@@ -91,6 +91,7 @@ class Again:
                 stored = before.night(one.entry)
                 if stored.readings is None:
                     continue
+                analysis = as_of(analysis, one.start_utc)
                 kept = _Kept(stored, analysis, _measured(cell, stored, analysis.check is None))
                 world = Ports(
                     Time(datetime.fromisoformat(one.start_utc).astimezone()),

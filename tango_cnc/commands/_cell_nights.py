@@ -61,10 +61,24 @@ def nights_of(cell: Cell, settings: Nightly, made: Plan, *, deep: bool = True) -
         _judged if deep else None,
         _diagnosed if deep else None,
         lambda result: {"estimate.json": json_text(estimate_json(result, withheld(result))) + "\n"},
-        in_control(cell.folder, followed.model, lambda: levers(followed)),
-        given(cell.folder),
-        tuple(loop.happened(cell.folder)),
+        **_compensations(cell.folder, followed),
     )
+
+
+def _compensations(folder: Path, followed: Frame, until: str = "") -> dict[str, Any]:
+    """cell, what is followed, before which moment (UTC; '': now) → members of the analysis that tell what the control holds."""
+    return {
+        "control": in_control(folder, followed.model, lambda: levers(followed), until),
+        "given": given(folder, until),
+        "happened": tuple(loop.happened(folder, until)),
+    }
+
+
+def as_of(analysis: Nights, utc: str) -> Nights:
+    """analysis, moment (UTC) → the same with what the control held then: a night of the past is judged by what was known."""
+    if len(loop.happened(analysis.cell.folder, utc)) == len(analysis.happened):
+        return analysis
+    return replace(analysis, **_compensations(analysis.cell.folder, analysis.followed, utc))
 
 
 def _limited(cell: Cell, settings: Nightly, followed: Frame) -> None:

@@ -12,7 +12,7 @@ from ..compensate import loop, targets
 from ..compensate.hidden import of_record, unseen
 from ..compensate.space import Held, Poses
 from ..iso230.poses import at_poses
-from ..loaded import KEPT
+from ..loaded import BACK, KEPT, changes
 from ..model import Model
 from ..nightly.control import Given, InControl
 from ..records import Array
@@ -24,19 +24,21 @@ from . import _compensate
 CALCULATED = "by calculation"  # in the text of an outcome without `tcp`: the run was made without tool center point control
 
 
-def in_control(folder: Path, model: Model, lever: Callable[[], Array]) -> InControl | None:
+def in_control(folder: Path, model: Model, lever: Callable[[], Array], until: str = "") -> InControl | None:
     """cell, model of its machine, function → (m, 3, p) what unknowns do at the corners of what is touched → what parts do not have.
+
+    `until` (UTC): of a night of the past counts what the control held then.
 
     None where no compensation is in the control, or where the runs see all of it: it was kept after one with tool center point
     control. Nothing is taken off for one that is only noted as written, or whose measurement was undecided, not as promised or
     no help: nobody knows that it acts. What it was made on top of, and was kept, is taken off until then: the control has at
     least its numbers. After no help even that is not known.
     """
-    there = loop.holding(folder)
+    there = loop.holding(folder, until)
     if there is None:
         return None
     kept = {k.number: k for k in loop.found(folder)}
-    seen = _seen(folder, there.proven)
+    seen = _seen(folder, there.proven, until)
     if there.measured and seen:
         return None
     hidden = _Hidden.of(kept[there.number], model)
@@ -80,15 +82,14 @@ class _Hidden:
         return np.asarray(found, dtype=np.float64)
 
 
-def _seen(folder: Path, number: int | None) -> bool:
-    """cell, compensation that was kept → whether the runs see all of it: it was measured with tool center point control on."""
-    event = next((e for e in reversed(loop.history(folder)) if e["compensation"] == number and e["event"] == KEPT), None)
+def _seen(folder: Path, number: int | None, until: str) -> bool:
+    """cell, compensation that was kept, moment → whether the runs see all of it: it was measured with tool center point control."""
+    known = [e for e in loop.history(folder) if not until or e["utc"][:19] < until[:19]]
+    event = next((e for e in reversed(known) if e["compensation"] == number and e["event"] == KEPT), None)
     return event is not None and bool(event.get("tcp", CALCULATED not in event.get("text", "")))
 
 
-def given(folder: Path) -> tuple[Given, ...]:
-    """cell → moments at which its control got another compensation, or lost one, oldest first."""
-    events = [e for e in loop.history(folder) if e["event"] in ("written", "rolled back")]
-    return tuple(
-        Given(e["utc"], local_day(e["utc"]), e["compensation"], e["target"], taken_out=e["event"] == "rolled back") for e in events
-    )
+def given(folder: Path, until: str = "") -> tuple[Given, ...]:
+    """cell, before which moment (UTC; '': any) → when its control got another compensation, or lost one, oldest first."""
+    events = changes(loop.happened(folder), until=until)
+    return tuple(Given(e.utc, local_day(e.utc), e.number, e.target, taken_out=e.event == BACK) for e in events)

@@ -23,6 +23,7 @@ from ..kinematics import chain, tip
 from ..records import Array, Cell, InputError, Machine, Readings, TermItem
 from ..report import pictures
 from ..verify import cmm, held_out, sphere, summary, volume
+from ..verify.apart import apart
 from ._common import table, write_json
 from ._trust import members, status, told
 from .iso230 import thermal_of
@@ -278,6 +279,8 @@ class Verification:
             self.lines.append(f"travel beyond the touched range: {', '.join(_range(touches, n) for n in far)}")
         if unseen := [c.names[0] for c in self.result.selection.unseen]:
             self.lines.append(f"not contained, since the touches cannot see it: {', '.join(unseen)}")
+        if beside := apart(self.result):
+            self.lines.append(beside)
         if self.options.map_file is not None:
             write_text(self.options.map_file, map_csv(machine, chart, sizes))
             self.lines.append(f"map of {len(chart.position)} poses: {self.options.map_file}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -14,12 +15,14 @@ from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.contradicted import contradicted
 from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
+from ..compensate.trusted import undecided, worth_acting
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..loaded import IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
+from ..verify.apart import apart
 from . import _compensate, _program, _scales
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
@@ -106,7 +109,7 @@ def command(**options: Any) -> int:
     if options["source"] is not None:
         contained(cell.folder, options)
         options["of_no_machine"] = _consented(cell.folder, options)
-        result = _estimate(cell, options)
+        result, _ = _estimate(cell, options)
         data = _program.program(cell, result, options["source"], options)
         if not write_json(options["json_file"], data):
             click.echo(_program.said(data))
@@ -117,7 +120,7 @@ def command(**options: Any) -> int:
     targets.load(options["target"])
     there, last = present(folder, options)
     simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
-    result = _estimate(cell, options)
+    result, untrusted = _estimate(cell, options)
     proposal = propose(
         result,
         options["target"],
@@ -127,6 +130,8 @@ def command(**options: Any) -> int:
         _volume(cell, options, last),
         tcp=True if options["trial_of"] is not None else options["tcp"],
     )
+    if not options["dry_run"]:
+        worth_acting(proposal.fit, result, untrusted, options["despite"])
     if options["trial_of"] is not None:
         return _sign_trial(cell, proposal, result, options, simulated=simulated)
     if last and not options["despite"]:
@@ -153,13 +158,14 @@ def _now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _estimate(cell: Cell, options: dict[str, Any]) -> Estimate:
+def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[str]]:
+    """cell, options → estimate that may be used, and names of what is not to be trusted in it. Raises TangoError."""
     source = current(cell.folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
-    return result
+    return result, judgement.untrusted
 
 
 def _consented(folder: Path, options: dict[str, Any]) -> bool:
@@ -177,7 +183,7 @@ def _consented(folder: Path, options: dict[str, Any]) -> bool:
 
 
 def _warmth(cell: Cell, result: Estimate) -> None:
-    if text := _scales.said(cell.folder, result):
+    for text in filter(None, (apart(result), _scales.said(cell.folder, result))):
         click.echo(text)
 
 
@@ -263,7 +269,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         )
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
-    result = _estimate(cell, options)
+    result, untrusted = _estimate(cell, options)
     again = propose(
         result,
         kept.record["target"],
@@ -283,6 +289,9 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     found = outcome(kept, result, held, tcp=tcp)
     if places and found.verdict != "kept":
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
+    why = undecided(kept.record, result, untrusted)
+    if why and found.verdict != "undecided" and not options["despite"]:
+        found = replace(found, verdict="undecided", text=why)
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)

@@ -13,6 +13,7 @@ from ..files.origin import current
 from ..nc import features, predict
 from ..records import InputError, TangoError
 from ..report import pictures
+from ..verify.apart import apart
 from . import _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, made_up, usable
@@ -56,7 +57,7 @@ def command(**options: Any) -> int:
     result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
     usable(judgement, options["despite"], "predict")
     simulated = made_up(origin)
-    first = [SIMULATED] if simulated else []
+    first = [*([SIMULATED] if simulated else []), *filter(None, [apart(result)])]
     if options["test"] is not None:
         shown, text, differs = _test.predicted(cell.folder, result, options)
         if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):

@@ -22,7 +22,7 @@ from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
 
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
-DEGREE = 6  # of the smooth functions of a table
+DEGREE = 4  # of the smooth functions of a table, for what it does not hold by name
 Solve = Callable[[Array], Array]
 
 
@@ -119,18 +119,14 @@ class Holding:
     taken: Array  # (3n, p) mm of them that the control takes away
     reversal: NDArray[np.bool_]  # (p,) whether a coefficient depends on the last motion
     space: Array  # (3n, h) mm that a unit of every number takes away
-    direct: Array  # (h, p) by name
-    basis: Array  # (h, b) the rest by fitted shapes
-    solve: Solve
+    best: Array  # (h, p) numbers per unit of every coefficient
 
     def numbers(self, found: Known, present: Mapping[str, float], unseen: Array | None = None) -> tuple[Array, Array]:
         """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them.
 
         `unseen`: (h,) what the control takes away already and the readings do not contain.
         """
-        error = self.poses.free(found.error(self.poses).reshape(-1, 1))[:, 0]
-        start = self.direct @ found.values
-        exact = start + self.basis @ self.solve(error - self.space @ start)
+        exact = self.best @ found.values
         if unseen is not None:
             exact = exact - unseen
         now = np.array([h.value(present.get(h.place, h.base)) for h in self.held])
@@ -154,12 +150,15 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     space = matrix(held, poses)
     weight = np.array([1.0 if h.kind == "length" else 1 / REACH for h in held])
     basis = smooth(held, poses.machine) * weight[:, None]
-    solve = _ridge(space @ basis)
     direct = by_name(found, held, poses)
-    # What the target takes away of every coefficient: by name first, the rest by fitted shapes.
-    taken = space @ (direct + basis @ solve(levers - space @ direct))
+    # What the target takes away of every coefficient: by name first, the rest by fitted shapes where that is worth it. A fit of
+    # what the target cannot hold finds a little of it in any table, and writes numbers that help nobody.
+    rest = levers - space @ direct
+    fitted = basis @ _ridge(space @ basis)(rest)
+    gain = _size(rest) - _size(rest - space @ fitted)
+    best = direct + np.where(gain > NONE * _size(levers), fitted, 0.0)
     reversing = np.asarray(found.reversal(poses).any(axis=0))
-    return Holding(tuple(held), poses, levers, taken, reversing, space, direct, basis, solve)
+    return Holding(tuple(held), poses, levers, space @ best, reversing, space, best)
 
 
 def fit(
@@ -197,6 +196,11 @@ def fit(
     )
 
 
+def _size(columns: Array) -> Array:
+    """(3n, p) → (p,) lengths of the columns."""
+    return np.asarray(np.linalg.norm(columns, axis=0))
+
+
 def rms(vectors: Array) -> float:
     """(3n,) mm → µm, root mean square of the lengths of n vectors."""
     return float(np.sqrt(np.mean(np.sum(vectors.reshape(-1, 3) ** 2, axis=1))) * 1e3)
@@ -206,21 +210,25 @@ def smooth(held: Sequence[Held], machine: Machine) -> Array:
     """→ (h, b) directions in which numbers are fitted: a table as smooth functions of its axis, everything else by itself.
 
     Points fitted one by one would follow what the target cannot hold wherever poses happen to lie. Local shapes that are known
-    by name are in the tables already, before anything is fitted.
+    by name are in the tables already, before anything is fitted. So are reversals that depend on the place: of what has no name
+    the same goes into both directions of motion, and one number more.
     """
     columns = []
-    tables: dict[tuple[str, int], list[int]] = {}
+    tables: dict[str, list[int]] = {}
     for j, h in enumerate(held):
         if h.at is None:
             columns.append(np.eye(len(held))[j])
         elif not h.turns:  # a table of a rotary axis holds what is its own: to hide a shift it would turn the workpiece
-            tables.setdefault((h.table, h.sense), []).append(j)
+            tables.setdefault(h.table, []).append(j)
     for rows in tables.values():
         at = np.array([held[j].at for j in rows], dtype=float)
-        width = float(np.ptp(at)) or 1.0
-        shapes = list(np.polynomial.legendre.legvander(2 * (at - at.min()) / width - 1, min(DEGREE, len(at) - 1)).T)
-        if held[rows[0]].axis in machine.rotary and len(at) > 2 * DEGREE:
+        sense = np.array([held[j].sense for j in rows], dtype=float)
+        width, points = float(np.ptp(at)) or 1.0, len(np.unique(at))
+        shapes = list(np.polynomial.legendre.legvander(2 * (at - at.min()) / width - 1, min(DEGREE, points - 1)).T)
+        if held[rows[0]].axis in machine.rotary and points > 12:
             shapes += [f(k * at) for k in (1, 2) for f in (np.cos, np.sin)]
+        if sense.any():
+            shapes.append(sense)
         for shape in shapes:
             column = np.zeros(len(held))
             column[rows] = shape

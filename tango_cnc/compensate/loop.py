@@ -240,15 +240,16 @@ def in_control(cell: Path) -> Kept | None:
     return None if there is None else next(kept for kept in found(cell) if kept.number == there.number)
 
 
-def happened(cell: Path) -> list[Happened]:
-    """cell → events of its compensations, oldest first."""
-    return [Happened(e["utc"], e["compensation"], e["target"], e["event"]) for e in history(cell)]
+def happened(cell: Path, until: str = "") -> list[Happened]:
+    """cell, before which moment (UTC; '': any) → events of its compensations, oldest first."""
+    there = [Happened(e["utc"], e["compensation"], e["target"], e["event"]) for e in history(cell)]
+    return [e for e in there if not until or e.utc[:19] < until[:19]]
 
 
-def holding(cell: Path) -> Holds | None:
-    """cell → what its control holds now, of the compensations whose folders are there; None where nothing."""
+def holding(cell: Path, until: str = "") -> Holds | None:
+    """cell, before which moment (UTC; '': now) → what its control holds then, of the compensations whose folders are there."""
     numbers = {kept.number for kept in found(cell)}
-    return holds(e for e in happened(cell) if e.number in numbers)
+    return holds(e for e in happened(cell, until) if e.number in numbers)
 
 
 def other_control(cell: Path, kept: Kept) -> Kept | None:

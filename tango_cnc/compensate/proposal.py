@@ -21,7 +21,7 @@ from .targets import Request
 
 FORMAT = "tango-compensation/1"
 CAP_MM, CAP_DEG = 0.05, 0.01
-POSES = 1200
+POSES = 1024
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ hold is what is left beside that space. Set-up (six numbers of the workpiece, on
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -106,18 +107,18 @@ class Poses:
         return np.asarray(columns - self.setup @ (self.setup.T @ columns))
 
 
-def sample(machine: Machine, limits: Limits, count: int = 1200) -> Poses:
-    """machine, volume, n → n poses spread evenly over the volume, with last motions of either direction.
+def sample(machine: Machine, limits: Limits, count: int = 1024) -> Poses:
+    """machine, volume, n → n poses spread evenly over the volume, with last motions of either direction; n a power of two.
 
-    Additive recurrence of the generalised golden ratio: even in every projection, and the same every time.
+    Sobol's sequence (I. M. Sobol', 1967): even in every projection, either direction as often as the other at every place, so
+    that a function of one axis looks like none of another axis by chance. The same poses every time.
     """
+    from scipy.stats import qmc  # a command that needs no poses does not wait for it
+
     names = [*machine.linear, *machine.rotary]
-    d = 2 * len(names)
-    ratio = 2.0
-    for _ in range(60):
-        ratio = (1 + ratio) ** (1 / (d + 1))
-    share = (0.5 + np.outer(np.arange(1, count + 1), ratio ** -np.arange(1, d + 1))) % 1.0
-    position, direction = np.zeros((count, len(machine.names))), np.ones((count, len(machine.names)))
+    share = qmc.Sobol(2 * len(names), scramble=False).random_base2(math.ceil(math.log2(count)))
+    share += 0.5 / len(share)
+    position, direction = np.zeros((len(share), len(machine.names))), np.ones((len(share), len(machine.names)))
     for i, name in enumerate(names):
         low, high = limits[name]
         position[:, machine.column(name)] = low + share[:, i] * (high - low)

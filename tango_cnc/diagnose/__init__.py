@@ -166,10 +166,14 @@ def _aside(machine: Machine, artefact: Artefact, readings: Readings) -> tuple[tu
 
 
 def as_term(r: Remainder) -> dict[str, Any]:
-    """a shape without a name → factors, weight and values of a `learned` term. Raises ValueError for what is no shape."""
+    """a shape without a name → factors, weight and values of a `learned` term. Raises ValueError for what is no shape.
+
+    Where a formula does as well, these are its values: it has nothing beside it that terms of the machine make, too.
+    """
     if r.form is None:
         raise ValueError(f"{r.covariate}: no shape")
-    return {**spec(r.form), "values": [float(f"{w:.9g}") for w in r.weights]}
+    values = r.weights if r.plain is None else np.where(np.abs(r.plain) > 1e-9 * np.abs(r.plain).max(), r.plain, 0.0)
+    return {**spec(r.form), "values": [float(f"{w:.9g}") for w in values]}
 
 
 def _told(

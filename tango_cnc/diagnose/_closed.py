@@ -14,26 +14,48 @@ from ._rows import Rows
 Function = Callable[[Array], Array]
 FEW = 40  # places of an axis between which each is tried
 AS_WELL = 0.9  # part of the shape's own pattern that a formula has to take
+INSTEAD = 0.95  # the same, where the formula is kept in place of the shape
+SAME = 1e-6  # of a formula, which the functions of the shape may lack
 POWERS = {"": 1, "²": 2, "³": 3}
 
 
-def closed(form: Form, means: Rows, pattern: Array, outside: Callable[[Array], Array]) -> str | None:
-    """shape, rows, what is visible of it (r,), what the model leaves of columns (r, k) → formula, or None.
+def closed(
+    form: Form, means: Rows, pattern: Array, outside: Callable[[Array], Array], visible: Array
+) -> tuple[str | None, Array | None]:
+    """shape, rows, what is visible of it (r,), what the model leaves of columns (r, k), and of the shape's functions (r, w) →
+    formula, or None; (w,) weights of the functions that make this formula, or None where they do not.
 
-    The formula with the fewest numbers in it that takes AS_WELL of the shape; of equals the one that takes most.
+    The formula with the fewest numbers in it that takes AS_WELL of the shape; of equals the one that takes most. Functions of a
+    shape hold what the terms of the model hold too, as a slope beside a product; nothing tells how much of it is the shape's. The
+    formula has none of it.
     """
     known, machine = values(means.whole), means.whole.machine
     felt = weights(means.whole, form.weight)
     whole = float(pattern @ pattern)
-    best: tuple[int, float, str] | None = None
+    best: tuple[int, float, str, Array | None] | None = None
     units = {f.covariate: _unit_of(f.covariate, machine) for f in form.factors}
     for text, free, function in _formulas([(f.covariate, known[f.covariate]) for f in form.factors], units):
-        left = outside(means.of(function[:, None] * felt))
+        columns = function[:, None] * felt
+        left = outside(means.of(columns))
         q = np.linalg.qr(left)[0]
         part = float(np.sum((q.T @ pattern) ** 2)) / whole if whole else 0.0
         if part > AS_WELL and (best is None or (free, -part) < (best[0], -best[1])):
-            best = free, part, text
-    return None if best is None else best[2]
+            found = _made_of(form, means, columns, pattern, visible) if part > INSTEAD else None
+            best = free, part, text, found
+    return (None, None) if best is None else best[2:]
+
+
+def _made_of(form: Form, means: Rows, columns: Array, pattern: Array, visible: Array) -> Array | None:
+    """shape, rows, columns of a formula (n, k), pattern (r,), what is visible of the functions (r, w) → their weights; None where
+    they do not hold the formula.
+    """
+    own = form.columns(means.whole)
+    whole = np.hstack([own, weights(means.whole, form.weight)])  # a shift of all is the set-up's, and in no shape
+    made = np.linalg.lstsq(whole, columns, rcond=1e-12)[0]
+    if np.linalg.norm(whole @ made - columns) > SAME * np.linalg.norm(columns):
+        return None
+    made = made[: own.shape[1]]
+    return np.asarray(made @ np.linalg.lstsq(visible @ made, pattern, rcond=1e-9)[0])
 
 
 def _unit_of(covariate: str, machine: Machine) -> tuple[float, str]:

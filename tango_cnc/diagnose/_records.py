@@ -96,3 +96,4 @@ class Remainder:
     closed: str | None = None  # a formula that does as well
     confirm: str = ""  # where it would show again
     again: Again | None = None  # what it was when it was learned
+    plain: Array | None = None  # (k,) weights that make `closed`, where that is kept in place of `weights`

@@ -54,6 +54,13 @@ def remainders(
         left = (whole - basis @ (basis.T @ whole))[: len(columns)]
         pattern = left @ w / means.scale
         row = int(np.argmax(np.abs(pattern)))
+        formula, plain = closed(
+            p.kernel.form,
+            means,
+            left @ w,
+            lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x),
+            left * p.kernel.scale,
+        )
         std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
         if p.kernel.form is None:
             about = str(p.kernel.setting["covariate"]), "none", "changing", float(np.abs(pattern[row]))
@@ -71,8 +78,9 @@ def remainders(
                 p.kernel.form,
                 w / p.kernel.scale,
                 int(means.first[row]),
-                closed(p.kernel.form, means, left @ w, lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x)),
+                formula,
                 confirm(p, means.seen, pattern),
+                plain=plain,
             )
         )
     result.sort(key=lambda r: -float(r.pattern @ r.pattern))

@@ -28,6 +28,7 @@ from .groups import common
 from .halves import halves
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
+from .learned import learned
 from .program import another_program
 from .search import less, place, suspects
 from .setup import offset, stylus
@@ -172,7 +173,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
     if patterns:
         found += [*lacking(result, AGREED if agrees else LEVEL), *either(result, BETTER if agrees else AS_WELL)]
-    return [*found, *unseen(result), *stylus(cell, told), *offset(told)]
+    return [*found, *unseen(result), *learned(result), *stylus(cell, told), *offset(told)]
 
 
 def _noise(result: Estimate) -> list[Remark]:

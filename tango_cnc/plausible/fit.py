@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from .. import kinematics
 from ..kinematics import Slot
@@ -118,38 +119,52 @@ def _regressor(name: str, touches: Touches) -> Array:
     return np.ones(len(touches))
 
 
+@dataclass(frozen=True)
+class Start:
+    """Touches of a cell before anything is fitted: hypotheses that change neither cell nor readings share them."""
+
+    touches: Touches
+
+    @cached_property
+    def linear(self) -> tuple[Array, Array, Mapping[Slot, Array]]:
+        """→ gaps (n,) mm, their gradient (n, 3), how an error at each slot moves the touches (n,) mm/mm or mm/rad."""
+        return _levers(self.touches, np.zeros(len(self.touches.facets)), np.zeros((len(self.touches.balls), 3)), {})
+
+
 def explain(
-    machine: Machine, artefact: Artefact, readings: Readings, free: Sequence[str] = (), scale: float | None = None
+    machine: Machine,
+    artefact: Artefact,
+    readings: Readings,
+    free: Sequence[str] = (),
+    scale: float | None = None,
+    start: Start | None = None,
 ) -> Explained:
     """cell, readings of which rows with status ok count, unknowns given up → what they leave.
 
     Names in `free` are those of unknowns, `EXw` (placement), `E_zero_X` and `E_zero_B@7` (zero of an axis, mm or rad, always or at
     one indexation, counted from 0), `E_point_BX` (point of an axis, in its frame), `facets@X` (every facet that is not on a ball),
-    `radius` (tip), `ballradius@1` and `bar`.
+    `radius` (tip), `ballradius@1` and `bar`. `start` is that of the same cell and readings.
     """
-    touches = from_readings(machine, artefact, readings)
-    columns = unknowns(machine, touches, free)
+    start = start or Start(from_readings(machine, artefact, readings))
+    touches = start.touches
+    fitted = _Fitted(touches, tuple(unknowns(machine, touches, free)))
     final = scale or max(3 * machine.probe.repeatability, 0.004)
-    prior = np.array([u.prior for u in columns])
-    values = np.zeros(len(columns))
-    before = None
+    prior = np.array([u.prior for u in fitted.columns])
+    values = np.zeros(len(fitted.columns))
+    before = start.linear[0]
     rounds = ROUNDS if free else 2
     for again in range(rounds):
-        acting = _acting(columns, values, touches)
-        run = kinematics.trace(touches.chain, touches.position, acting)
-        gaps, jacobian = _linear(columns, values, touches, run)
-        before = gaps if before is None else before
+        gaps, jacobian = fitted.linear(values, start.linear if not again else None)
         first = (*(_wide(gaps) if free else ()), *STAGES, final, final)
         old, values = values, _robust(gaps, jacobian, values, prior, first if not again else (final,) * 3)
         if again and np.abs(jacobian @ (values - old)).max(initial=0.0) < STRAIGHT:
             break
-    tip = kinematics.tip(touches.chain, touches.position, _acting(columns, values, touches))
-    gaps, beside = _left(columns, values, touches, tip)
-    assert before is not None
-    bar = _bar(columns, values, touches)
+    tip = kinematics.tip(touches.chain, touches.position, fitted.acting(values))
+    gaps, beside = fitted.left(values, tip)
+    bar = fitted.bar(values)
     cost = float(np.log1p((gaps / final) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2 + np.log1p((bar / 0.05) ** 2))
     cost += float(np.sum((values / prior) ** 2) / 2)
-    return Explained(cost, before, gaps, beside, {u.name: float(v) for u, v in zip(columns, values, strict=True)})
+    return Explained(cost, before, gaps, beside, {u.name: float(v) for u, v in zip(fitted.columns, values, strict=True)})
 
 
 def _wide(gaps: Array) -> list[float]:
@@ -158,14 +173,6 @@ def _wide(gaps: Array) -> list[float]:
     half = float(np.median(np.abs(gaps)))
     scales = SPREAD * half / 2.0 ** np.arange(STEPS)
     return list(scales[scales > NARROW])
-
-
-def _acting(columns: Sequence[Unknown], values: Array, touches: Touches) -> dict[Slot, Array]:
-    acting: dict[Slot, Array] = {}
-    for unknown, value in zip(columns, values, strict=True):
-        for slot, sign in _places(unknown.name, touches.machine) if value else ():
-            acting[slot] = acting.get(slot, 0.0) + sign * value * _pattern(unknown.name, touches)
-    return acting
 
 
 def _places(name: str, machine: Machine) -> list[tuple[Slot, float]]:
@@ -190,67 +197,135 @@ def _pattern(name: str, touches: Touches) -> Array:
     return _regressor(name, touches)
 
 
-def _offsets(columns: Sequence[Unknown], values: Array, touches: Touches) -> tuple[Array, Array, Array]:
-    own = {u.name: float(v) for u, v in zip(columns, values, strict=True)}
-    offsets = np.array([own[f"EZf{facet}"] for facet in touches.facets])
-    shifts = np.array([[own[f"E{c}ball{ball}"] for c in "XYZ"] for ball in touches.balls]).reshape(-1, 3)
-    together = _together(own, touches)
-    less = np.full(len(touches), own.get("radius", 0.0)) + np.sum(touches.normal * together, axis=1)
-    for i, ball in enumerate(touches.balls):
-        less[touches.ball_index == i] += own.get(f"ballradius@{ball}", 0.0)
-    return offsets, shifts, less
-
-
-def _together(values: Mapping[str, float], touches: Touches) -> Array:
-    """→ (n, 3) mm that all facets but those on balls are shifted by."""
-    return np.where(touches.ball_index < 0, 1.0, 0.0)[:, None] * [values.get(f"facets@{c}", 0.0) for c in "XYZ"]
-
-
-def _linear(columns: Sequence[Unknown], values: Array, touches: Touches, run: kinematics.Trace) -> tuple[Array, Array]:
-    offsets, shifts, radius = _offsets(columns, values, touches)
+def _levers(
+    touches: Touches, offsets: Array, shifts: Array, acting: Mapping[Slot, Array]
+) -> tuple[Array, Array, Mapping[Slot, Array]]:
+    run = kinematics.trace(touches.chain, touches.position, acting)
     value, gradient = gap(touches, run.tip, offsets, shifts)
-    levers = kinematics.sensitivity(touches.chain, run, gradient).slots
-    jacobian = np.zeros((len(touches), len(columns)), order="F")
-    along = -np.sum(gradient * touches.normal, axis=1)
-    place = {facet: i for i, facet in enumerate(touches.facets)}
-    balls = {ball: i for i, ball in enumerate(touches.balls)}
-    for j, unknown in enumerate(columns):
-        name = unknown.name
-        places = _places(name, touches.machine)
-        if places:
-            jacobian[:, j] = sum(sign * levers[slot] for slot, sign in places) * _pattern(name, touches)
-        elif name.startswith("facets@"):
-            jacobian[:, j] = np.where(touches.ball_index < 0, -touches.normal[:, "XYZ".index(name[7])], 0.0)
-        elif name == "radius":
-            jacobian[:, j] = -1.0
-        elif name.startswith("ballradius@"):
-            jacobian[:, j] = np.where(touches.ball_index == balls[name[11:]], -1.0, 0.0)
-        elif name.startswith("EZf"):
-            jacobian[:, j] = np.where(touches.facet_index == place[name[3:]], along, 0.0)
-        elif name[2:6] == "ball":
-            own = touches.ball_index == balls[name[6:]]
-            jacobian[:, j] = np.where(own, -gradient[:, "XYZ".index(name[1])], 0.0)
-    return value - radius, jacobian
+    return value, gradient, kinematics.sensitivity(touches.chain, run, gradient).slots
 
 
-def _left(columns: Sequence[Unknown], values: Array, touches: Touches, tip: Array) -> tuple[Array, Array]:
-    offsets, shifts, radius = _offsets(columns, values, touches)
-    gaps, _ = gap(touches, tip, offsets, shifts)
-    shift = _together({u.name: float(v) for u, v in zip(columns, values, strict=True)}, touches)
-    away = tip - touches.point - shift - touches.radius[:, None] * touches.normal
-    across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
-    return gaps - radius, np.linalg.norm(across, axis=1)
+@dataclass(frozen=True)
+class _Fitted:
+    """Unknowns and touches, and what follows from both whatever the values are: machine, styli, facets, balls, the rest."""
+
+    touches: Touches
+    columns: tuple[Unknown, ...]
+
+    @cached_property
+    def place(self) -> dict[str, int]:
+        return {u.name: j for j, u in enumerate(self.columns)}
+
+    @cached_property
+    def first_facet(self) -> int:
+        facets = self.touches.facets
+        return self.place[f"EZf{facets[0]}"] if facets else 0
+
+    @cached_property
+    def first_ball(self) -> int:
+        balls = self.touches.balls
+        return self.place[f"EXball{balls[0]}"] if balls else 0
+
+    @cached_property
+    def places(self) -> list[tuple[int, list[tuple[Slot, float]]]]:
+        """→ columns that act somewhere in the chain, and where."""
+        found = ((j, _places(u.name, self.touches.machine)) for j, u in enumerate(self.columns))
+        return [(j, places) for j, places in found if places]
+
+    @cached_property
+    def patterns(self) -> Array:
+        """→ (m, n) their regressors, one row each."""
+        rows = [_pattern(self.columns[j].name, self.touches) for j, _ in self.places]
+        return np.array(rows).reshape(len(rows), len(self.touches))
+
+    @cached_property
+    def rest(self) -> list[tuple[int, str]]:
+        """→ columns that are neither in the chain nor an offset of one facet or one ball, with their names."""
+        away = ("facets@", "radius", "ballradius@")
+        return [(j, u.name) for j, u in enumerate(self.columns) if u.name.startswith(away)]
+
+    def acting(self, values: Array) -> dict[Slot, Array]:
+        """(p,) → the error at every slot of which something is not zero, (n,) mm or rad."""
+        acting: dict[Slot, Array] = {}
+        own = values[[j for j, _ in self.places]]
+        amounts = own[:, None] * self.patterns
+        for value, amount, (_, places) in zip(own, amounts, self.places, strict=True):
+            for slot, sign in places if value else ():
+                acting[slot] = acting[slot] + sign * amount if slot in acting else sign * amount
+        return acting
+
+    def offsets(self, values: Array) -> tuple[Array, Array, Array | float]:
+        """(p,) → offsets of facets (F,) mm, shifts of balls (B, 3) mm, by how much the surface is nearer (n,) mm."""
+        facets, balls = len(self.touches.facets), len(self.touches.balls)
+        offsets = values[self.first_facet : self.first_facet + facets]
+        shifts = values[self.first_ball : self.first_ball + 3 * balls].reshape(-1, 3)
+        return offsets, shifts, self.nearer(values)
+
+    def nearer(self, values: Array) -> Array | float:
+        """(p,) → (n,) mm by which radii and facets that moved together bring the surface nearer."""
+        if not self.rest:
+            return 0.0
+        own = {name: float(values[j]) for j, name in self.rest}
+        less = np.full(len(self.touches), own.get("radius", 0.0))
+        less = less + np.sum(self.touches.normal * self.together(values), axis=1)
+        for i, ball in enumerate(self.touches.balls):
+            less[self.touches.ball_index == i] += own.get(f"ballradius@{ball}", 0.0)
+        return less
+
+    def together(self, values: Array) -> Array:
+        """(p,) → (n, 3) mm that all facets but those on balls are shifted by."""
+        own = {name: float(values[j]) for j, name in self.rest}
+        return np.where(self.touches.ball_index < 0, 1.0, 0.0)[:, None] * [own.get(f"facets@{c}", 0.0) for c in "XYZ"]
+
+    def linear(self, values: Array, known: tuple[Array, Array, Mapping[Slot, Array]] | None) -> tuple[Array, Array]:
+        """(p,), what is known of the cell as it is stated → gaps (n,) mm and their Jacobian (n, p)."""
+        touches = self.touches
+        offsets, shifts, nearer = self.offsets(values)
+        value, gradient, levers = known or _levers(touches, offsets, shifts, self.acting(values))
+        columns = np.zeros((len(self.columns), len(touches)))
+        for (j, places), pattern in zip(self.places, self.patterns, strict=True):
+            (slot, sign), *others = places
+            total = sign * levers[slot]
+            for slot, sign in others:
+                total = total + sign * levers[slot]
+            np.multiply(total, pattern, out=columns[j])
+        jacobian = columns.T
+        row = np.flatnonzero(touches.facet_index >= 0)
+        jacobian[row, self.first_facet + touches.facet_index[row]] = -np.sum(gradient[row] * touches.normal[row], axis=1)
+        row = np.flatnonzero(touches.ball_index >= 0)
+        for i in range(3):
+            jacobian[row, self.first_ball + 3 * touches.ball_index[row] + i] = -gradient[row, i]
+        for j, name in self.rest:
+            if name.startswith("facets@"):
+                columns[j] = np.where(touches.ball_index < 0, -touches.normal[:, "XYZ".index(name[7])], 0.0)
+            elif name == "radius":
+                columns[j] = -1.0
+            else:
+                columns[j] = np.where(touches.ball_index == touches.balls.index(name[11:]), -1.0, 0.0)
+        return value - nearer, jacobian
+
+    def left(self, values: Array, tip: Array) -> tuple[Array, Array]:
+        """(p,), (n, 3) mm tip → gaps (n,) mm and how far the tip is beside the nominal contact (n,) mm."""
+        touches = self.touches
+        offsets, shifts, nearer = self.offsets(values)
+        gaps, _ = gap(touches, tip, offsets, shifts)
+        away = tip - touches.point - (self.together(values) if self.rest else 0.0) - touches.radius[:, None] * touches.normal
+        return gaps - nearer, np.linalg.norm(across(away, touches.normal), axis=1)
+
+    def bar(self, values: Array) -> float:
+        """(p,) → mm by which the scale bar disagrees; 0 without one, or when its length is given up."""
+        touches = self.touches
+        bar = touches.artefact.scale_bar
+        if bar is None or not set(bar.balls) <= set(touches.balls) or "bar" in self.place:
+            return 0.0
+        _, shifts, _ = self.offsets(values)
+        one, two = (np.array(touches.artefact.balls[b].centre) + shifts[touches.balls.index(b)] for b in bar.balls)
+        return float(np.linalg.norm(one - two)) - bar.length
 
 
-def _bar(columns: Sequence[Unknown], values: Array, touches: Touches) -> float:
-    """→ mm by which the scale bar disagrees; 0 without one, or when its length is given up."""
-    bar = touches.artefact.scale_bar
-    if bar is None or not set(bar.balls) <= set(touches.balls) or any(u.name == "bar" for u in columns):
-        return 0.0
-    _, shifts, _ = _offsets(columns, values, touches)
-    place = {ball: i for i, ball in enumerate(touches.balls)}
-    one, two = (np.array(touches.artefact.balls[b].centre) + shifts[place[b]] for b in bar.balls)
-    return float(np.linalg.norm(one - two)) - bar.length
+def across(away: Array, normal: Array) -> Array:
+    """(n, 3), (n, 3) unit normals → what is left of the first across the normals."""
+    return away - np.sum(away * normal, axis=1)[:, None] * normal
 
 
 def _robust(gaps: Array, jacobian: Array, start: Array, prior: Array, stages: Sequence[float]) -> Array:
@@ -260,11 +335,13 @@ def _robust(gaps: Array, jacobian: Array, start: Array, prior: Array, stages: Se
     for scale in stages:
         weight = 1 / (1 + (left / scale) ** 2) * 2 / scale**2
         normal = (scaled.T * weight) @ scaled
-        normal[np.diag_indices_from(normal)] += (
-            1.0 + ROUNDING * normal.diagonal()
-        )  # of each its own: a free angle is no prior of the others
+        diagonal = np.einsum("ii->i", normal)  # a view
+        diagonal += 1.0 + ROUNDING * diagonal  # of each its own: a free angle is no prior of the others
         right = scaled.T @ (weight * left) + values / prior
-        change = linalg.cho_solve(linalg.cho_factor(normal, check_finite=False), right, check_finite=False) * prior
+        root, failed = lapack.dpotrf(normal, clean=False)
+        if failed:
+            raise linalg.LinAlgError(f"{failed}-th leading minor of the array is not positive definite")
+        change = lapack.dpotrs(root, right)[0] * prior
         values = values - change
         left = left - jacobian @ change
     return values

@@ -17,10 +17,10 @@ from .. import kinematics
 from ..files.checked import Node, load
 from ..judgement import Suspicion
 from ..model import gap
-from ..records import Array, Artefact, Cell, InputError, Machine, Readings
+from ..records import Array, Cell, InputError, Readings
 from ..texts import say
-from ..touches import FAR, from_readings
-from .fit import BESIDE, Explained, explain
+from ..touches import FAR, Touches, from_readings
+from .fit import BESIDE, Explained, Start, across, explain
 from .mistakes import kinds
 from .mistakes._case import Case, Hypothesis
 
@@ -49,7 +49,8 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
     used = readings.rows(readings.ok)
     if len(used) < 4:
         return ()
-    case = Case(cell, used, explain(cell.machine, cell.artefact, used))
+    start = Start(from_readings(cell.machine, cell.artefact, used))
+    case = Case(cell, used, explain(cell.machine, cell.artefact, used, start=start))
     plain: list[tuple[float, str, Hypothesis]] = []
     freed: list[tuple[str, Hypothesis]] = []
     for kind, module in kinds().items():
@@ -57,10 +58,10 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
             if h.free or h.touches:
                 freed.append((kind, h))
             else:
-                cost = _first_look(h.machine or cell.machine, h.artefact or cell.artefact, h.readings or used)
+                cost = _first_look(_touches(case, start, h))
                 plain.append((cost + h.price, kind, h))
     plain.sort(key=lambda item: item[0])
-    tried = [_tried(case, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
+    tried = [_tried(case, start, kind, h) for kind, h in [*((k, h) for _, k, h in plain[:FITTED]), *freed]]
     better = [t for t in tried if t.cost < case.stated.cost - SURE and _less(t, case) and _is_one(t)]
     fitting = sorted((t for t in better if _fits(t, case)), key=lambda t: t.cost)
     part = sorted((t for t in better if not _fits(t, case) and t.explained.size < WORTH * case.stated.size), key=_size)
@@ -72,18 +73,25 @@ def suspects(cell: Cell, readings: Readings) -> tuple[Suspicion, ...]:
     return _told(cell, case, near)
 
 
-def _first_look(machine: Machine, artefact: Artefact, readings: Readings) -> float:
-    touches = from_readings(machine, artefact, readings)
+def _touches(case: Case, start: Start, h: Hypothesis) -> Touches:
+    """case, its start, hypothesis → the touches of its cell; which facets and balls they name is found once."""
+    if h.machine is h.artefact is h.readings is None:
+        return start.touches
+    touches = from_readings(h.machine or case.machine, h.artefact or case.artefact, h.readings or case.readings)
+    return touches.named_as(start.touches) if h.artefact is None and touches.facet == start.touches.facet else touches
+
+
+def _first_look(touches: Touches) -> float:
     tip = kinematics.tip(touches.chain, touches.position)
     gaps, _ = gap(touches, tip, np.zeros(len(touches.facets)), np.zeros((len(touches.balls), 3)))
-    away = tip - touches.point
-    across = away - np.sum(away * touches.normal, axis=1)[:, None] * touches.normal
-    beside = np.linalg.norm(across, axis=1)
+    beside = np.linalg.norm(across(tip - touches.point, touches.normal), axis=1)
     return float(np.log1p((gaps / ROUGH) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2)
 
 
-def _tried(case: Case, kind: str, h: Hypothesis) -> _Tried:
-    found = explain(h.machine or case.machine, h.artefact or case.artefact, h.readings or case.readings, h.free)
+def _tried(case: Case, start: Start, kind: str, h: Hypothesis) -> _Tried:
+    own = h.machine or case.machine, h.artefact or case.artefact, h.readings or case.readings
+    touches = _touches(case, start, h)
+    found = explain(*own, h.free, start=start if touches is start.touches else Start(touches))
     return _Tried(kind, h, found, found.cost + h.price)
 
 

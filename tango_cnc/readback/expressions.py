@@ -13,6 +13,7 @@ Expression = Callable[[Get], Value]
 
 LONGEST = 300  # characters of an expression; a longer one would be as deep as Python can go
 DEEPEST = 40  # brackets in it
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)")
 TOKEN = re.compile(r"\s*(\d+\.?\d*|\.\d+|#<\w+>|\*\*|[A-Z]{2,4}|[-+*/#\[\]])")
 FUNCTIONS: dict[str, Callable[[float], float]] = {
     "ABS": abs,
@@ -54,6 +55,12 @@ def expression(text: str) -> Expression:
     if tokens:
         raise ValueError(f"no expression at {tokens[-1]!r}")
     return result
+
+
+@lru_cache(maxsize=4096)
+def constant(text: str) -> tuple[float, ...]:
+    """text → its value where it is one number and nothing else, which is the same whatever has gone wrong; none elsewhere."""
+    return (float(text) or 0.0,) if len(text) <= LONGEST and NUMBER.fullmatch(text) else ()
 
 
 def _level(tokens: list[str], depth: int) -> Expression:

@@ -15,7 +15,7 @@ from typing import Any
 from ..gate import INCH, STEP_FEED, step
 from ..nearest import printable
 from ..records import InputError, Plan
-from .expressions import Value, expression
+from .expressions import Value, constant, expression
 from .phases import BEGUN, OWED, TOLD, Action, Phase, after
 from .twins import Place, Twin, latched_elsewhere, offset_changed, other_contacts, stopped_short
 from .walk import PROTECTED, Walk
@@ -111,7 +111,7 @@ class Rehearsal:
 
     def same(self, text: str, within: float = 1e-6) -> float:
         """expression → its value, which must not depend on what has gone wrong by more than `within`."""
-        first, *rest = (self.value(twin, text) for twin in self.twins)
+        first, *rest = constant(text) or (self.value(twin, text) for twin in self.twins)
         if any(abs(first - other) > within for other in rest):
             raise InputError(f"{text!r} depends on where the probe was met")
         return first

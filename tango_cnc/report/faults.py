@@ -14,7 +14,7 @@ from ..state.changes import change
 from ..texts import Said, instead
 from .compensated import after, as_loaded, born, broken, dated, last_written
 from .days import day, days_between, local_day
-from .plain import amount, office, plain, shop
+from .plain import office, plain, shop, signed
 from .texts import Texts, texts
 from .units import Units, shown
 from .words import moved, named, spoken
@@ -193,7 +193,7 @@ def _whole(
 ) -> dict[str, Any]:
     """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
     factor, unit = shown(str(first.get("unit") or "mm"))
-    size = amount(every * factor, unit, u, t)
+    size = signed(every * factor, unit, u, t)
     text = moved(str(first["parameter"]), size, _since({**first, "night": first["first"]}, t), t)
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:

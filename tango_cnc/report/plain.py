@@ -73,6 +73,11 @@ def amount(value: float, unit: str, u: Units, t: Texts) -> str:
     return f"{rounded(abs(value * factor))} {name}".rstrip()
 
 
+def signed(value: float, unit: str, u: Units, t: Texts) -> str:
+    """number in µm, µrad or µm/m, units, texts → the same with the direction in which it moved: −9.2 µm; a tilt is told without."""
+    return amount(value, unit, u, t) if unit in ("µrad", "µm/m") else f"{'−' if value < 0 else '+'}{amount(value, unit, u, t)}"
+
+
 def rounded(value: float) -> str:
     """number without a sign → whole from 10 on, else one decimal."""
     return f"{value:.0f}" if value >= 9.95 else f"{value:.1f}".removesuffix(".0")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kinematics import Slot, axis_frame
 from ..records import Array, InputError, Machine
 from ..touches import Touches
 from . import Cause, Coefficient
@@ -39,13 +40,36 @@ def cause(
     form = form_of({"factors": factors, "weight": weight})
     size = np.array(values, dtype=float)
 
-    def pattern(t: Touches) -> Array:
-        columns = form.columns(t)
+    def pattern(t: Touches, felt: Array | None = None) -> Array:
+        columns = form.columns(t, felt=felt)
         if columns.shape[1] != len(size):
             raise InputError(f"terms: learned {name}: found {len(size)} values; allowed: {columns.shape[1]}, one a function")
         return np.asarray(columns @ size)
 
+    if (found := moved(machine, weight)) is not None:
+        slot, sign = found
+        return [Coefficient(f"learned[{name}]", "1", slot, lambda t: sign * pattern(t, np.ones((len(t), 1))))]
     return [early(f"learned[{name}]", pattern, "1")]
+
+
+def moved(machine: Machine, weight: str) -> tuple[Slot, float] | None:
+    """machine, how a shape is felt → where in the chain it moves the tool, and with which sign; None where it is no such move.
+
+    What is felt along a direction of the machine frame is a move of the tip in it; what is felt as an axis is, a positioning error
+    of that axis or a tilt of what it carries. Parts have these, too, and not touches alone.
+    """
+    kind, _, rest = weight.partition(" ")
+    branch = machine.tool_branch or machine.workpiece_branch
+    if kind == "axis":
+        return Slot(rest, "motion"), 1.0
+    if kind == "tilt":
+        letter, axis = rest.split(" of ")
+        return Slot(axis, "intra", 3 + "ABC".index(letter)), 1.0
+    if kind != "machine" or rest not in tuple("xyz") or not branch:
+        return None
+    first = machine.axis(branch[0])
+    straight = axis_frame(first.name, first.direction)[0] is None
+    return (Slot(first.name, "inter", "xyz".index(rest)), -1.0) if straight else None
 
 
 def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effects:

@@ -80,7 +80,7 @@ def rms(v: Array) -> float:
     return float(np.sqrt(3 * np.mean(v**2)) * 1e3)
 
 
-def tips(cell: Cell, world: World, proposal: Proposal, control: Control | None, poses: int = 1200) -> Array:
+def tips(cell: Cell, world: World, proposal: Proposal, control: Control | None, poses: int = 1024) -> Array:
     """→ (3n,) mm, errors of the true machine's tip over the volume of the proposal."""
     at = sample(cell.machine, proposal.request.limits, poses)
     position, direction = at.touches.position, at.touches.direction
@@ -90,8 +90,8 @@ def tips(cell: Cell, world: World, proposal: Proposal, control: Control | None, 
 
 
 def truth(cell: Cell, world: World, proposal: Proposal, control: Control | None) -> float:
-    """→ µm rms of the same."""
-    return rms(tips(cell, world, proposal, control))
+    """→ µm rms of the same, at poses that the proposal does not know."""
+    return rms(tips(cell, world, proposal, control, 2048))
 
 
 def closed(name: str, target: str, folder: Path, settings: Sequence[str] = ()) -> Closed:

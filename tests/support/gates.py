@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 from postprocessors._base import companions, load, program
@@ -20,6 +21,25 @@ from tango_cnc.plan import plan_hash
 from tango_cnc.records import Artefact, Machine, Plan, World
 
 NEAR = ("contact", "collision")  # what must not happen where nobody has proven the probe alive
+
+
+@dataclass(frozen=True)
+class _Itself:
+    """A plan that equals no other, and with it the options, which are told apart by their text."""
+
+    made: Plan = field(compare=False)
+    options: Mapping[str, Any] = field(compare=False)
+    which: int
+
+
+@lru_cache(maxsize=64)  # what many tests run is written once; a record of a plan is known again by itself
+def _written(name: str, made: _Itself, options: str) -> tuple[str, ...]:
+    return tuple(program(load(name), made.made, made.options, plan_hash(made.made))[2]())
+
+
+def written(name: str, made: Plan, options: Mapping[str, Any]) -> list[str]:
+    """dialect, plan, options of its profile → the lines of the program."""
+    return list(_written(name, _Itself(made, options, id(made)), repr(sorted(options.items()))))
 
 
 def ran(
@@ -39,7 +59,7 @@ def ran(
     """
     spoken, found = EVERY[name], Ran()
     family = language(spoken.family)
-    lines = list(program(load(name), made, options or {}, plan_hash(made))[2]())
+    lines = written(name, made, options or {})
     lines = lines[spoken.frame : len(lines) - spoken.frame]
     library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
     machine = truly or made.machine

@@ -1,0 +1,56 @@
+"""Whether what a compensation takes away, or what is found after it, rests on parameters that are to be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from ..estimate import Estimate
+from ..records import TangoError
+from .fit import Fit
+
+HALF = 0.5  # of the sum of squares of all effects on the tool tip
+
+
+def doubted(effects: Mapping[str, float], result: Estimate, untrusted: Collection[str]) -> list[str]:
+    """{coefficient: its effect on the tip}, estimate, labels that are not to be trusted → those, where most of the error is theirs.
+
+    Nothing where less than half of the error (its mean square) comes of them: then the rest is worth acting on.
+    """
+    named = {name: result.selection.label(name) for name in effects}
+    own = [name for name, label in named.items() if label in untrusted]
+    whole = sum(effect**2 for effect in effects.values())
+    if not own or sum(effects[name] ** 2 for name in own) < HALF * whole:
+        return []
+    return [named[name] for name in sorted(own, key=lambda name: -effects[name])]
+
+
+def worth_acting(best: Fit, result: Estimate, untrusted: Collection[str], despite: bool) -> None:
+    """proposal's fit, estimate, labels that are not to be trusted, --despite → nothing.
+
+    Raises TangoError where most of the error comes of parameters that are not to be trusted: nobody writes those into a control.
+    """
+    effects = {s.name: s.effect_um for s in best.shares if s.word != "set-up"}
+    if (names := doubted(effects, result, untrusted)) and not despite:
+        raise TangoError(
+            f"compensate: most of the error comes of {_some(names)}, not to be trusted in these readings. Nothing was written. "
+            "Mend what makes them doubtful (above) and measure again; --despite proposes it all the same"
+        )
+
+
+def undecided(record: Mapping[str, object], result: Estimate, untrusted: Collection[str]) -> str:
+    """record of a compensation, estimate of readings made with it, labels that are not to be trusted → why these decide nothing.
+
+    '' where they may decide.
+    """
+    listed = record.get("coefficients")
+    effects = {c["name"]: float(c["effect_um"]) * float(c["held"]) for c in listed} if isinstance(listed, list) else {}
+    if not (names := doubted(effects, result, untrusted)):
+        return ""
+    return (
+        f"this run decides nothing: most of what was to be taken away is {_some(names)}, not to be trusted in these readings. Mend "
+        "what makes them doubtful and measure again"
+    )
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
