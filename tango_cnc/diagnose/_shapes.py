@@ -54,13 +54,6 @@ def remainders(
         left = (whole - basis @ (basis.T @ whole))[: len(columns)]
         pattern = left @ w / means.scale
         row = int(np.argmax(np.abs(pattern)))
-        formula, plain = closed(
-            p.kernel.form,
-            means,
-            left @ w,
-            lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x),
-            left * p.kernel.scale,
-        )
         std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
         if p.kernel.form is None:
             about = str(p.kernel.setting["covariate"]), "none", "changing", float(np.abs(pattern[row]))
@@ -68,6 +61,13 @@ def remainders(
             like = str(p.kernel.setting["like"])
             result.append(Remainder(*about, share, pattern, std, touch=int(means.first[row]), confirm=like))
             continue
+        formula, plain = closed(
+            p.kernel.form,
+            means,
+            left @ w,
+            lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x),
+            left * p.kernel.scale,
+        )
         result.append(
             Remainder(
                 *(p.kernel.form.covariate, p.kernel.form.frame, p.kernel.form.factors[0].kind),
