@@ -48,10 +48,16 @@ CODE = ("tango_cnc", "postprocessors", "sim_controller", "tests", "examples")  #
 AT_ONCE = 6  # files of tests that are run with coverage before what they reach is kept
 AREAS = {
     "link": ("tango_cnc/link", ("test_link_*.py", "test_segments.py")),
-    "plan": ("tango_cnc/plan", ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py")),
+    "plan": (
+        "tango_cnc/plan",
+        ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py", "test_second_stylus.py"),
+    ),
     "check": ("tango_cnc/check", ("test_check*.py", "test_bodies.py", "test_plan*.py", "test_left_out.py")),
     "readback": ("tango_cnc/readback", ("test_readback*.py", "test_gate.py", "test_cycle_444.py")),
-    "posts": ("postprocessors", ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py")),
+    "posts": (
+        "postprocessors",
+        ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py", "contracts/test_posts.py"),
+    ),
 }
 LONGEST = 60  # s for one test: what takes longer hangs, which somebody notices
 BUDGET = 30.0  # s of tests are asked about a mistake, the quick ones first; as many again when none of them notices

@@ -19,7 +19,9 @@ from support.randomplans import EXAMPLES, example
 
 from sim_controller.motion import MotionStop
 from sim_controller.probing import rig
+from tango_cnc.check import solid
 from tango_cnc.check.apart import Pose, Round, apart
+from tango_cnc.check.bodies import pairs
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.files.write import machine_text
@@ -255,3 +257,15 @@ def test_many_random_obstacles_on_random_bodies_are_not_met(part: int, capsys: p
     seen = campaign(100 + part, 60)
     with capsys.disabled():
         print(f"\n{dict(seen)}")
+
+
+def test_body_and_nose_are_as_thick_as_they_are_all_around() -> None:
+    """Corners stand for what is round: in no direction across the spindle may they leave out any of it."""
+    cell = trunnion(*YOKE)
+    probe, at = cell.machine.probe, np.array(cell.machine.spindle.point)[:2]
+    shapes = {pair.one.name: pair.one.shape for pair in pairs(cell.machine, solid(cell.artefact), (), tuple(cell.artefact.balls))}
+    angle = np.linspace(0.0, 2 * np.pi, 97)
+    across = np.stack([np.cos(angle), np.sin(angle)])
+    for name, radius in (("the probe body", probe.body_radius), ("the spindle nose", max(probe.nose_radius, probe.body_radius))):
+        reach = ((shapes[name].corner[:, :2] - at) @ across).max(axis=0) + shapes[name].radius
+        assert (reach >= radius - 1e-9).all() and (reach <= 1.05 * radius).all(), name

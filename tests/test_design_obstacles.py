@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.cli import guarded, tango
-from tango_cnc.design import choose, order, propose
+from tango_cnc.design import choose, how_long, order
 from tango_cnc.design.ways import reason
 from tango_cnc.files import read_cell
 from tango_cnc.plan import attempt, plan
@@ -74,7 +74,7 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
         raise AssertionError("searched")
 
     monkeypatch.setattr(choose, "_tried", searched)
-    monkeypatch.setattr(propose, "_needed", lambda *_: 30.0)  # a quick choice for longer and longer times
+    monkeypatch.setattr(how_long, "needed", lambda *_: 30.0)  # a quick choice for longer and longer times
     asked = ["design", "-C", str(EXAMPLES / "split"), "--goal", "volume", "--minutes", "4"]
     assert guarded(tango.main, asked, standalone_mode=False) == 2
     said = capsys.readouterr().err
@@ -96,7 +96,7 @@ def test_what_a_quick_choice_of_more_time_does_not_determine_is_refused_before_t
     monkeypatch.setattr(choose, "_in_a_row", searched)
     monkeypatch.setattr(choose, "serves", lambda *_: False)
     monkeypatch.setattr(choose, "in_vain", lambda *_: True)
-    monkeypatch.setattr(propose, "_needed", lambda *_: 30.0)
+    monkeypatch.setattr(how_long, "needed", lambda *_: 30.0)
     asked = ["design", "-C", str(EXAMPLES / "three_axis_calibrated"), "--goal", "locations", "--minutes", "5", "--within", "0.3"]
     assert guarded(tango.main, asked, standalone_mode=False) == 2
     assert re.search(r"its \d+ touches do not determine all .* about 30 minutes or more", capsys.readouterr().err)

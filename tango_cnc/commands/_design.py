@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -16,13 +17,15 @@ from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import determined
+from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..design.relaxed import efficiency
 from ..duration import spoken
+from ..files.learned import FIELDS
 from ..files.write import dump
-from ..records import Array, Strategy
+from ..records import Array, Strategy, TermItem
 from ..report.drawn import Drawn
 from ..report.texts import texts
 
@@ -64,8 +67,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "efficiency_at_these_indexations": efficiency(
                 found.problem.criterion, found.value, found.here, len(found.problem.held)
             ),
-            "touches_in_a_row": found.problem.times,
-            "seconds_per_facet": found.costs[0],
+            "touches_in_a_row": most_in_a_row(found),
+            "seconds_per_facet": found.costs[0] / found.problem.times * most_in_a_row(found),
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
@@ -77,6 +80,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "power": POWER,
             "false_alarms": ALARMS,
             "stylus_um": 1e3 * ready.wish.stylus,
+            "full_run_s": None if ready.full is None else round(ready.full, 3),
             "limit_um": 1e3 * sees.limit,
             "size_um": 1e3 * sees.size,
             "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
@@ -106,7 +110,8 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
-            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch and "
+            f"no plan of this time with {own['seconds_per_facet'] / own['touches_in_a_row']:.1f} s for a touch, "
+            f"{own['touches_in_a_row']} of a facet in a row at most, and "
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )
@@ -128,12 +133,14 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
-        lines += _seen(data["check"])
+        lines += [*_longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
     if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
-        said = ",".join(item if isinstance(item, str) else str(item["cause"]) for item in ready.wish.terms)
-        lines.append(f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {said}")
+        said = _option(ready.wish.terms)
+        lines.append(
+            f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {shlex.quote(said)}"
+        )
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
@@ -158,6 +165,16 @@ def _means(goal: str, value: float, unit: str) -> str:
         "condition": f"most uncertain combination of parameters: {value:.3g} {unit}",
     }
     return said.get(goal, f"the most uncertain of these parameters reaches {100 * value:.0f} % of its limit")
+
+
+def _longer(seconds: float, full: float | None) -> list[str]:
+    """s of a check, of the full run that it rests on → what to do where the check saves no time."""
+    if full is None or seconds < full:
+        return []
+    return [
+        f"this check takes longer than the full run that it rests on ({_clock(full)}): make that run again instead, "
+        "which says more, or state a shorter time with --minutes"
+    ]
 
 
 def _seen(check: dict[str, Any]) -> list[str]:
@@ -294,3 +311,11 @@ def reasons(found: Chosen) -> list[str]:
 
 def _std(information: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
+
+
+def _option(terms: Sequence[TermItem]) -> str:
+    """terms → the same as --terms takes them: a learned shape by its name, for its numbers are in its file."""
+    plain = [item if isinstance(item, str) else {k: v for k, v in item.items() if k not in FIELDS} for item in terms]
+    if all(isinstance(item, str) for item in plain):
+        return ",".join(map(str, plain))
+    return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=10_000).strip()

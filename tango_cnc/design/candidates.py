@@ -25,6 +25,7 @@ from .region import turn
 MOST = 220  # indexations of the grid, without those at which the spindle is turned
 STEPS = (5.0, 7.5, 10.0, 15.0, 22.5, 30.0, 45.0)  # deg
 FINER = 1.6  # the axis that turns all round has steps larger by this
+SAME = math.radians(0.01)  # between indexations that are one
 WIDE = 1.0  # mm at the longest lever: so far from nominal is nothing before it is measured
 Rows = NDArray[np.int64]
 
@@ -82,12 +83,20 @@ def _square(position: Mapping[str, float], rotary: Sequence[str]) -> bool:
     return len(off) == 0 or (len(off) == 1 and abs(math.remainder(off[0], math.pi / 2)) < 1e-9 and abs(off[0]) < 1.1 * math.pi / 2)
 
 
-def candidates(cell: Cell, terms: Sequence[TermItem], approach: Approach, degree: int = 3, most: int = MOST) -> Candidates:
-    """cell, terms of the model, how a facet is touched → every touch that could be made.
+def candidates(
+    cell: Cell,
+    terms: Sequence[TermItem],
+    approach: Approach,
+    degree: int = 3,
+    most: int = MOST,
+    also: Sequence[Mapping[str, float]] = (),
+) -> Candidates:
+    """cell, terms of the model, how a facet is touched, further indexations (rad) than those of the grid → every possible touch.
 
     Raises InputError when there is none, and for terms that nothing knows.
     """
-    stations = [Indexation(position, tuple(cell.artefact.facets)) for position in grid(cell, most)]
+    places = with_others(grid(cell, most), also, (*cell.machine.rotary, "S"))
+    stations = [Indexation(position, tuple(cell.artefact.facets)) for position in places]
     whole = replace(cell, strategy=Strategy("all that can be touched", approach, tuple(stations)))
     whole = replace(whole, strategy=standing(whole))
     return of_strategy(whole, terms, degree)
@@ -116,6 +125,20 @@ def of_strategy(whole: Cell, terms: Sequence[TermItem], degree: int = 3) -> Cand
     own = certain * scale * (sigma / uncertainty)[:, None]
     held = own.T @ own + (sigma / WIDE) ** 2 * np.eye(len(scale))
     return Candidates(whole, selection, facet, pose, jacobian * scale, scale, held)
+
+
+def with_others(
+    places: Sequence[dict[str, float]], also: Sequence[Mapping[str, float]], names: Sequence[str]
+) -> list[dict[str, float]]:
+    """indexations, others, the axes that make them → all of them (rad), what is the same to `SAME` once."""
+    found, seen = list(places), {tuple(round(p.get(name, 0.0) / SAME) for name in names) for p in places}
+    for position in also:
+        own = {name: position.get(name, 0.0) for name in names}
+        key = tuple(round(value / SAME) for value in own.values())
+        if key not in seen:
+            seen.add(key)
+            found.append(own)
+    return found
 
 
 def _directions(position: Array, normal: Array, chain: kinematics.Chain) -> Array:

@@ -24,8 +24,9 @@ from .criterion import parts, value
 from .early import in_vain
 from .enough import serves
 from .exchange import Draft
-from .here import certified_here
+from .here import certified_here, most_in_a_row
 from .in_a_row import shared
+from .on_the_way import on_the_way
 from .problem import Chosen, Problem, lighter
 from .proving import proving
 from .relaxed import THOROUGH, Costs, Relaxed, efficiency, relax
@@ -44,7 +45,6 @@ CLOSE = 0.015  # of the time
 TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
-AGAIN, GAIN = 3, 0.99  # times that a plan is made better at the same visits at most, and of φ what is worth another time
 FIRST = 3  # times that a first plan is looked for where all of one had no safe way
 LONG = 36_000.0  # s, longer than any plan
 TRIED = 3  # indexations of a plan that says what a touch takes
@@ -98,19 +98,21 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
     best = first, relaxed
     with suppress(NoWay):
         found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
-        best = min((found, last), best, key=lambda each: each[0].value)
+        best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
         with suppress(NoTime):  # the turns of that plan say what turns cost
-            best = min(best, _tried(rows, costs_of(found), SHAKES, last), key=lambda each: each[0].value)
+            found, last = _tried(rows, costs_of(found), SHAKES, last)
+            best = min(best, (on_the_way(found, again), last), key=lambda each: each[0].value)
         if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
-            best = min(_tried(problem, costs, SHAKES, None), best, key=lambda each: each[0].value)
+            found, last = _tried(problem, costs, SHAKES, None)
+            best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
     made, relaxed = best
-    with suppress(NoTime, NoWay):
-        for _ in range(AGAIN):
-            finer = _at_the_same_visits(made, relaxed)
-            better, made = finer.value < GAIN * made.value, min(finer, made, key=lambda each: each.value)
-            if not better:
-                break
+    made = on_the_way(made, again) if made is first else made
     return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
+
+
+def quick(problem: Problem) -> Chosen:
+    """problem → a plan made quickly, as `chosen` begins with. Raises InputError when the time is too short for any."""
+    return _first(replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem)[0]
 
 
 def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
@@ -139,26 +141,6 @@ def _tried(problem: Problem, costs: tuple[float, float, float], shakes: int, rel
     if not found and last is not None:
         raise last
     return min(found, key=lambda each: each.value), relaxed
-
-
-def _at_the_same_visits(found: Chosen, relaxed: Relaxed) -> Chosen:
-    """plan, relaxed design → plan of the same visits in their order, its touches chosen by how axes really come there."""
-    problem, (touch, visit, spare) = found.problem, costs_of(found)
-    number = {tuple(sorted(i.position.items())): j for j, i in enumerate(problem.choice.cell.strategy.indexations)}
-    visits = list(dict.fromkeys(number[tuple(sorted(i.position.items()))] for i in found.cell.strategy.indexations))
-    light = lighter(problem.ordered(visits))
-    made = {(number[tuple(sorted(i.position.items()))], facet) for i in found.cell.strategy.indexations for facet in i.facets}
-    now = np.array([pair in made for pair in zip(light.choice.pose.tolist(), light.choice.facet, strict=True)])
-    some = np.flatnonzero(np.isin(light.choice.pose, visits))
-    rows, pose = light.choice.rows[some], np.searchsorted(np.sort(visits), light.choice.pose[some])
-    of_pose = [np.flatnonzero(pose == j) for j in range(len(visits))]
-    costs = Costs(np.full(len(rows), touch), np.full(len(visits), visit))
-    seconds = problem.seconds - spare
-    _enough(problem, seconds, touch, visit)
-    here = relax(rows, of_pose, light.held, costs, seconds, light.criterion)
-    mask = np.zeros(len(light.choice.pose), dtype=np.bool_)
-    mask[some[whole(rows, pose, of_pose, light.held, costs, seconds, here, SHAKES, now[some])]] = True
-    return _fitted(problem, mask, _lifted(problem, relaxed), [j for j in visits if mask[light.choice.pose == j].any()])
 
 
 def costs_of(found: Chosen) -> tuple[float, float, float]:
@@ -259,9 +241,15 @@ def _enough(problem: Problem, seconds: float, touch: float, visit: float) -> Non
 
 
 def certified(found: Chosen, relaxed: Relaxed) -> Chosen:
-    """plan, relaxed design from which to go on → the plan with the bound for what its own touches and turns take."""
-    problem, choice = found.problem, found.problem.choice
-    costs = Costs(np.full(len(choice.rows), found.costs[0]), np.full(len(choice.of_pose), found.costs[1]))
+    """plan, relaxed design from which to go on → the plan with the bound for what its own touches and turns take.
+
+    It holds for every plan that touches a facet no more often in a row. Such a visit is a mixture of visits that touch all of their
+    facets as often as that: of those touched once at least, twice at least, and so on.
+    """
+    most = most_in_a_row(found)
+    problem = found.problem.in_a_row(most)
+    choice, touch = problem.choice, found.costs[0] / found.problem.times * most
+    costs = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), found.costs[1]))
     seconds = max(problem.seconds, found.seconds) - proof(found.plan, problem.gate, problem.feed)
     bound = relax(choice.rows, choice.of_pose, problem.held, costs, seconds, problem.criterion, relaxed, THOROUGH).bound
     made = replace(found, bound=bound, efficiency=efficiency(problem.criterion, found.value, bound, len(problem.held)))

@@ -12,8 +12,10 @@ worst: for every choice of weights that mean is at most the worst, which is what
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from ..records import Array
@@ -42,17 +44,31 @@ def value(criterion: Criterion, information: Array) -> float:
     """criterion, A (p, p) → φ; of the worst of many, the worst."""
     root = np.linalg.cholesky(information)
     if criterion.worst is not None:
-        return float(np.sum(linalg.solve_triangular(root, criterion.worst.T, lower=True) ** 2, axis=0).max())
+        return float(_squares(root, criterion.worst).max())
     if criterion.spread is None:
         return -2 * float(np.log(np.diag(root)).sum())
-    return float(np.einsum("ij,ji->", criterion.spread, linalg.cho_solve((root, True), np.eye(len(root)))))
+    return float(np.vdot(criterion.spread, _inverse(root)))
 
 
 def parts(criterion: Criterion, information: Array) -> Array:
     """criterion of the worst of many, A → (k,) variance of each direction."""
     assert criterion.worst is not None
-    root = np.linalg.cholesky(information)
-    return np.asarray(np.sum(linalg.solve_triangular(root, criterion.worst.T, lower=True) ** 2, axis=0))
+    return _squares(np.linalg.cholesky(information), criterion.worst)
+
+
+# What follows is called a hundred thousand times for a plan; LAPACK itself, as the functions around it take longer than it does.
+
+
+def _squares(root: NDArray[Any], rows: Array) -> Array:
+    """(p, p) lower Cholesky factor of A, (k, p) → (k,) x A⁻¹ x of each row."""
+    solved = linalg.lapack.dtrtrs(root, rows.T, lower=1)[0]
+    return np.asarray(np.einsum("pk,pk->k", solved, solved))
+
+
+def _inverse(root: NDArray[Any]) -> Array:
+    """(p, p) lower Cholesky factor of A → A⁻¹."""
+    half = linalg.lapack.dpotri(root, lower=1)[0]
+    return np.asarray(np.tril(half) + np.tril(half, -1).T)
 
 
 @dataclass
@@ -67,8 +83,7 @@ class State:
     def of(cls, criterion: Criterion, information: Array) -> State:
         """criterion, A → state."""
         root = np.linalg.cholesky(information)
-        inverse = linalg.lapack.dpotri(root, lower=1)[0]
-        covariance = np.tril(inverse) + np.tril(inverse, -1).T
+        covariance = _inverse(root)
         gain = covariance if criterion.spread is None else covariance @ criterion.spread @ covariance
         return cls(criterion, covariance, gain)
 
@@ -117,12 +132,12 @@ class State:
         left, own = 1 + sign * float(row @ u), float(row @ v)
         factor = -sign / left
         same = self.gain is self.covariance
-        self.covariance = self.covariance + factor * np.outer(u, u)
+        self.covariance = self.covariance + u[:, None] * (factor * u)
         if same:
             self.gain = self.covariance
         else:
-            cross = np.outer(u, v)
-            self.gain = self.gain + factor * (cross + cross.T) + own * factor**2 * np.outer(u, u)
+            cross = u[:, None] * (factor * v + own * factor**2 / 2 * u)
+            self.gain = self.gain + cross + cross.T
         return u, v, own, left
 
 

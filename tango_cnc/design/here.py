@@ -70,8 +70,13 @@ def certified_here(found: Chosen) -> float:
         rows = np.vstack([problem.senses.rows(choice.rows, some, sense) for some, sense in zip(own, came, strict=True)])
     touch, spent = found.costs[0], found.costs[0] * len(found.rows) / problem.times
     spare = max(problem.seconds - found.seconds, 0.0)
-    most = max(Counter((each.indexation, each.facet) for each in found.plan.touches).values()) / problem.times
+    most = most_in_a_row(found) / problem.times
     return bound_here(rows, problem.held, np.full(len(rows), touch), spent + spare, problem.criterion, most)
+
+
+def most_in_a_row(found: Chosen) -> int:
+    """plan → how often it touches a facet at one indexation, at most."""
+    return max(Counter((each.indexation, each.facet) for each in found.plan.touches).values())
 
 
 def _most(gradient: Array, touch: Array, seconds: float) -> float:

@@ -69,11 +69,11 @@ def _counts(found: Chosen, again: float, spare: float) -> Counter[Key]:
     rows, number = found.rows[[place[key] for key in keys]], np.array([counts[key] for key in keys])
     spent = found.costs[0] / problem.times * len(found.rows)
     facet = max((spent - again * (len(found.rows) - len(keys))) / len(keys), again)  # s of a facet with its way
-    stays = np.array([_stays(found, key) for key in keys])
+    kept = np.array([stays(found, key) for key in keys])
     at = np.array([key[0] for key in keys])
     for _ in range(ROUNDS):
         last = np.bincount(at[number > 0], minlength=at.max() + 1)[at] < 2  # an indexation keeps a facet
-        few = np.flatnonzero((number > 1) | ((number == 1) & ~stays & ~last))
+        few = np.flatnonzero((number > 1) | ((number == 1) & ~kept & ~last))
         state = state_of(criterion, information)
         left = without_each(criterion, state, now, rows[few], POWER)
         best: tuple[float, int, list[int]] | None = None
@@ -103,7 +103,7 @@ def _smooth(criterion: Criterion, information: Array) -> float:
     return float(norm(parts(criterion, information)[:, None], POWER)[0])
 
 
-def _stays(found: Chosen, key: Key) -> bool:
+def stays(found: Chosen, key: Key) -> bool:
     """→ whether a facet is not given up: it may prove the probe, or show drift, or its ball needs it."""
     number, facet = key
     ends = number == 0 or (number == len(found.cell.strategy.indexations) - 1 and found.problem.repeats > 0)

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..duration import of_moves, proof
 from ..identify import SUBSETS, select
 from ..model import Model, linearise
 from ..plan import plan
 from ..records import Approach, Array, Cell, InputError, Plan, Readings, TermItem
 from ..terms import inter_axis
 from ..touches import from_readings
-from . import candidates, check, choose, goals, prior, region, timed
+from . import candidates, check, choose, goals, how_long, prior, region, timed
 from . import regular as plain
 from .balls import information
 from .candidates import Candidates
@@ -23,15 +23,13 @@ from .criterion import value
 from .enough import serves
 from .goals import Goal
 from .left_out import left_out, sentences
-from .problem import Chosen, Problem, lighter
+from .problem import Chosen, Problem
 from .region import Levers, Region
-from .relaxed import Costs, relax
-from .whole import whole
 
 CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
-LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
 BEGIN, TRIES = 300.0, 7  # s that are looked at first when limits are given and no time, and how many times are
+DIGITS = 2  # of a degree, of an indexation in readings
 SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
 NEAR = 0.05  # of the time: nearer to the least one is near enough
 
@@ -60,6 +58,7 @@ class Setting:
     problem: Problem
     lever: Levers
     where: Region
+    full: float | None = None  # s of the full run that a check rests on, where that is known
 
 
 def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
@@ -78,17 +77,19 @@ def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
 def setting(cell: Cell, wish: Wish) -> Setting:
     """cell, wish → problem. Raises InputError for a goal that these terms do not have, and where nothing can be touched."""
     terms = ("S4",) if wish.goal.word == "check" else wish.terms
-    choice = candidates.candidates(cell, terms, wish.approach, wish.degree)
+    also = _visited(cell, wish.before) if wish.goal.word == "check" else ()
+    choice = candidates.candidates(cell, terms, wish.approach, wish.degree, also=also)
     where = region.region(cell.machine, cell.artefact, wish.box)
     model = choice.selection.model
     lever = region.levers(cell.machine, model.coefficients, len(model.names), region.poses(cell.machine, where))
     seconds = 60 * (wish.minutes or goals.USUAL_MINUTES.get(wish.goal.word, 10.0))
-    begin = prior.held(choice)
+    begin, full = prior.held(choice), None
     if wish.goal.word == "volume":
         criterion = goals.volume(lever, choice.scale)
     elif wish.goal.word == "check":
         changing = _changing(wish, choice)
-        choice = check.with_changes(choice, _before(cell, wish, choice), changing, wish.stylus)
+        before, full = _before(cell, wish, choice)
+        choice = check.with_changes(choice, before, changing, wish.stylus)
         criterion, begin = check.worst_change(choice, lever), choice.held
     elif wish.goal.word == "A":
         criterion = goals.every(choice)
@@ -101,7 +102,17 @@ def setting(cell: Cell, wish: Wish) -> Setting:
         limits = wish.goal.limits or goals.usual_limits(model, reach)
         criterion = goals.of_limits(choice, limits, seen=True)
     problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate)
-    return Setting(wish, problem.of_time(seconds), lever, where)
+    return Setting(wish, problem.of_time(seconds), lever, where, full)
+
+
+def _visited(cell: Cell, before: Readings | None) -> list[dict[str, float]]:
+    """→ indexations (rad) of the full run: there a check meets what was measured, not what error motions between predict."""
+    if before is None:
+        return [dict(i.position) for i in cell.strategy.indexations]
+    names = [name for name in before.axes if name == "S" or name in cell.machine.rotary]
+    columns = [before.axes.index(name) for name in names]
+    places = np.round(np.degrees(before.position[:, columns]), DIGITS)
+    return [dict(zip(names, np.radians(row).tolist(), strict=True)) for row in np.unique(places, axis=0)]
 
 
 def _changing(wish: Wish, choice: Candidates) -> list[int]:
@@ -111,8 +122,8 @@ def _changing(wish: Wish, choice: Candidates) -> list[int]:
     return [j for j in own if wish.stylus > 0 or not check.is_stylus(choice, j)]
 
 
-def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
-    """→ (p, p) information of the full run that the check rests on: of its readings, or of the cell's strategy as planned."""
+def _before(cell: Cell, wish: Wish, choice: Candidates) -> tuple[Array, float | None]:
+    """→ (p, p) information of the full run that the check rests on, its s: of readings, or of the cell's strategy as planned."""
     if wish.before is None and not cell.strategy.indexations:
         raise InputError(
             "--goal check: a check rests on a full run, and there is neither --readings of one nor a strategy of this cell; "
@@ -121,7 +132,9 @@ def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
     if wish.before is None:
         made = plan(cell, "leave-out")
         rows, facets = timed.rows_of(choice, made), [touch.facet for touch in made.touches]
+        full: float | None = sum(of_moves(made, wish.feed)) + proof(made, wish.gate, wish.feed)
     else:
+        full = _lasted(wish.before)
         touches = replace(from_readings(cell.machine, cell.artefact, wish.before), artefact=choice.cell.artefact)
         facets = list(touches.facet)
         model = Model(touches, choice.selection.model.coefficients)
@@ -129,7 +142,14 @@ def _before(cell: Cell, wish: Wish, choice: Candidates) -> Array:
         rows = np.zeros((len(touches), len(place)))
         rows[:, [place[name] for name in model.names]] = linearise(model, np.zeros(len(model.names)))[1]
         rows *= choice.scale
-    return information(choice, facets, rows)
+    return information(choice, facets, rows), full
+
+
+def _lasted(before: Readings) -> float | None:
+    """readings → s of the longest cycle in them, from the first touch to the last; None where they do not say it."""
+    cycles = np.unique(np.column_stack([before.day, before.cycle]), axis=0)
+    spans = [float(np.ptp(before.time[(before.day == day) & (before.cycle == cycle)])) for day, cycle in cycles]
+    return max(spans, default=0.0) or None
 
 
 def propose(ready: Setting) -> Chosen:
@@ -145,8 +165,8 @@ def propose(ready: Setting) -> Chosen:
         raise _refused(ready, error.found, _undetermined(error.found)) from None
     except choose.TooFew as error:
         bound = error.seconds / 60
-        minutes = _needed(error.found, serves, bound)
-        least = f"more than {bound:g} minutes (about {minutes:g})" if minutes else f"more than {LONGEST:g} minutes"
+        minutes = how_long.needed(error.found, serves, bound)
+        least = f"more than {bound:g} minutes (about {minutes:g})" if minutes else f"more than {how_long.LONGEST:g} minutes"
         raise _refused(ready, error.found, error.why, least) from None
 
 
@@ -194,7 +214,7 @@ def _usual_check(problem: Problem) -> Chosen:
     found = choose.chosen(problem)
     if _well(problem, found.information):
         return found
-    minutes = min(_needed(found, _well) or CHECK, CHECK)
+    minutes = how_long.needed(found, _well, longest=CHECK) or CHECK
     return choose.chosen(problem.of_time(60 * minutes))
 
 
@@ -222,8 +242,8 @@ def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputE
     """setting, plan, what is wrong with it, minutes that would do if known → the error that names these, and what else does."""
     problem = found.problem
     if not least:
-        minutes = _needed(found, serves)
-        least = f"about {minutes:g} minutes or more" if minutes else f"more than {LONGEST:g} minutes"
+        minutes = how_long.needed(found, serves)
+        least = f"about {minutes:g} minutes or more" if minutes else f"more than {how_long.LONGEST:g} minutes"
     said = [least]
     if ready.wish.approach.standoff > SHORT:
         said.append("shorter touches by --within MM, where it is known how far facets are from their places")
@@ -240,30 +260,6 @@ def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputE
             ]
         )
     )
-
-
-def _needed(found: Chosen, good: Callable[[Problem, Array], bool], more_than: float = 0.0) -> float | None:
-    """plan, what is asked of its information, minutes that do not do → minutes in which such touches and turns reach it.
-
-    By a quick choice; None: not within `LONGEST`.
-    """
-    light, (touch, visit, spare) = lighter(found.problem), choose.costs_of(found)
-    again = found.problem.of_time(60 * LONGEST).repeats - found.problem.repeats  # a longer run repeats its first indexation
-    spare += again * touch + (visit if again and not found.problem.repeats else 0.0)
-    choice, relaxed, minutes = light.choice, None, max(found.problem.seconds / 60, more_than)
-    each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
-    least = choose.least_touches(found.problem)
-    while (minutes := math.ceil(2 * minutes * LONGER) / 2) <= LONGEST:
-        seconds = 60 * minutes - spare
-        if seconds < visit + 3 * touch:  # what every plan needs takes longer
-            continue
-        if choose.most_told(found.problem, (touch, visit, spare), 60 * minutes)[0] < least:
-            continue
-        relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
-        if good(light, light.held + choice.rows[mask].T @ choice.rows[mask]):
-            return math.ceil(2 * minutes * LONGER) / 2  # the plan that follows takes its turns as they come
-    return None
 
 
 def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:

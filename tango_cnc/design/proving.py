@@ -11,6 +11,7 @@ from .candidates import Candidates
 from .criterion import value
 from .problem import Problem
 
+EDGE = 1e-6  # of the cosine: a facet at just that angle may be beyond it in the plan, by rounding
 Mask = NDArray[np.bool_]
 
 
@@ -20,7 +21,7 @@ def from_above(choice: Candidates) -> Mask:
     stations = [[i.position.get(name, 0.0) for name in machine.names] for i in choice.cell.strategy.indexations]
     up = kinematics.spindle_axis(kinematics.chain(machine), np.array(stations))
     normal = np.array([artefact.facets[f].normal for f in choice.facet])
-    return np.asarray(np.einsum("ij,ij->i", normal, up[choice.pose]) >= ABOVE)
+    return np.asarray(np.einsum("ij,ij->i", normal, up[choice.pose]) >= ABOVE + EDGE)
 
 
 def proving(problem: Problem, mask: Mask) -> Mask:

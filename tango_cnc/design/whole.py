@@ -35,11 +35,9 @@ def whole(
     seconds: float,
     relaxed: Relaxed,
     shakes: int = SHAKES,
-    also: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
     """candidates, costs, s, relaxed design → (n,) mask of the touches to make; without shakes a first one, quickly.
 
-    `also`: touches of a plan that there is, from which one of the ways begins.
     Indexations that tell least for their time, where the relaxed design is, are left aside.
     """
     if relaxed.ratio is not None:
@@ -53,14 +51,13 @@ def whole(
         few = Costs(costs.touch[some], costs.visit[near])
         number = np.searchsorted(near, pose[some])
         found = np.zeros(len(rows), dtype=np.bool_)
-        there = None if also is None else also[some]
-        found[some] = whole(rows[some], number, [place[of_pose[j]] for j in near], held, few, seconds, fewer, shakes, there)
+        found[some] = whole(rows[some], number, [place[of_pose[j]] for j in near], held, few, seconds, fewer, shakes)
         return found
     many = relaxed.criterion if relaxed.criterion.worst is not None else None
     draft = Draft(rows, pose, of_pose, held, costs, relaxed, np.zeros(len(rows), dtype=np.bool_))
     best: tuple[float, NDArray[np.bool_]] | None = None
     begins = _beginnings(rows, pose, of_pose, held, costs, seconds, relaxed)
-    for begin in begins if also is None or many is not None else [*begins, also]:
+    for begin in begins:
         draft.chosen = begin.copy()
         draft.renew()
         draft.eliminate(seconds)
@@ -80,8 +77,8 @@ def whole(
         return draft.chosen
     # What is best by the mean may be far from it by the worst: both ways lead on, from before and after the shakes.
     ways = [worst_first(draft, seconds, many, bool(shakes))]
-    for begin in [best[1], *([] if also is None else [also])] if shakes else []:
-        draft.criterion, draft.chosen = relaxed.criterion, begin.copy()
+    if shakes:
+        draft.criterion, draft.chosen = relaxed.criterion, best[1].copy()
         draft.renew()
         draft.eliminate(seconds)
         ways.append(worst_first(draft, seconds, many, True))
