@@ -54,6 +54,12 @@ def as_run(cell: Cell, run: Mapping[str, Any] | None) -> Cell:
     return replace(cell, strategy=replace(cell.strategy, indexations=indexations))
 
 
+def resume_of(run: Mapping[str, Any] | None) -> str:
+    """readings.json → what 'tango run' has to state to go on with that run."""
+    how = (run or {}).get("resume")
+    return how if isinstance(how, str) else "--resume"
+
+
 def _left_out(run: Mapping[str, Any]) -> set[int]:
     numbers = run.get("left_out_touches")
     if isinstance(numbers, list):

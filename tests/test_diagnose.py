@@ -80,7 +80,7 @@ def test_before_any_cause_the_residuals_are_shown_to_depend_on_something(two: Di
 
 
 def test_the_extended_model_is_a_list_of_terms_that_an_estimate_takes(bench: blind.Bench, two: Diagnosis) -> None:
-    again = estimate(bench.cell.machine, bench.cell.artefact, readings(bench, [DRIFT, LOBES]), read_terms(two.terms_text))
+    again = estimate(bench.cell.machine, bench.cell.artefact, readings(bench, [DRIFT, LOBES]), read_terms(two.terms_text, None))
     assert again.sigma == pytest.approx(two.after.sigma, rel=1e-3)
     assert two.after.sigma < 0.75 * two.before.sigma
     truth = bench.world.errors["EX0C"]

@@ -256,6 +256,28 @@ def test_an_alarm_stands_until_it_is_accepted_repaired_or_for_a_while_ignored(
         assert bool(standing(history, "M", day + 30, {}, "check")) == (stands or until is not None)
 
 
+@pytest.mark.parametrize(
+    ("then", "verdict", "measured"),
+    [(3, "changed", True), (3, "doubtful", False), (2, "changed", True)],  # 2: that night itself was a full one
+)
+def test_a_change_without_a_cause_asks_for_a_full_measurement_until_there_is_one(
+    tmp_path: Path, then: int, verdict: str, measured: bool
+) -> None:
+    alarm = {"id": "2026-10-02-1", "cause": "unknown", "parameter": "several", "size": 0.0, "text": "it is not as it was"}
+    alarm |= {"since": "2026-10-01", "on_part": "Not known before a full run.", "do": "Run the full measurement."}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(2, alarms=[alarm], kind="full" if then == 2 else "check"))
+        if then != 2:
+            history.add_night(kept(then, kind="full", verdict=verdict))
+        (told,) = standing(history, "M", 20727.083 + 4, {}, "check")
+        assert ("Run the full" not in told["do"] and "Not known" not in told["on_part"]) == measured
+        assert (f"2026-10-0{then}" in told["on_part"]) == measured
+        (tonight,) = standing(history, "M", 20727.083 + 4, {"EX0C": {"value": 0.0}}, "full")
+        assert "2026-10-05" in tonight["on_part"] and "answered" in tonight["do"]
+        (doubted,) = standing(history, "M", 20727.083 + 4, {}, "full")
+        assert doubted["do"] == told["do"]  # a full night in doubt has found nothing
+
+
 def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
     alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "std": 0.001, "unit": "mm"}
     alarm |= {"text": "it moved", "since": "2026-10-01"}

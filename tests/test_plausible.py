@@ -6,12 +6,13 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands import _trust
 from tango_cnc.commands._trust import usable
 from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
@@ -46,6 +47,16 @@ def change(file: Path, old: str, new: str) -> None:
     text = file.read_text(encoding="utf-8")
     assert old in text
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def test_an_estimate_is_judged_by_its_own_terms_whatever_tango_yaml_states(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else the larger set that is offered may be the one that was fitted."""
+    seen: list[object] = []
+    monkeypatch.setattr(_trust, "honest", lambda result: result)
+    monkeypatch.setattr(_trust, "judge", lambda own, *rest, **more: seen.append(own.terms))
+    own = read_cell(cell)
+    _trust.judged(own, cast("Any", None), ("S1",), fit=lambda: cast("Any", None))
+    assert seen == [("S1",)] != [own.terms]
 
 
 def turned_round(cell: Path) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from support.runs import (
     STRATEGY,
     Control,
@@ -24,12 +25,15 @@ from support.runs import (
 )
 
 from postprocessors._base import BLANK, mark_of
+from tango_cnc.cli import tango
+from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.link._rest import durations, repeatable
 from tango_cnc.link.entries import Reading
 from tango_cnc.link.journal import read_journal
 from tango_cnc.plan import last_motion, plan
+from tango_cnc.plausible.data import remarks
 from tango_cnc.records import InputError
 
 
@@ -75,6 +79,39 @@ def test_a_control_that_stops_leaves_a_partial_file_and_the_old_readings_alone(c
     assert (cell / "readings.csv").read_text() == "yesterday's"
     assert len(readings(cell, "readings.partial.csv")) == 4
     assert json.loads((cell / "readings.partial.json").read_text())["missing"] == [5, 6, 7]
+
+
+def test_a_run_that_is_broken_off_names_the_command_that_goes_on_with_it_wherever_it_is_told(cell):
+    """With all that its plan depends on: without it the cell makes another plan, and the rest of the run is refused."""
+    how = "'tango run --resume --obstructed warn'"
+    assert how in run(cell, Control(cell, stop=4, hang_up=True), "--obstructed", "warn").err
+    assert f"go on with {how}" in _told(cell, "estimate")
+    partial = cell / "readings.partial.csv"
+    run_of_it = json.loads(partial.with_suffix(".json").read_text())
+    assert f"For the office: {how} makes them" in next(
+        r.text for r in remarks(read_cell(cell), readings(cell, partial.name), run_of_it)
+    )
+    for file in (partial, partial.with_suffix(".json")):
+        file.unlink()
+    assert f"{how} goes on with it" in _told(cell, "estimate")  # a computer that lost its power leaves the journal alone
+    (cell / "strategy.yaml").write_text(STRATEGY.replace("[5, 7]", "[7, 5]"))
+    assert f"{how} goes on with it" in run(cell, Control(cell), "--resume").err
+
+
+def _told(cell, command):
+    return CliRunner().invoke(tango, [command, "-C", str(cell)], catch_exceptions=True).exception.args[0]
+
+
+@pytest.mark.parametrize(
+    ("stated", "how"),
+    [
+        ((None, None, None, None), "--resume"),
+        (("EX0C=0.06,EA0C=1", None, None, None), "--resume --until EX0C=0.06,EA0C=1"),
+        ((None, None, 2, Path("a b.csv")), "--resume --stylus 2 --readings 'a b.csv'"),
+    ],
+)
+def test_what_goes_on_with_a_run_states_its_goal_its_stylus_and_its_file(stated, how):
+    assert resuming(*stated) == how
 
 
 def test_a_control_that_hangs_up_is_said_to_have_done_so(cell):

@@ -21,6 +21,7 @@ from sim_controller.session import language
 from sim_controller.simulate import simulate
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._stylus import bought
+from tango_cnc.commands.estimate import as_json
 from tango_cnc.commands.report import paper
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import joined, read_cell, read_readings, read_world, readings_text
@@ -74,6 +75,12 @@ def test_the_joint_estimate_finds_machine_and_both_styli(exact: Estimate, world:
         assert exact.value(name) == pytest.approx(value, abs=2e-8), name
     assert exact.setup.keys() == {"EXt", "EYt", "EZt", *OWN}
     assert np.abs(exact.residuals).max() < 1e-8
+
+
+def test_the_file_of_the_estimate_has_both_styli_as_the_terminal_has(exact: Estimate) -> None:
+    data = as_json(exact, ())
+    assert set(data["stylus"]) == set(data["stylus_std"]) >= {"EXt", "EYt", "EXt2", "EYt2", "EZt2", "ERt2"}
+    assert data["stylus"]["EXt2"] == exact.setup["EXt2"].value
 
 
 def test_monte_carlo_has_the_same_gaps(exact: Estimate) -> None:

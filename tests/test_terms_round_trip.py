@@ -131,7 +131,7 @@ def test_every_term_goes_through_the_file_into_the_estimate(name: str, bench: bl
     for setting in offered:
         item = {"cause": name, **setting}
         text = yaml.safe_dump([*bench.cell.terms, {k: list(v) if isinstance(v, tuple) else v for k, v in item.items()}])
-        again = read_terms(yaml.safe_dump(yaml.safe_load(text), default_flow_style=True, width=10_000))
+        again = read_terms(yaml.safe_dump(yaml.safe_load(text), default_flow_style=True, width=10_000), None)
         found = estimate(bench.cell.machine, bench.cell.artefact, bench.clean, again)
         expected = {c.name for c in terms.find(item, bench.cell.machine)}
         seen = {c.name for c in found.model.coefficients} | {n for u in found.selection.unseen for n in u.names}

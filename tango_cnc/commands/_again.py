@@ -78,7 +78,7 @@ class Again:
         folder = self.cells[number]
         cell, settings = read_cell(folder), read_nightly(folder)
         quiet = replace(settings, diagnose=False, free_mb=0.0, every_days=1e6, notify=())
-        analysis = replace(nights_of(cell, quiet, plan(cell)), written=None)
+        analysis = replace(nights_of(cell, replace(quiet, every_days=settings.every_days), plan(cell)), written=None)
         name = cell.machine.name
         file = self.target / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.db"
         with opened(history_of(folder, settings, self.where), create=False) as before, opened(file) as after:

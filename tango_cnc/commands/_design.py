@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -22,8 +23,9 @@ from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..design.relaxed import efficiency
 from ..duration import spoken
+from ..files.learned import FIELDS
 from ..files.write import dump
-from ..records import Array, Strategy
+from ..records import Array, Strategy, TermItem
 from ..report.drawn import Drawn
 from ..report.texts import texts
 
@@ -135,8 +137,10 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     if ready.wish.goal.word not in ("D", "A", "condition"):
         lines.append(f"where parts are made: {data['region']} (--volume)")
     if ready.wish.terms != tuple(ready.problem.choice.cell.terms) and "check" not in data:
-        said = ",".join(item if isinstance(item, str) else str(item["cause"]) for item in ready.wish.terms)
-        lines.append(f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {said}")
+        said = _option(ready.wish.terms)
+        lines.append(
+            f"this is of the terms {said}: give them to 'tango check' and 'tango estimate' with --terms {shlex.quote(said)}"
+        )
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
@@ -307,3 +311,11 @@ def reasons(found: Chosen) -> list[str]:
 
 def _std(information: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.inv(information))))
+
+
+def _option(terms: Sequence[TermItem]) -> str:
+    """terms → the same as --terms takes them: a learned shape by its name, for its numbers are in its file."""
+    plain = [item if isinstance(item, str) else {k: v for k, v in item.items() if k not in FIELDS} for item in terms]
+    if all(isinstance(item, str) for item in plain):
+        return ",".join(map(str, plain))
+    return yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=10_000).strip()

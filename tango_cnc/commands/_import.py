@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from datetime import UTC, datetime
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from ..files import read_cell, read_readings
 from ..files.checked import complaint
-from ..files.nightly import Nightly
+from ..files.nightly import Nightly, read_nightly
 from ..files.origin import by_no_machine, read_origin
 from ..files.readjson import read_json
 from ..history import History
@@ -24,8 +25,8 @@ from ._simulated_nights import Folder, Nobody, Time
 class _Old:
     """A run that was made long ago."""
 
-    def __init__(self, cell: Cell, readings: Readings, text: str, origin: dict[str, Any]) -> None:
-        self._cell, self._readings, self._text, self._origin = cell, readings, text, origin
+    def __init__(self, cell: Cell, readings: Readings, text: str, origin: dict[str, Any], clock: Time) -> None:
+        self._cell, self._readings, self._text, self._origin, self._clock = cell, readings, text, origin, clock
 
     def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ nothing is asked of a machine."""
@@ -35,6 +36,7 @@ class _Old:
         """→ the readings that there are."""
         hashes = tuple((key, str(self._origin.get(f"{key}_hash", ""))) for key in ("plan", "program"))
         seconds = float(self._readings.time.max() - self._readings.time.min())
+        self._clock.moment += timedelta(seconds=round(seconds))
         made_up = bool(self._origin.get("simulated"))
         return Measured(self._readings, self._text, len(self._readings), seconds, "", hashes, simulated=made_up)
 
@@ -49,8 +51,13 @@ def _begun(file: Path, stamp: object) -> datetime | None:
         raise complaint(file, None, "start_utc", repr(stamp), "a time such as 2026-05-01T06:00:00Z") from None
 
 
-def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """history, cells with readings.csv → (cell, record of the night), oldest first. Raises InputError before anything is added."""
+def imported(history: History, folders: Sequence[Path], home: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """history, cells with readings.csv, folder of the cell that goes on with them → (cell, record of the night), oldest first.
+
+    The night is one of `home`, where that is a cell: its owner, and where its alarms are answered. Raises InputError before
+    anything is added.
+    """
+    own, quiet = read_nightly(home), Nightly(diagnose=False, free_mb=0.0, full_every_days=1e-6)
     found = []
     for folder in folders:
         cell = read_cell(folder)
@@ -68,8 +75,10 @@ def imported(history: History, folders: Sequence[Path]) -> Iterator[tuple[Path, 
         if any(n.start_utc == when.strftime("%Y-%m-%dT%H:%M:%SZ") for n in known):
             raise InputError(f"{cell.folder}: its run of {when:%Y-%m-%d %H:%M} UTC is in the history already; nothing was added")
     for when, cell, readings, text, origin in found:
-        settings = Nightly(every_days=1e6, diagnose=False, free_mb=0, full_every_days=1e-6)
-        analysis = nights_of(cell, settings, plan(cell))
-        old, nothing = _Old(cell, readings, text, origin), Folder(lambda stamp, name, text: None)
-        world = Ports(Time(when.astimezone()), nothing, old, Nobody(), history, analysis, nullcontext())
-        yield cell.folder, night(cell.machine.name, str(cell.folder.resolve()), settings, world)
+        settings = replace(quiet, owner=own.owner, volume_std_um=own.volume_std_um, every_days=own.every_days)
+        analysis, clock = nights_of(cell, settings, plan(cell)), Time(when.astimezone())
+        old, nothing = _Old(cell, readings, text, origin, clock), Folder(lambda stamp, name, text: None)
+        world = Ports(clock, nothing, old, Nobody(), history, analysis, nullcontext())
+        answered = home if (home / "tango.yaml").exists() else cell.folder
+        none_missed = replace(settings, every_days=1e6)
+        yield cell.folder, night(cell.machine.name, str(answered.resolve()), none_missed, world)

@@ -60,7 +60,7 @@ def judged(
         judgement = judge(cell, readings, None, run=run)
         why = "the touches contradict each other so much that their scatter cannot be estimated"
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
-    judgement = judge(cell, readings, result, run=run)
+    judgement = judge(replace(cell, terms=tuple(terms)), readings, result, run=run)
     return result, judgement if source is None else traced(judgement, source, cell.folder)
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..records import Cell
+from ..files import write_text
+from ..files.readjson import read_json
+from ..records import Cell, InputError, LinkError
 
 if TYPE_CHECKING:
     from ..design.until import Until
@@ -34,16 +38,16 @@ def run_until(
     cell: Cell, goal: Until, wanted: Wanted, run: Callable[[Wanted, int], dict[str, Any]], say: Callable[[str], object]
 ) -> dict[str, Any]:
     """cell, goal, what is wanted, how to make the next touches → provenance; ends when the goal is reached, or no touch is left."""
-    from ..files import read_readings, write_text
+    from ..files import read_readings
 
     before = None
     if wanted.resume:
-        origin = run(wanted, 0)
+        origin = _made(goal, wanted, run, 0)
         before = read_readings(wanted.readings, cell.machine, cell.artefact)
     count, now = goal.ahead(before)
     while count:
         say(f"--until: {count} touches are to be made now")
-        origin = run(wanted, count)
+        origin = _made(goal, wanted, run, count)
         wanted = replace(wanted, resume=True)
         count, now = goal.ahead(read_readings(wanted.readings, cell.machine, cell.artefact))
     text = goal.ready.wish.goal.text
@@ -54,10 +58,28 @@ def run_until(
             f"--until: not reached: the largest uncertainty is {now:.2g} times what was asked for, because touches scatter more "
             "than machine.yaml says, or some have missed. Find out why, or make a longer plan with 'tango design'"
         )
-    made = {"until": {"goal": text, "reached": bool(now <= 1), "ratio": now, "strategy": _meant(goal, len(origin["missing"]))}}
-    whole = json.dumps(origin | made, indent=1, ensure_ascii=False, allow_nan=False)
-    write_text(wanted.readings.with_suffix(".json"), whole + "\n")
-    return origin | {"until": {key: value for key, value in made["until"].items() if key != "strategy"}}
+    made = {"goal": text, "reached": bool(now <= 1), "ratio": now}
+    _add(wanted.readings.with_suffix(".json"), {**made, "strategy": _meant(goal, len(origin["missing"]))})
+    return origin | {"until": made}
+
+
+def _made(goal: Until, wanted: Wanted, run: Callable[[Wanted, int], dict[str, Any]], count: int) -> dict[str, Any]:
+    """goal, what is wanted, how to make touches, how many → provenance. What is on disk meanwhile says which touches are meant."""
+    meant = {"goal": goal.ready.wish.goal.text, "reached": False, "ratio": None, "strategy": _meant(goal, 0)}
+    try:
+        origin = run(wanted, count)
+    except LinkError:
+        _add(wanted.readings.with_name(f"{wanted.readings.stem}.partial.json"), meant)
+        raise
+    _add(wanted.readings.with_suffix(".json"), meant)
+    return origin
+
+
+def _add(file: Path, made: Mapping[str, Any]) -> None:
+    """readings.json, what a goal says of them → the same file with it; nothing where there is no file."""
+    with suppress(InputError):
+        whole = read_json(file, "what 'tango run' wrote") | {"until": made}
+        write_text(file, json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def _meant(goal: Until, left: int) -> list[dict[str, Any]]:

@@ -162,7 +162,7 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[s
     """cell, options → estimate that may be used, and names of what is not to be trusted in it. Raises TangoError."""
     source = current(cell.folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
-    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
     usable(judgement, options["despite"], "compensate")
     return result, judgement.untrusted

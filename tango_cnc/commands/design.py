@@ -121,7 +121,7 @@ def command(
         return _facets(facets, output)
     cell = read_cell(folder, strategy=separate is not None)
     if separate:
-        found = separation(planned(cell), cell.terms if terms is None else read_terms(terms), *separate)
+        found = separation(planned(cell), cell.terms if terms is None else read_terms(terms, cell.folder), *separate)
         if not write_json(json_file, as_json(found)):
             click.echo(as_text(found))
         return 0
@@ -189,7 +189,7 @@ def _wish(
     if within is None and before is not None:
         within, source = touching.known_within(cell, before), f"learned from {readings}"
     how = touching.touching(cell.strategy.approach, within, source)
-    wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms)
+    wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms, cell.folder)
     feed, gate = positioning_feed(cell), gate_of(cell)
     return propose.Wish(aim, minutes, wanted, how.approach, degree, feed, _box(volume), before, stylus, gate), how.why
 

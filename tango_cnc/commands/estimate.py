@@ -15,6 +15,7 @@ import numpy as np
 from ..estimate import Estimate, estimate, without
 from ..features import bar_left_out
 from ..files import blamed_on, read_cell, read_readings, read_terms
+from ..files.checked import resumed
 from ..files.origin import current
 from ..identify import summary
 from ..iso230.signed import withheld
@@ -130,7 +131,7 @@ def _interrupted(source: Path) -> None:
         count = max(len(left.read_bytes().splitlines()) - 1, 0)
         raise InputError(
             f"{source}: no such file; the run was interrupted, and {left.name} has its {count} touches: go on with "
-            f"'tango run --resume', or look at what there is with --readings {left}"
+            f"'tango run {resumed(source.with_suffix('.journal'))}', or look at what there is with --readings {left}"
         )
 
 
@@ -172,8 +173,8 @@ def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | Non
         "touches": len(result.residuals),
         "terms": list(result.parameters),
         "parameters": {name: value(p) for name, p in result.parameters.items()},
-        "stylus": {name: p.value for name, p in setup.items() if name.endswith("t")},
-        "stylus_std": {name: p.std for name, p in setup.items() if name.endswith("t")},
+        "stylus": {name: p.value for name, p in setup.items() if not name.endswith("w")},
+        "stylus_std": {name: p.std for name, p in setup.items() if not name.endswith("w")},
         "facets": {name: {"offset": p.value, "std": p.std} for name, p in result.facets.items()},
         "balls": {name: {"centre": [float(c) for c in centre]} for name, centre in result.balls.items()},
         "residual": {

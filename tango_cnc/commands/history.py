@@ -356,7 +356,7 @@ def import_(cells: tuple[Path, ...], folder: Path, where: str | None) -> None:
     from ._import import imported
 
     with opened(_place(folder, where)) as history:
-        for cell, record in imported(history, cells):
+        for cell, record in imported(history, cells, folder):
             click.echo(f"{cell}: {record['night']} {record['verdict']}: {record['headline']}")
 
 

@@ -58,7 +58,9 @@ def command(
     cell = read_cell(folder)
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
-    result, judgement = judged(cell, readings, cell.terms if terms is None else read_terms(terms), degree, source=source)
+    result, judgement = judged(
+        cell, readings, cell.terms if terms is None else read_terms(terms, cell.folder), degree, source=source
+    )
     thermal = thermal_of(folder) if as_found else at_20(folder)
     longer, state = None if thermal is None else scale(thermal, not as_found), state_of(thermal, not as_found)
     if fitted:

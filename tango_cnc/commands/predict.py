@@ -53,7 +53,7 @@ def command(**options: Any) -> int:
     cell = read_cell(options["folder"])
     origin = current(cell.folder, options["file"])
     readings = read_readings(origin, cell.machine, cell.artefact)
-    terms = cell.terms if options["terms"] is None else read_terms(options["terms"])
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
     usable(judgement, options["despite"], "predict")
     simulated = made_up(origin)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..files import blamed_on, of_stylus, read_cell
-from ..files.checked import BROKEN_OFF
+from ..files.checked import broken_off
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
@@ -143,7 +144,8 @@ def command(
     someone = attended()
     journal = target.with_suffix(".journal")
     if not resume and journal.exists() and not target.exists():
-        said(f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew; {BROKEN_OFF}")
+        kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
+        said(f"{kept}; {broken_off(journal)}")
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
@@ -152,7 +154,8 @@ def command(
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
         start = start_patience(someone)
-        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start, heard, simulated=simulated)
+        how = resuming(until, obstructed, stylus, readings_file)
+        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start, heard, simulated=simulated, how=how)
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
             def posted(part: Plan) -> list[Program]:
@@ -176,6 +179,12 @@ def command(
         said(text)
     if json_file != "-" and readings_file is None and not others:
         ahead(folder, "estimate")
+
+
+def resuming(until: str | None, obstructed: str | None, stylus: int | None, readings: Path | None) -> str:
+    """--until, --obstructed, --stylus, --readings of a run → what 'tango run' has to state to go on with it."""
+    stated = {"--until": until, "--obstructed": obstructed, "--stylus": stylus, "--readings": readings}
+    return " ".join(["--resume", *(f"{name} {shlex.quote(str(value))}" for name, value in stated.items() if value is not None)])
 
 
 @contextmanager

@@ -85,8 +85,9 @@ def _files(folder: Path, nodes: dict[str, Node]) -> dict[str, Path]:
     return files
 
 
-def read_terms(text: str, folder: Path | None = None) -> tuple[TermItem, ...]:
-    """'S3' or '[S3, EYX2]' or 'S3,EYX2' from a command line, folder of the cell for its learned shapes → terms.
+def read_terms(text: str, folder: Path | None) -> tuple[TermItem, ...]:
+    """'S3' or '[S3, EYX2]' or 'S3,EYX2' from a command line, folder of the cell for its learned shapes (None: these come
+    with their numbers) → terms.
 
     Raises InputError when it is neither.
     """

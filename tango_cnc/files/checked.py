@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import json
 import math
 import os
 import re
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -38,7 +40,7 @@ MISSING = {  # file name → what to do when it is not there
     "acceptance.yaml": "it states who accepts what within which limits; docs/verify.md has one to copy",
     "readings.csv": "'tango run' makes the readings of a cell, 'tango simulate' those of its world.yaml",
 }
-BROKEN_OFF = "'tango run --resume' goes on with it, 'tango journal salvage' makes readings of what there is"
+RESUME = re.compile(rb' .*"kind":"segment".*"how":("[^"\\]*")')  # of the first program that went out; older journals have none
 
 
 def complaint(file: Path | str, line: int | None, key: str, found: str, allowed: str) -> InputError:
@@ -288,11 +290,24 @@ def _limited(file: Path, raw: Raw | None) -> None:
         size(raw, 0)
 
 
+def broken_off(journal: Path) -> str:
+    """journal of a run that was broken off → the command that goes on with it, and what else can be done."""
+    return f"'tango run {resumed(journal)}' goes on with it, 'tango journal salvage' makes readings of what there is"
+
+
+def resumed(journal: Path) -> str:
+    """journal → what 'tango run' has to state to go on with its run."""
+    with suppress(OSError, ValueError), journal.open("rb") as lines:
+        found = RESUME.search(b"".join(itertools.islice(lines, 2)))  # which format it is, and the program
+        return str(json.loads(found[1])) if found else "--resume"
+    return "--resume"
+
+
 def _instead(file: Path) -> str:
     """file that is not there → what to do; where a run has left a journal and no readings, it was broken off."""
     journal = file.with_suffix(".journal")
     if file.suffix == ".csv" and there(journal):
-        return f"{journal.name} has the touches of a run that was broken off: {BROKEN_OFF}"
+        return f"{journal.name} has the touches of a run that was broken off: {broken_off(journal)}"
     return MISSING.get(file.name, "check the path; it starts from here")
 
 

@@ -58,7 +58,8 @@ class Wanted:
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
     misses: int = 3  # touches in a row without contact after which a driver that counts them stops
-    then: str = "'tango run --resume' makes the missing touches"  # what to do when it breaks off
+    then: str = ""  # what to do when it breaks off; '': go on with it
+    how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
 
 
@@ -141,7 +142,8 @@ def measure(
                         )
                         session.run(transport)
             except LinkError as error:
-                advice = "" if isinstance(error, Moved) else f"; {wanted.then}"
+                then = wanted.then or f"'tango run {wanted.how}' makes the missing touches"
+                advice = "" if isinstance(error, Moved) else f"; {then}"
                 raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, advice)}".rstrip()) from None
             return _finish(journal.entries, journal.digest, plan, wanted.readings)
         finally:
@@ -208,10 +210,11 @@ def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:
     if segment is None:
         raise InputError(f"{file}: no run was started; leave --resume out")
     if segment.plan_hash != plan_hash(plan):
+        state = "" if segment.how == "--resume" else f": 'tango run {segment.how}' goes on with it"
         raise InputError(
             f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
-            "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed, "
-            "or run the whole plan without --resume"
+            "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed and --until"
+            f"{state}, or run the whole plan without --resume"
         )
     other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, Segment)} - {post}
     if other:
@@ -294,6 +297,7 @@ def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted, part: tuple
         program_hash=program.mark,
         touches=job.original[job.again :],
         part=part,
+        how=wanted.how,
     )
 
 
@@ -332,7 +336,8 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> di
     assert readings is not None  # nothing is missing, and a plan has touches
     origin = provenance(entries, plan, digest)
     journal = file.with_suffix(".journal")
-    with _written(f"every touch is in {journal}, but the readings", "make room, then 'tango run --resume' writes them"):
+    how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
+    with _written(f"every touch is in {journal}, but the readings", f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
         same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)

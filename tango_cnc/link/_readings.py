@@ -67,6 +67,7 @@ def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[
         "plan_hash": first.plan_hash,
         "machine": first.machine,
         "controller": {**first.controller, "identity": identity[0] if identity else None},
+        **({"resume": first.how} if first.how != "--resume" else {}),
         **({"simulated": True} if any(by_no_machine(s) for s in segments) else {}),
         "start_utc": first.utc,
         "end_utc": ends[-1].utc if ends else None,

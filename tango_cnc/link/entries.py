@@ -34,6 +34,7 @@ class Segment:
     program_hash: str
     touches: tuple[int, ...]
     part: tuple[int, ...] = (1, 1)
+    how: str = "--resume"  # what 'tango run' has to state to go on with this run
 
 
 def by_no_machine(entry: Segment) -> bool:
@@ -168,6 +169,8 @@ def _judged(entry: Entry) -> None:
         raise ValueError(f"utc: found {entry.utc!r:.60}; allowed: a time such as 2026-05-01T06:00:00.000+00:00")
     if isinstance(entry, Segment) and not (len(entry.part) == 2 and 1 <= entry.part[0] <= entry.part[1]):
         raise ValueError(f"part: found {list(entry.part)!r:.60}; allowed: [which, of how many]")
+    if isinstance(entry, Segment) and not (entry.how.startswith("--resume") and entry.how.isprintable()):
+        raise ValueError(f"how: found {entry.how!r:.60}; allowed: --resume and what else 'tango run' has to state")
     if isinstance(entry, Segment) and {"post", "port"} - set(entry.controller):
         raise ValueError("controller: post or port is missing")
     if isinstance(entry, Begun | Reading | Again | Doubted) and entry.time_s < 0:

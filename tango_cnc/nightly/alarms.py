@@ -30,6 +30,7 @@ EVENING = timedelta(hours=6)  # before midnight: what begins later belongs to th
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
 MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
 SECOND = 1.0 / 86_400  # d: what is on record is cut to the second
+TONIGHT = "tonight"  # after every moment on record
 LISTED = 60  # nights looked back over for the last one with a result
 TURNED = re.compile(r"E[ABC]0([XYZABCS])")
 
@@ -277,8 +278,8 @@ def standing(
     if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
-    full = today if kind == "full" else None
     found = []
+    measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
             decision = last.get(alarm["id"])
@@ -286,9 +287,9 @@ def standing(
                 continue
             if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
                 continue
-            if full is None:
-                nights = past.nights(machine, last=LISTED)
-                full = next((n.night for n in nights if n.kind == "full" and n.status == "complete"), "")
+            if measured is None:
+                measured = _measured(past, machine)
+            full = measured[0] if measured[1] > stored.night.start_utc else ""
             told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
@@ -298,13 +299,30 @@ def standing(
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
             gone = _gone(told["now"])
-            told["confirmed"] = full if full > stored.record["night"] and told["now"] and not gone else None
+            told["confirmed"] = full if full and told["now"] and not gone else None
             told |= {"do": say("night.gone_do")} if gone else {}
+            told |= since_full(told, measured[0] if measured[1] >= stored.night.start_utc else "")  # or by itself
             told = as_loaded(told, events)
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
     return sorted(found, key=_urgency)
+
+
+def _measured(past: Past, machine: str) -> tuple[str, str]:
+    """history, machine → date and start (UTC) of its last whole full measurement that was believed; '', '' for none."""
+    nights = past.nights(machine, last=LISTED)
+    good = (n for n in nights if n.kind == "full" and n.status == "complete" and n.verdict not in ("doubtful", "not_measured"))
+    return next(((n.night, n.start_utc) for n in good), ("", ""))
+
+
+def since_full(alarm: Mapping[str, Any], full: str) -> dict[str, str]:
+    """alarm, date of a full measurement after the change ('': none yet) → what it then means for a part and what to do, where the
+    alarm asks for that measurement because nothing names a cause.
+    """
+    if not full or alarm["cause"] != "unknown":
+        return {}
+    return {"on_part": say("cause.unknown.on_part_full", night=full), "do": say("cause.unknown.do_full", night=full)}
 
 
 def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:

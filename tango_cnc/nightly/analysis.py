@@ -39,7 +39,7 @@ from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import parts
-from .alarms import Known, after_repair, alarm_of, ignored, since, standing
+from .alarms import Known, after_repair, alarm_of, date_of, ignored, since, since_full, standing
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
@@ -248,6 +248,7 @@ class Nights:
         if moving is not None:
             parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
+        alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
         alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]

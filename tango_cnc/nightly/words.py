@@ -213,7 +213,11 @@ def message(
         lines.append(t("mail.measured", kind=code(record["kind"]), minutes=minutes, **counts))
     kept = record["artefacts"]["folder"] if "artefacts" in record else ""
     known = {"cell": record["cell"], "folder": kept}
-    lines.append(t("mail.cell_files", **known) if kept and record["touches"] else t("mail.cell", cell=record["cell"]))
+    old = next((p["found"] for p in record["preflight"] if p["check"] == "import"), None)
+    if old is not None:
+        lines.append(t("mail.cell_imported", cell=record["cell"], found=old))
+    else:
+        lines.append(t("mail.cell_files", **known) if kept and record["touches"] else t("mail.cell", cell=record["cell"]))
     if newest is not None:
         lines.append(t(f"mail.history{'_one' if newest[0] == 1 else ''}", count=newest[0], digest=newest[1]))
     return subject, "\n".join(lines) + "\n"

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..asked import Asked, asked
+from ..asked import Asked, asked, resume_of
 from ..judgement import Verdict
 from ..kinematics import chain, tip
 from ..records import Cell, Readings
@@ -44,7 +44,7 @@ class Remark(NamedTuple):
 def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Iterator[Remark]:
     """cell, readings, readings.json → what is wrong with the readings themselves."""
     touches = asked(cell, run)
-    yield from _missing(touches, readings)
+    yield from _missing(touches, readings, resume_of(run))
     yield from _twice(readings)
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
@@ -60,7 +60,7 @@ def listed(numbers: tuple[int, ...] | list[int], most: int = FEW) -> str:
     return first if len(numbers) <= most else say("plausible.readings.more", first=first, count=len(numbers) - most)
 
 
-def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
+def _missing(touches: Asked, readings: Readings, how: str) -> Iterator[Remark]:
     everything = touches.made
     passes = sorted(set(zip(readings.day.tolist(), readings.cycle.tolist(), strict=True)))
     made = set(
@@ -85,7 +85,11 @@ def _missing(touches: Asked, readings: Readings) -> Iterator[Remark]:
             word=say("plausible.readings.them_not_file", gone=gone) if 0 < gone < len(lacking) else "",
         )
         if share < NEEDED:
-            hint = say("plausible.readings.go_on_with_tango_run") if gone else say("plausible.readings.look_for_what_kept_them")
+            hint = (
+                say("plausible.readings.go_on_with_tango_run", how=how)
+                if gone
+                else say("plausible.readings.look_for_what_kept_them")
+            )
             verdict: Verdict = "implausible" if share < HARDLY else "doubtful"
             if not gone and share < ENOUGH:
                 hint = say("plausible.readings.compare_with_machine", hint=hint)

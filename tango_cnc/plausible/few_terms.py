@@ -16,7 +16,8 @@ LESS = 0.25  # of what a touch scattered by before, at most
 
 
 def few_terms(cell: Cell, readings: Readings, result: Estimate, most: float) -> Iterator[Remark]:
-    """cell, readings, their estimate, mm that a touch may scatter by → a remark with the smallest set of terms that leaves no more.
+    """cell with the terms of the estimate, readings, that estimate, mm that a touch may scatter by → a remark with the smallest
+    set of terms that leaves no more.
 
     Nothing where the stated terms leave no more, where no larger set does, or where what it gives would be implausible. It is
     a plain fit by least squares: touches that do not fit leave more, and nothing is said then.
@@ -29,9 +30,10 @@ def few_terms(cell: Cell, readings: Readings, result: Estimate, most: float) -> 
         with suppress(TangoError):
             found = estimate(cell.machine, cell.artefact, readings, (name, *own))
             if found.sigma <= min(most, LESS * result.sigma) and not any(b.beyond for b in bounds(found)):
-                text = say(
-                    "plausible.few_terms.fit", terms=name, left=f"{found.sigma * 1e3:.3g}", before=f"{result.sigma * 1e3:.3g}"
-                )
+                before = estimate(cell.machine, cell.artefact, readings, cell.terms).sigma  # as plain a fit as the other
+                if found.sigma > LESS * before:
+                    return
+                text = say("plausible.few_terms.fit", terms=name, left=f"{found.sigma * 1e3:.3g}", before=f"{before * 1e3:.3g}")
                 change = say("plausible.few_terms.write", terms=name)
                 # Axis locations are asked for by nearly everybody; error motions may also take up another mistake.
                 sure, moves = name != SUBSETS[-1], tuple(c.name for c in result.model.coefficients)

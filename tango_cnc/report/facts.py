@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from ..asked import asked
+from ..asked import asked, resume_of
 from ..diagnose import Diagnosis, diagnose
 from ..diagnose.sentences import covariate
 from ..estimate import Estimate, fit
@@ -320,7 +320,7 @@ def _complete(f: Facts, t: Texts) -> Check:
     missing = planned - f.used
     level: Level = "good" if not missing else "look" if missing <= MISSING * planned else "stop"
     text = t(f"check.complete_{level}", planned=planned, missing=missing)
-    return Check("complete", level, f"{f.used} / {planned}", text, t("todo.complete"))
+    return Check("complete", level, f"{f.used} / {planned}", text, t("todo.complete", how=resume_of(f.paper.origin)))
 
 
 def _fit(f: Facts, t: Texts) -> Check:

@@ -381,7 +381,7 @@ class _History:
 def _before(folder: Path) -> Any:
     made = paper(folder, folder / "readings.csv", "", "")
     try:
-        list(imported(_History(), [folder]))  # type: ignore[arg-type]
+        list(imported(_History(), [folder], folder))  # type: ignore[arg-type]
     except InputError as error:
         if "as far as" not in str(error):
             raise

@@ -106,13 +106,18 @@ def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
         "office": _office(run, t),
+        "resume": _resume(run, t),
     }
     return state.templates.get_template("_step.html").render(**values)
 
 
+def _resume(run: Run, t: Texts) -> str:
+    return t("web.resume", how="--resume" if run.head is None else run.head.how)
+
+
 def _office(run: Run, t: Texts) -> list[str]:
     """run, texts → what the office can do at a computer once it has ended."""
-    told = {"stopped": [str(run.why), t("web.resume")], "complete": [t("web.to_report")]}.get(run.state, [])
+    told = {"stopped": [str(run.why), _resume(run, t)], "complete": [t("web.to_report")]}.get(run.state, [])
     return list(dict.fromkeys(line for text in told if (line := office(text, t))))
 
 
