@@ -150,8 +150,9 @@ class Reached:
     def _quick(self, contexts: Iterable[str]) -> list[str]:
         """names as coverage writes them (module.function) → tests, the quick ones first."""
         parts = [context.split(".") for context in set(contexts) if context]
-        tests = {f"tests/{p[-2]}.py::{p[-1]}" for p in parts if len(p) > 1}
-        return sorted(tests & self.seconds.keys(), key=lambda test: (self.seconds[test], test))
+        known = {(Path(test.partition("::")[0]).stem, test.partition("::")[2]): test for test in self.seconds}  # in any folder
+        tests = {known[p[-2], p[-1]] for p in parts if len(p) > 1 and (p[-2], p[-1]) in known}
+        return sorted(tests, key=lambda test: (self.seconds[test], test))
 
     def _within(self, tests: list[str]) -> list[str]:
         """tests, the quick ones first → as many of them as fit into BUDGET, at least one."""

@@ -20,14 +20,15 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
-from . import _aliases, _explain, _gain, _moments, _nested, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
+from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
 from ._catalogue import Chosen
-from ._contest import Field, Outcome, contest, largest
+from ._changing import over
+from ._contest import SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
-from ._records import Dropped, Finding, Remainder
+from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
 from ._richer import Richer, richer
 from ._rows import Rows
@@ -40,6 +41,7 @@ __all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDING = 1e-6  # mm: positions are written with six decimals
+FREE = 40  # touches beyond the unknowns: with fewer, names of causes are not told apart (docs/diagnose.md)
 SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
 
 
@@ -68,6 +70,11 @@ class Diagnosis:
     rows: Rows | None = None  # what was searched: touches, or means of touches that were made alike
     misnamed: tuple[Misnamed, ...] = ()  # records of another facet, or of the touch before
     aside: bool = True  # whether these were set aside: they are when they are few
+
+    @property
+    def few(self) -> int | None:
+        """→ touches beyond the unknowns where they are too few to name a cause; None where they are enough."""
+        return self.explanation.place.m if self.explanation.place.m < FREE else None
 
     def searched(self, values: Array) -> Array:
         """(n,) of touches → (r,) of the rows that were searched: the touches, or means of them."""
@@ -232,12 +239,33 @@ def _told(
     inside = {id(c): folds.nested(c, schemes, keep) for c in outcome.named}
     gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
     back = {key: _stable.worse(once, inside[key].selected) for key, once in back.items()}
-    why = {id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains) for c in outcome.named}
+    few = found.place.m < FREE
+    alone = [c for c in found.chosen if c.candidate.cause == "outlier"]
+
+    def tested(names: Sequence[Chosen]) -> tuple[Test, ...]:
+        return _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *names))]), data, seen, keep)
+
+    def resting(names: Sequence[Chosen], o: Outcome, anything: bool = True) -> list[Remainder]:
+        """names that stay, what stands → what the rest follows all the same."""
+        if o.shapes or o.events:
+            return []
+        left = _seen.left_over(tested(names), anything, {over(c.candidate) for c in names}) if not o.picked else []
+        return left or _rest.rest(field, o, found.place.y, [*alone, *names], anything, seed)
+
+    why: dict[int, Why | None] = {
+        id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains, few) for c in outcome.named
+    }
     accepted = [c for c in outcome.named if why[id(c)] is None]
     if len(accepted) < len(outcome.named):  # what they explained is there all the same
-        fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
         lost = outcome.resembled
-        outcome = contest(field, found.place.y, fixed, accepted)
+        outcome = contest(field.plain(), found.place.y, alone, accepted)
+        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
+        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
+    weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
+    if weak and (outcome.shapes or resting(accepted, outcome)):
+        why |= {id(c): "rest" for c in weak}
+        lost = outcome.resembled
+        outcome = contest(field, found.place.y, alone, [c for c in accepted if c not in weak])
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
@@ -273,8 +301,8 @@ def _told(
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises, largest(outcome.picked))
-    findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads]
+    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments))
+    findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads if not few]
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in whole.chosen
@@ -290,9 +318,12 @@ def _told(
     if not remains:  # as a walk of the machine, this is more than scatter
         like = [p for p in outcome.picked if p.kernel.kind == "memory" and p.score > _scatter.CLEAR]
         remains += [Remainder("order", "none", "memory", found.sigma * float(np.sqrt(p.tau)), 0.0, np.zeros(n)) for p in like[:1]]
-    tests_after = _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in found.chosen)]), data, seen, keep)
-    if not remains and not outcome.picked:
-        remains += _seen.left_over(tests_after, bool(findings or moments))
+    tests_after = tested(accepted)
+    if not remains:
+        refusals = [(c, sizes[id(c)].amplitude) for c, w in ((c, why.get(id(c))) for c in whole.chosen) if w is not None]
+        remains += _shapes.refused(found, refusals, n)
+    if not remains:
+        remains += resting(accepted, outcome, bool(findings or moments))
     if means.all:
         remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
     if accepted and not remains and _scatter.uneven(scatter):

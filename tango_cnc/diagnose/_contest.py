@@ -7,9 +7,10 @@ that the model does not reach; what is chosen whitens the data and all shapes, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from dataclasses import field as field_of
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,8 @@ ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
-MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
+MARGIN = 10.0  # evidence by which names must beat shapes: very strong (Kass & Raftery 1995)
+SURE = 20.0  # and where something is left beside them, of which they may be a part
 
 
 class Field:
@@ -37,7 +39,8 @@ class Field:
     def __init__(
         self, kernels: Sequence[Kernel], basis: Array, weight: Array, means: Rows, rows: NDArray[np.int64] | None = None
     ) -> None:
-        self.among = len(kernels)  # shapes that were compared to find these
+        own = sum("like" in k.setting for k in kernels)
+        self.among = {False: len(kernels) - own, True: own}  # shapes that were compared to find these; names whose size changes
         self.rows = slice(None) if rows is None else rows  # of the rows
         self.basis, self.weight, self.means, self.touches = basis, weight, means, means.seen
         stacked = np.hstack([k.columns for k in kernels])
@@ -57,6 +60,15 @@ class Field:
         found = copy(self)
         found._set([self.kernels[i] for i in few], self.columns.T[at].T)
         return found, replace(s, columns=s.columns.T[at].T)
+
+    def plain(self) -> Field:
+        """→ the field without names whose size changes: where a name was refused, its own pattern is no rival of it."""
+        few = [i for i, k in enumerate(self.kernels) if "like" not in k.setting]
+        at = np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in few])
+        found = copy(self)
+        found._set([self.kernels[i] for i in few], self.columns.T[at].T)
+        found.asked = {}
+        return found
 
     def __len__(self) -> int:
         return len(self.kernels)
@@ -148,9 +160,9 @@ def whiten(s: State, kernel: Kernel, columns: Array, own: Array, tau: float, sco
     return State(y, _without(s.columns, u, amount), s.logdet + more, picked, (*s.turns, (u, amount)))
 
 
-def price(field: Field, m: int) -> float:
-    """→ what a shape costs: its variance, and that it was picked among all."""
-    return float(np.log(m) + 2 * np.log(field.among))
+def price(field: Field, m: int, kernel: Kernel) -> float:
+    """→ what a shape costs: its variance, and that it was picked among all; a name whose size changes, among those."""
+    return float(np.log(m) + 2 * np.log(max(field.among["like" in kernel.setting], 1)))
 
 
 @dataclass(frozen=True)
@@ -159,7 +171,7 @@ class Asked:
 
     kept: tuple[object, ...]
     first: list[tuple[Array, Array]]  # `scores` beside the names alone, once somebody asked
-    grown: dict[bool, tuple[float, tuple[Picked, ...]]]  # of noises only, or of all: evidence, what was chosen
+    grown: dict[tuple[object, ...], tuple[float, tuple[Picked, ...]]]  # of noises only, without these: evidence, what was chosen
 
 
 def asked(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen]) -> Asked:
@@ -176,28 +188,42 @@ def first(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chose
     return s, known[0]
 
 
-def grown(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen], noises: bool = False) -> State:
-    """what is asked, whether of noises only → state with shapes added one by one, the best first, while one is worth its price."""
+def grown(
+    field: Field,
+    y: Array,
+    fixed: Sequence[Chosen],
+    names: Sequence[Chosen],
+    noises: bool = False,
+    away: Sequence[Chosen] = (),
+) -> State:
+    """what is asked, whether of noises only, names that are left out of it → state with shapes added one by one, the best first,
+    while one is worth its price.
+
+    A name that is left out does not come in by the back door, as itself with a size that changes by nothing.
+    """
     s, (best, at) = first(field, y, fixed, names)
-    if noises:
-        best = np.where([[k.noise] for k in field.kernels], best, -np.inf)
+    gone = [c.candidate for c in away]
+    if noises or gone:
+        stays = [(k.noise or not noises) and not any(k.setting.get("name") is c for c in gone) for k in field.kernels]
+        best = np.where(np.array(stays)[:, None], best, -np.inf)
     for turn in range(MOST):
         if turn:
             best, at = scores(field, s)
-        i = int(np.argmax(best[:, 0]))
-        gain = float(best[i, 0]) - price(field, len(s.y))
+        worth = best[:, 0] - [price(field, len(s.y), k) for k in field.kernels]
+        i = int(np.argmax(worth))
+        gain = float(worth[i])
         if gain < 0:
             break
         if turn == 0:  # the others follow the first one too far behind
-            few = np.sort(np.argsort(-best[:, 0])[:FOLLOW])
-            few = few[np.isfinite(best[few, 0])]
+            few = np.sort(np.argsort(-worth)[:FOLLOW])
+            few = few[np.isfinite(worth[few])]
             field, s = field.only(few, s)
             at, i = at[few], int(np.searchsorted(few, i))
         kernel, own, tau = field.kernels[i], field.of(i, s.columns), float(at[i, 0])
         columns = field.of(i, field.columns)
         if kernel.kind == "window":
             kernel, columns, own, tau, better = edges(field, s, kernel)
-            gain = better - price(field, len(s.y))
+            gain = better - price(field, len(s.y), kernel)
         s = whiten(s, kernel, columns, own, tau, gain)
     return s
 
@@ -241,7 +267,7 @@ def edges(field: Field, s: State, kernel: Kernel) -> tuple[Kernel, Array, Array,
 def evidence(field: Field, s: State, names: Sequence[Chosen]) -> float:
     """state, its names → evidence."""
     m = len(s.y)
-    prices = sum(c.price for c in names) + price(field, m) * len(s.picked)
+    prices = sum(c.price for c in names) + sum(price(field, m, p.kernel) for p in s.picked)
     return -m * float(np.log(s.y @ s.y)) - s.logdet - prices
 
 
@@ -266,6 +292,7 @@ class Outcome:
     by_names: float  # with the names that were found, and noises
     by_shapes: float  # without any name
     needless: tuple[Chosen, ...] = ()  # single touches that stood apart only beside a name that did not stand
+    above: Mapping[int, float] = field_of(default_factory=dict)  # by id of a name, the evidence that it has over every shape
 
     @property
     def shapes(self) -> tuple[Picked, ...]:
@@ -287,28 +314,32 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     """
     cheaper = discounts(y, [*fixed, *names], names)
 
-    def beside(kept: Sequence[Chosen], noises: bool, apart: Sequence[Chosen]) -> tuple[float, tuple[Picked, ...]]:
-        known = asked(field, y, apart, kept).grown
-        if noises not in known:
-            s = grown(field, y, apart, kept, noises)
-            known[noises] = evidence(field, s, kept) - sum(c.price for c in apart), s.picked
-        return known[noises]
+    def beside(
+        kept: Sequence[Chosen], noises: bool, apart: Sequence[Chosen], away: Sequence[Chosen]
+    ) -> tuple[float, tuple[Picked, ...]]:
+        known, key = asked(field, y, apart, kept).grown, (noises, *sorted(id(c.candidate) for c in away))
+        if key not in known:
+            s = grown(field, y, apart, kept, noises, away)
+            known[key] = evidence(field, s, kept) - sum(c.price for c in apart), s.picked
+        return known[key]
 
-    def of(kept: Sequence[Chosen], noises: bool = False) -> tuple[float, tuple[Picked, ...], Sequence[Chosen]]:
+    def of(
+        kept: Sequence[Chosen], noises: bool = False, away: Sequence[Chosen] = ()
+    ) -> tuple[float, tuple[Picked, ...], Sequence[Chosen]]:
         """→ evidence, what was picked, single touches set aside. Shapes are also looked for with all touches: what a few of
         them show would never be seen where these few were set aside before.
         """
-        best: tuple[float, tuple[Picked, ...], Sequence[Chosen]] = (*beside(kept, noises, fixed), fixed)
+        best: tuple[float, tuple[Picked, ...], Sequence[Chosen]] = (*beside(kept, noises, fixed, away), fixed)
         tried = {len(fixed)}
-        for picked in (best[1], beside(kept, noises, ())[1] if fixed else ()):
+        for picked in (best[1], beside(kept, noises, (), away)[1] if fixed else ()):
             apart = needed(y, fixed, kept, picked)
             if len(apart) not in tried:
                 tried.add(len(apart))
-                best = max(best, (*beside(kept, noises, apart), apart), key=lambda one: one[0])
+                best = max(best, (*beside(kept, noises, apart, away), apart), key=lambda one: one[0])
         return best[0] + sum(cheaper[id(c)] for c in kept), best[1], best[2]
 
     nothing = evidence(field, begin(field, y, _columns(len(y), fixed)), ()) - sum(c.price for c in fixed)
-    only_shapes, shapes, beyond = of(())
+    only_shapes, shapes, beyond = of((), away=names)
     if not names:
         needless = tuple(c for c in fixed if c not in beyond)
         return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes, needless)
@@ -316,8 +347,10 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     kept = once(names)
     value, picked, apart = of(kept)
     without: list[tuple[float, tuple[Picked, ...], Sequence[Chosen]]] = []
+    order: list[Chosen] = []
     while kept:
-        without = [of([c for c in kept if c is not old]) for old in kept]
+        order = list(kept)
+        without = [of([c for c in kept if c is not old], away=[old]) for old in kept]
         margins = [margin if not c.candidate.learned else 0.0 for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes) and only_shapes + min(margins) > value:
@@ -342,10 +375,12 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         if len(still) < len(kept):
             kept = still
             _, picked, apart = of(kept)
+    above_shapes = {id(c): value - w[0] for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, tuple(c for c in fixed if c not in apart))
+    needless = tuple(c for c in fixed if c not in apart)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes)
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
@@ -396,21 +431,4 @@ def _columns(m: int, chosen: Sequence[Chosen]) -> Array:
     return np.hstack([c.columns for c in chosen]) if chosen else np.empty((m, 0))
 
 
-def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) -> list[tuple[Array, Array]]:
-    """data (m,), columns of the names (m, s), shapes → (k,) weights of each and their covariance (k, k), all at once."""
-    covariance = np.eye(len(y)) + sum(p.tau * p.columns @ p.columns.T for p in picked)
-    lower = np.linalg.cholesky(covariance)
-    inverse = np.linalg.inv(lower)
-    basis = orthonormal(inverse @ names)
-    white = inverse @ y
-    white = white - basis @ (basis.T @ white)
-    result = []
-    for p in picked:
-        own = inverse @ p.columns
-        own = own - basis @ (basis.T @ own)
-        known = p.tau * np.eye(own.shape[1]) - p.tau**2 * own.T @ own
-        result.append((p.tau * own.T @ white, sigma**2 * known))
-    return result
-
-
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "posterior", "refinement", "shortlist"]
+__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]

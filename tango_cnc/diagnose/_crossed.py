@@ -40,10 +40,18 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
         for other in [*course[:1], *turned]:
             few = line("time", FEW) if other.covariate == "time" else other
             yield Form((line(place, FEW), few), "table")
-    if "probe direction" in known:
-        yield from (Form((Factor("probe direction", TURN, -1e3, 1e3, LOBES), other), "across") for other in course)
     if "probe direction along" in known:
         yield from (Form((line("probe direction along", FEW), other), ONE) for other in course)
+    if "probe direction" in known:
+        yield from (Form((Factor("probe direction", TURN, -1e3, 1e3, LOBES), other), "across") for other in course)
+        for axis in (*linear, *rotary):
+            if f"d{axis}" in known:
+                yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), Factor("probe direction", TURN, -1e3, 1e3, LOBES)), "across")
+    carried = any(not np.allclose(known[f"normal {c}, table"], known[f"normal {c}, machine"], atol=1e-6) for c in "xyz")
+    moving = [*([line("time", FEW)] if "time" in known else []), *turned] if carried else []
+    for i, one in enumerate(moving):  # what the table carries
+        for other in (*moving[i + 1 :], *(line(axis, FEW) for axis in linear)):
+            yield from (Form((one, other), f"table {c}") for c in "xyz")
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
     for before in ("since indexation", "pause"):
         if before in known:

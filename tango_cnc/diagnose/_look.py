@@ -16,6 +16,7 @@ from ..touches import Touches
 from . import _explain, _scatter, _variances
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._catalogue import Chosen, columns_of
+from ._changing import changing, slow
 from ._contest import Field, Outcome, contest
 from ._explain import Explanation
 from ._moments import Moment
@@ -48,6 +49,7 @@ class Tried:
 
     candidates: Sequence[Candidate]
     kernels: Sequence[Kernel]
+    slow: Mapping[str, Array]  # functions that the size of a name may follow
 
 
 def tried(before: Estimate, means: Rows, excluded: Collection[str], learned: Sequence[Mapping[str, Any]] = ()) -> Tried:
@@ -59,12 +61,12 @@ def tried(before: Estimate, means: Rows, excluded: Collection[str], learned: Seq
         *map(means.candidate, shapes(touches, set(families.causes()) - set(excluded), len(means.seen))),
         *map(means.candidate, _known_shapes(touches, present, excluded, learned)),
     ]
-    return Tried(every, kernels_of(means))
+    return Tried(every, kernels_of(means), slow(touches))
 
 
-def _contested(means: Rows, found: Explanation, weight: Array, what: Sequence[Kernel]) -> tuple[Field, Outcome]:
+def _contested(means: Rows, found: Explanation, weight: Array, what: Tried) -> tuple[Field, Outcome]:
     """What was found, against shapes without a name."""
-    field = Field(what, found.place.basis, weight, means)
+    field = Field([*what.kernels, *changing(means, found.named, what.slow)], found.place.basis, weight, means)
     fixed = [c for c in found.chosen if c.candidate.cause == "outlier"]
     return field, contest(field, found.place.y, fixed, found.named)
 
@@ -141,7 +143,7 @@ def explained(
                 break
             every = [c for c in every if _where(c) not in absurd]
         found = _with_learned(found)
-        field, outcome = _contested(means, found, weight, what.kernels)
+        field, outcome = _contested(means, found, weight, what)
         found = replace(found, chosen=tuple(c for c in found.chosen if not any(c is o for o in outcome.needless)))
         # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
         broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))

@@ -10,8 +10,12 @@ from ._records import Size, Stability, Why
 MAJORITY = 3  # of the subsets
 
 
-def refused(c: Chosen, s: Size, g: Gain, back: Stability, everywhere: bool) -> Why | None:
-    """a name, its size, gain, in how many subsets it came back, whether it gains in every scheme → why it is not named, or None."""
+def refused(c: Chosen, s: Size, g: Gain, back: Stability, everywhere: bool, few: bool = False) -> Why | None:
+    """a name, its size, gain, in how many subsets it came back, whether it gains in every scheme, whether the touches are too few
+    for any name → why it is not named, or None.
+    """
+    if few and not c.candidate.learned:
+        return "few"
     if not g.real or not everywhere:
         return "no gain"
     # A shape that was learned has one free number; a new one may follow a subset better, as it was not learned without noise.

@@ -4,7 +4,7 @@ two causes apart.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -117,15 +117,19 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
     return tuple(sorted(result, key=lambda t: t.p_value))
 
 
-def left_over(tests: Sequence[Test], explained: bool) -> list[Remainder]:
-    """tests with all that was found, whether it was anything → what the residuals still depend on (Bonferroni over all of them).
+def left_over(tests: Sequence[Test], explained: bool, own: Collection[str] = ()) -> list[Remainder]:
+    """tests with all that was found, whether it was anything, covariates of the names → what the residuals still depend on.
 
-    At 1 % beside something that was found. Where nothing was, and no cause or shape was worth its price, the scatter itself may
-    differ, and the tests believe in even scatter: at 1 in 1000.
+    At 1 % beside something that was found, over the covariates that the names follow, and again over all (Bonferroni). Where
+    nothing was, and no cause or shape was worth its price, the scatter itself may differ, and the tests believe in even scatter:
+    at 1 in 1000.
     """
-    if not tests or tests[0].p_value * len(tests) > (REJECTED if explained else NOTHING):
+    wrong = [t for t in tests if t.covariate in own][:1]
+    wrong = wrong if wrong and wrong[0].p_value * len(own) < REJECTED else list(tests[:1])
+    asked = len(own) if wrong and wrong[0].covariate in own else len(tests)
+    if not wrong or wrong[0].p_value * asked > (REJECTED if explained else NOTHING):
         return []
-    worst = tests[0]
+    worst = wrong[0]
     size = float(np.abs(worst.mean).max())
     return [Remainder(worst.covariate, "none", "lack of fit" if explained else "no pattern", size, 0.0, np.zeros(1))]
 

@@ -13,9 +13,10 @@ from ..records import Array
 from ..texts import say
 from ..touches import Touches
 from ._catalogue import Chosen, columns_of
+from ._changing import over
 from ._closed import closed
-from ._contest import Outcome, Picked, posterior, refinement
-from ._explain import Explanation
+from ._contest import Outcome, Picked, refinement
+from ._explain import DECISIVE, Explanation, gain
 from ._gain import rms
 from ._records import Again, Remainder
 from ._rows import Rows
@@ -46,13 +47,20 @@ def remainders(
     basis = orthonormal(base)
     result = []
     for p, (w, covariance) in zip(outcome.picked, each, strict=True):
-        if p.kernel.kind != "shape" or p.kernel.form is None or refinement(p, accepted):
+        if p.kernel.kind != "shape" or refinement(p, accepted):
             continue
         columns = p.kernel.columns
         whole = np.vstack([columns, np.zeros((len(base) - len(columns), columns.shape[1]))])
         left = (whole - basis @ (basis.T @ whole))[: len(columns)]
         pattern = left @ w / means.scale
         row = int(np.argmax(np.abs(pattern)))
+        std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
+        if p.kernel.form is None:
+            about = str(p.kernel.setting["covariate"]), "none", "changing", float(np.abs(pattern[row]))
+            share = gained(e, names, outcome.picked, p, schemes["indexations"], keep, weight)
+            like = str(p.kernel.setting["like"])
+            result.append(Remainder(*about, share, pattern, std, touch=int(means.first[row]), confirm=like))
+            continue
         formula, plain = closed(
             p.kernel.form,
             means,
@@ -60,7 +68,6 @@ def remainders(
             lambda x: x - basis[: len(x)] @ (basis[: len(x)].T @ x),
             left * p.kernel.scale,
         )
-        std = float(np.sqrt(max(left[row] @ covariance @ left[row], 0.0))) / float(means.scale[row])
         result.append(
             Remainder(
                 *(p.kernel.form.covariate, p.kernel.form.frame, p.kernel.form.factors[0].kind),
@@ -117,6 +124,18 @@ def unnamed(kind: str, amplitude: float, n: int) -> Remainder:
     return Remainder(covariate, "machine", shape, amplitude, 0.0, np.zeros(n))
 
 
+def refused(e: Explanation, names: Sequence[tuple[Chosen, float]], n: int) -> list[Remainder]:
+    """explanation, names that nothing beat and that are not named all the same with their sizes, mm, number of touches → the
+    surest of them: something is there.
+    """
+    sure = [(gain(e.place, [*e.chosen, *(() if any(c is o for o in e.chosen) else (c,))], c), c, size) for c, size in names]
+    sure = [one for one in sure if one[0] > DECISIVE]
+    if not sure:
+        return []
+    _, c, size = max(sure, key=lambda one: one[0])
+    return [Remainder(over(c.candidate), "none", "unsure", size, 0.0, np.zeros(n), confirm=c.candidate.cause)]
+
+
 def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
     """shape, touches, what is visible of it (n,) → where it shows most, for a person."""
     row, other = int(np.argmax(pattern)), int(np.argmin(pattern))
@@ -134,6 +153,23 @@ def confirm(p: Picked, touches: Touches, pattern: Array) -> str:
         return say("diagnosis_said.facet_of_touch", facet=touches.facet[i], touch=touches.number[i])
 
     return say("diagnosis_said.confirm_there", one=place(row), other=place(other))
+
+
+def posterior(y: Array, names: Array, picked: Sequence[Picked], sigma: float) -> list[tuple[Array, Array]]:
+    """data (m,), columns of the names (m, s), shapes → (k,) weights of each and their covariance (k, k), all at once."""
+    covariance = np.eye(len(y)) + sum(p.tau * p.columns @ p.columns.T for p in picked)
+    lower = np.linalg.cholesky(covariance)
+    inverse = np.linalg.inv(lower)
+    basis = orthonormal(inverse @ names)
+    white = inverse @ y
+    white = white - basis @ (basis.T @ white)
+    result = []
+    for p in picked:
+        own = inverse @ p.columns
+        own = own - basis @ (basis.T @ own)
+        known = p.tau * np.eye(own.shape[1]) - p.tau**2 * own.T @ own
+        result.append((p.tau * own.T @ white, sigma**2 * known))
+    return result
 
 
 def spread(y: Array, names: Array, picked: Sequence[Picked]) -> float:

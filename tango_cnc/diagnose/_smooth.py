@@ -36,7 +36,7 @@ LEAST = {"way": 1e-3, "pause": 0.2, "place": 1.0, "path": 0.05, "since": 1.0, "T
 
 def forms(touches: Touches) -> Iterator[Form]:
     """touches → every shape that is compared: each covariate as it may be felt, and pairs of them."""
-    known = {name: v for name, v in values(touches).items() if not name.startswith("facet ") and _moves(touches, name, v)}
+    known = {name: v for name, v in values(touches).items() if not name.startswith("facet ") and moves(touches, name, v)}
     machine = touches.machine
     linear = [a for a in machine.linear if a in known]
     rotary = [a for a in machine.rotary if a in known]
@@ -128,7 +128,8 @@ def _between(v: Array) -> list[float]:
     return [float(m) for m in middle if min((v > m).sum(), (v < m).sum()) >= OFTEN]
 
 
-def _moves(touches: Touches, name: str, v: Array) -> bool:
+def moves(touches: Touches, name: str, v: Array) -> bool:
+    """touches, name and values (n,) of a covariate → whether it changes enough to be told apart from what is constant."""
     kind = name.split(" ")[0].split("_")[0]
     if len(name) == 2 and name[0] == "d":
         return len(set(v) - {0.0}) == 2
@@ -145,6 +146,13 @@ class Kernel:
     columns: Array
     scale: float = 1.0  # the features were divided by it
     setting: Mapping[str, Any] = field(default_factory=dict)  # of an event: indexation, axis, first and last row
+
+    @property
+    def covariate(self) -> str:
+        """→ what it follows."""
+        if self.form is not None:
+            return self.form.covariate
+        return str(self.setting.get("covariate", "time" if self.kind == "window" else "indexation" if self.event else "order"))
 
     @property
     def noise(self) -> bool:

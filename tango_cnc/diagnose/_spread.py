@@ -27,9 +27,10 @@ def findings(
     remains: Sequence[Remainder] = (),
     seats: bool = True,
     shown: float = 0.0,
+    aside: bool = False,
 ) -> list[Finding]:
-    """explanation, rough facets, shapes, whether seats compete best, evidence of the largest shape → causes that show in the
-    spread of the touches.
+    """explanation, rough facets, shapes, whether seats compete best, evidence of the largest shape, whether moments were set aside
+    → causes that show in the spread of the touches.
 
     What a shape without a name leaves of the unknown looks like a spread of all touches: beside it none is named. Rough facets
     are where they have more evidence than it, because they were compared with all shapes taken out.
@@ -56,7 +57,8 @@ def findings(
         result.append(_finding(scattering("facet"), {"facets": facets}, detail, largest.extra, std, p, len(touches)))
     stated = touches.machine.probe.repeatability
     dof = e.place.m - columns_of(e.place, e.chosen).shape[1]
-    if scattering("all") not in excluded and not remains and not rough and not unknown and stated > 0 and e.sigma > LOUDER * stated:
+    alone = not remains and not rough and not unknown and not aside  # what came and went has left the moments that were set aside
+    if scattering("all") not in excluded and alone and stated > 0 and e.sigma > LOUDER * stated:
         p = float(special.chdtrc(dof, dof * (e.sigma / stated) ** 2))
         if p < 0.001:
             extra = float(np.sqrt(e.sigma**2 - stated**2))

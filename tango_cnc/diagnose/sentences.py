@@ -95,6 +95,10 @@ def dropped(d: Dropped) -> str:
         back = d.finding.stability
         often = say("diagnosis_said.comes_back_subsets_indexations_only", **({} if back is None else asdict(back)))
         return joined("", (text, often))
+    if d.why == "rest":
+        return joined("", (text, say("diagnosis_said.something_is_left_beside_it")))
+    if d.why == "few":
+        return joined("", (text, say("diagnosis_said.touches_too_few_for_name")))
     if d.why == "size":
         return joined("", (text, say("diagnosis_said.its_size_not_known_half")))
     return joined("", (text, say("diagnosis_said.beside_something_larger_without_name")))
@@ -187,6 +191,11 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.touches_are_like_those_before", spread=spread(r.amplitude, 0.0))
     if r.shape == "uneven":
         return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
+    if r.shape == "changing":
+        where = covariate(r.covariate)
+        return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
+    if r.shape == "unsure":
+        return say("diagnosis_said.something_like_a_name", cause=r.confirm, spread=spread(r.amplitude, 0.0))
     if r.shape == "no pattern":
         return say(
             "diagnosis_said.residuals_follow_without_cause", covariate=covariate(r.covariate), spread=spread(r.amplitude, 0.0)
@@ -247,6 +256,11 @@ def _group(by: str) -> str:
         "time": "diagnosis_said.part_test",
     }
     return say(words[by])
+
+
+def few(touches: int) -> str:
+    """touches beyond the unknowns → why no cause is named."""
+    return say("diagnosis_said.few_touches_tell_no_cause", touches=touches)
 
 
 def noise(s: Scatter) -> list[str]:

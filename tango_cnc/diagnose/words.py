@@ -15,7 +15,7 @@ from ..texts import joined
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, also, covariate, dropped, gain, meaning, moment, noise, said, unexplained
+from .sentences import advice, also, covariate, dropped, few, gain, meaning, moment, noise, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -79,6 +79,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             for m in d.misnamed
         ],
         "noise_um": d.noise * 1e3,
+        "few": d.few,
         "rows": None
         if d.rows is None
         else {"searched": len(d.rows.seen), "touches": len(d.rows.whole), "left_out": d.rows.left_out},
@@ -172,6 +173,8 @@ def as_text(d: Diagnosis) -> str:
             for t in shown[:SHOWN]
         ]
         lines.append("")
+    if d.few is not None:
+        lines += [*_wrapped(f"! {few(d.few)}.", "  "), ""]
     for i, f in enumerate(d.findings, 1):
         lines += _wrapped(f"{i}. {f.cause}: {said(f)}.", "   ")
         lines += _wrapped(f"   It means: {meaning(f)}.", "   ")

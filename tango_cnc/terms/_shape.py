@@ -18,7 +18,7 @@ from ..touches import Touches
 
 LEGENDRE, WAVES, TURN, CYCLE, SIDE, BEYOND = "polynomial", "waves", "turn", "cycle", "side", "beyond"
 ONE = "none"
-PLAYS = (30, 120)  # °: how far a rotary axis turns back before all that was wound up is wound up the other way
+PLAYS = (30, 60, 120, 240)  # °: how far a rotary axis turns back before all that was wound up is wound up the other way
 SHORT = 20.0  # mm of a way: what is shorter is told apart by its size, what is longer by the logarithm of it
 
 
