@@ -153,7 +153,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
         result, walk = plain, 0.0
     found = judge(cell, readings, result, search=False, alone=kind == "full", agrees=agrees)
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
-    resume = str(say("plausible.readings.go_on_with_tango_run", how="--resume"))
+    resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
     reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
     return Judged(found.verdict, reasons, found.incomplete, wandered, walk)
 

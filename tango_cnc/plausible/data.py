@@ -86,7 +86,7 @@ def _missing(touches: Asked, readings: Readings, how: str) -> Iterator[Remark]:
         )
         if share < NEEDED:
             hint = (
-                say("plausible.readings.go_on_with_tango_run", how=how)
+                say("plausible.readings.go_on_with_tango_run", more=how.removeprefix("--resume"))
                 if gone
                 else say("plausible.readings.look_for_what_kept_them")
             )

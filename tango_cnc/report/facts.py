@@ -320,7 +320,13 @@ def _complete(f: Facts, t: Texts) -> Check:
     missing = planned - f.used
     level: Level = "good" if not missing else "look" if missing <= MISSING * planned else "stop"
     text = t(f"check.complete_{level}", planned=planned, missing=missing)
-    return Check("complete", level, f"{f.used} / {planned}", text, t("todo.complete", how=resume_of(f.paper.origin)))
+    return Check(
+        "complete",
+        level,
+        f"{f.used} / {planned}",
+        text,
+        t("todo.complete", more=resume_of(f.paper.origin).removeprefix("--resume")),
+    )
 
 
 def _fit(f: Facts, t: Texts) -> Check:

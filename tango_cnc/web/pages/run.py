@@ -112,7 +112,7 @@ def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
 
 
 def _resume(run: Run, t: Texts) -> str:
-    return t("web.resume", how="--resume" if run.head is None else run.head.how)
+    return t("web.resume", more="" if run.head is None else run.head.how.removeprefix("--resume"))
 
 
 def _office(run: Run, t: Texts) -> list[str]:
