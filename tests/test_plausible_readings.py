@@ -82,8 +82,20 @@ def test_positions_rounded_in_a_part_are_named(cell: Cell, twice: Readings, rows
         i = twice.axes.index(axis)
         position[half, i] = np.round(position[half, i] / step) * step
     (remark,) = doubts(cell, replace(twice, position=position), "rounded_positions")
-    assert remark.verdict == "doubtful" and remark.key == ", ".join(axes) and f"whole multiples of {step:g} mm" in remark.text
+    said = "in steps" if rows == "all" and axes == "XYZ" else "whole multiples"  # where others are not, it says so
+    assert remark.verdict == "doubtful" and remark.key == ", ".join(axes) and f"{said} of {step:g} mm" in remark.text
     assert set(remark.touches) <= set(twice.touch[half].tolist())
+
+
+@pytest.mark.parametrize(("repeatability", "said"), [(6e-4, True), (9e-4, False)], ids=["swamped", "stated"])
+def test_a_control_that_counts_inches_says_so_or_has_it_stated(
+    cell: Cell, twice: Readings, repeatability: float, said: bool
+) -> None:
+    counts = 0.00254  # mm, 0.0001 inch
+    position = np.column_stack([np.round(twice.position[:, :3] / counts) * counts, twice.position[:, 3:]])
+    own = replace(cell, machine=replace(cell.machine, probe=replace(cell.machine.probe, repeatability=repeatability)))
+    found = doubts(own, replace(twice, position=position), "rounded_positions")
+    assert [("in steps of 0.00254 mm" in r.text, "others are not" in r.text) for r in found] == [(True, False)] * said
 
 
 @pytest.mark.parametrize("digit", [1e-3, 1e-4])

@@ -14,7 +14,7 @@ from ..kinematics import chain, tip
 from ..records import Cell, Readings
 from ..texts import joined, say
 from .copies import copied, last_digit, too_alike
-from .rounding import counted, partly
+from .rounding import counted, grid, partly, swamping
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
@@ -207,15 +207,21 @@ def _rounded(cell: Cell, readings: Readings) -> Iterator[Remark]:
         text = say("plausible.readings.every_position_whole_multiple_mm", digit=f"{digit:g}")
         yield Remark("doubtful", text, (), "rounded_positions", "X, Y, Z", change)
         return
+    if step := grid(cell, readings):
+        if step >= swamping(cell):
+            axes = ", ".join(cell.machine.linear)
+            text = say("plausible.readings.positions_of_axes_in_steps", axes=axes, step=f"{step:.5g}", change=change)
+            yield Remark("doubtful", text, (), "rounded_positions", axes, change)
+        return
     if found := list(partly(cell, readings)):
         axes = ", ".join(name for name, _, _ in found)
         touches = tuple(sorted({t for _, _, numbers in found for t in numbers}))
-        step = f"{max(step for _, step, _ in found):g}"
-        text = say("plausible.readings.positions_of_axes_rounded", axes=axes, numbers=listed(touches), step=step, change=change)
+        longest = f"{max(step for _, step, _ in found):g}"
+        text = say("plausible.readings.positions_of_axes_rounded", axes=axes, numbers=listed(touches), step=longest, change=change)
         yield Remark("doubtful", text, touches, "rounded_positions", axes, change)
     elif stepped := list(counted(cell, readings)):
-        axes, step = ", ".join(name for name, _ in stepped), f"{max(step for _, step in stepped):.5g}"
-        text = say("plausible.readings.positions_of_axes_in_steps", axes=axes, step=step, change=change)
+        axes, longest = ", ".join(name for name, _ in stepped), f"{max(step for _, step in stepped):.5g}"
+        text = say("plausible.readings.positions_of_axes_in_steps", axes=axes, step=longest, change=change)
         yield Remark("doubtful", text, (), "rounded_positions", axes, change)
 
 

@@ -66,9 +66,22 @@ def _together(every: Sequence[Moved]) -> Iterator[tuple[str, float, NDArray[np.i
         return
 
 
+def grid(cell: Cell, readings: Readings) -> float:
+    """cell, readings → mm, of which all positions of all axes are whole multiples, as where a control counts 0.0001 inch;
+    0 where there is none.
+    """
+    every = [values for _, values, _ in _moved(cell, readings.rows(readings.ok)) if len(values)]
+    return next((step for step in STEPS if every and all(_whole(values, step).all() for values in every)), 0.0)
+
+
+def swamping(cell: Cell) -> float:
+    """cell → mm, the step from which on rounding swamps the stated repeatability: a finer one is scatter like any other."""
+    return max(SWAMPS * cell.machine.probe.repeatability, FINEST)
+
+
 def counted(cell: Cell, readings: Readings) -> Iterator[tuple[str, float]]:
     """cell, readings → (axis, step mm) of each axis whose positions all lie on a lattice that swamps the stated repeatability."""
-    least = max(SWAMPS * cell.machine.probe.repeatability, FINEST)
+    least = swamping(cell)
     for name, values, _ in _moved(cell, readings.rows(readings.ok)):
         if len(values) >= FEWEST and (step := _lattice(values, least)):
             yield name, step
