@@ -47,7 +47,7 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
         for axis in (*linear, *rotary):
             if f"d{axis}" in known:
                 yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), Factor("probe direction", TURN, -1e3, 1e3, LOBES)), "across")
-    carried = any(not np.allclose(known[f"normal {c}, table"], known[f"normal {c}, machine"], atol=1e-6) for c in "xyz")
+    carried = any(_differ(known.get(f"normal {c}, table"), known.get(f"normal {c}, machine")) for c in "xyz")
     moving = [*([line("time", FEW)] if "time" in known else []), *turned] if carried else []
     for i, one in enumerate(moving):  # what the table carries
         for other in (*moving[i + 1 :], *(line(axis, FEW) for axis in linear)):
@@ -62,6 +62,11 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
         if f"d{axis}" in known:
             for weight in (f"axis {axis}", *(f"machine {c}" for c in "xyz")):
                 yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), line(axis, FEW)), weight)
+
+
+def _differ(one: Array | None, other: Array | None) -> bool:
+    """covariate in two frames, None where it never changes → whether the table turned between touches."""
+    return one is not other if one is None or other is None else not np.allclose(one, other, atol=1e-6)
 
 
 __all__ = ["crossed"]
