@@ -30,6 +30,7 @@ NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
 MARGIN = 10.0  # evidence by which names must beat shapes: very strong (Kass & Raftery 1995)
+CHANGES = 20.0  # evidence that a name's own size changes: it is the name itself, and more, so less of it proves nothing
 SURE = 20.0  # and where something is left beside them, of which they may be a part
 
 
@@ -161,8 +162,9 @@ def whiten(s: State, kernel: Kernel, columns: Array, own: Array, tau: float, sco
 
 
 def price(field: Field, m: int, kernel: Kernel) -> float:
-    """→ what a shape costs: its variance, and that it was picked among all; a name whose size changes, among those."""
-    return float(np.log(m) + 2 * np.log(max(field.among["like" in kernel.setting], 1)))
+    """→ what a shape costs: its variance, and that it was picked among all; a name whose size changes: among those, and more."""
+    itself = "like" in kernel.setting
+    return float(np.log(m) + 2 * np.log(max(field.among[itself], 1))) + (CHANGES if itself else 0.0)
 
 
 @dataclass(frozen=True)
