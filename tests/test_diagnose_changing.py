@@ -51,7 +51,7 @@ def test_what_is_left_beside_a_name_is_asked_once_more_against_what_chance_does(
 
 
 def test_the_covariate_of_a_name_is_asked_alone() -> None:
-    """A chance of 1 in 250 is none over twenty covariates, and is one over the axis that the name is about."""
+    """A chance of 1 in 250 proves nothing of twenty covariates, and something of the one axis that the name is about."""
 
     def test(covariate: str, p: float) -> Covered:
         return Covered(covariate, 0.1, p, np.zeros(1), np.full(1, 0.001), np.zeros(1))

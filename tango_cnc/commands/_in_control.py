@@ -84,12 +84,11 @@ class _Hidden:
 
 def _seen(folder: Path, number: int | None, until: str) -> bool:
     """cell, compensation that was kept, moment → whether the runs see all of it: it was measured with tool center point control."""
-    known = [e for e in loop.history(folder) if not until or e["utc"][:19] < until[:19]]
-    event = next((e for e in reversed(known) if e["compensation"] == number and e["event"] == KEPT), None)
+    event = next((e for e in reversed(loop.history(folder, until)) if e["compensation"] == number and e["event"] == KEPT), None)
     return event is not None and bool(event.get("tcp", CALCULATED not in event.get("text", "")))
 
 
 def given(folder: Path, until: str = "") -> tuple[Given, ...]:
     """cell, before which moment (UTC; '': any) → when its control got another compensation, or lost one, oldest first."""
-    events = changes(loop.happened(folder), until=until)
+    events = changes(loop.happened(folder, until))
     return tuple(Given(e.utc, local_day(e.utc), e.number, e.target, taken_out=e.event == BACK) for e in events)

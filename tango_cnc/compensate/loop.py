@@ -136,8 +136,8 @@ def note(cell: Path, kept: Kept, now: str, event: str, **more: Any) -> None:
         out.write(json.dumps(line, ensure_ascii=False) + "\n")
 
 
-def history(cell: Path) -> list[dict[str, Any]]:
-    """cell → events in their order. Raises InputError for a malformed line."""
+def history(cell: Path, until: str = "") -> list[dict[str, Any]]:
+    """cell, before which moment (UTC; '': any) → events in their order. Raises InputError for a malformed line."""
     file = cell / FOLDER / HISTORY
     if not file.exists():
         return []
@@ -151,7 +151,7 @@ def history(cell: Path) -> list[dict[str, Any]]:
         if wrong:
             raise InputError(f"{file}:{i}: {printable(wrong, 200)}; allowed: an event as this program writes it. Mend that line")
         result.append(event)
-    return result
+    return [e for e in result if not until or e["utc"][:19] < until[:19]]
 
 
 def state(cell: Path, number: int) -> str:
@@ -242,8 +242,7 @@ def in_control(cell: Path) -> Kept | None:
 
 def happened(cell: Path, until: str = "") -> list[Happened]:
     """cell, before which moment (UTC; '': any) → events of its compensations, oldest first."""
-    there = [Happened(e["utc"], e["compensation"], e["target"], e["event"]) for e in history(cell)]
-    return [e for e in there if not until or e.utc[:19] < until[:19]]
+    return [Happened(e["utc"], e["compensation"], e["target"], e["event"]) for e in history(cell, until)]
 
 
 def holding(cell: Path, until: str = "") -> Holds | None:

@@ -41,7 +41,7 @@ __all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDING = 1e-6  # mm: positions are written with six decimals
-FREE = 40  # touches beyond the unknowns: with fewer, names of causes are not told apart (docs/diagnose.md)
+FREE = 40  # touches beyond the unknowns: with fewer, nobody can tell one cause from another (docs/diagnose.md)
 SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
 
 

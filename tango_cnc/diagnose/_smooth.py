@@ -129,7 +129,7 @@ def _between(v: Array) -> list[float]:
 
 
 def moves(touches: Touches, name: str, v: Array) -> bool:
-    """touches, name and values (n,) of a covariate → whether it changes enough to be told apart from what is constant."""
+    """touches, name and values (n,) of a covariate → whether it changes so much that it is no constant."""
     kind = name.split(" ")[0].split("_")[0]
     if len(name) == 2 and name[0] == "d":
         return len(set(v) - {0.0}) == 2

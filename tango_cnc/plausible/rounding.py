@@ -67,8 +67,9 @@ def _together(every: Sequence[Moved]) -> Iterator[tuple[str, float, NDArray[np.i
 
 
 def grid(cell: Cell, readings: Readings) -> float:
-    """cell, readings → mm, of which all positions of all axes are whole multiples, as where a control counts 0.0001 inch;
-    0 where there is none.
+    """cell, readings → mm, of which all positions of all axes are whole multiples, as where a control counts 0.0001 inch.
+
+    0 where no such step fits all of them.
     """
     every = [values for _, values, _ in _moved(cell, readings.rows(readings.ok)) if len(values)]
     return next((step for step in STEPS if every and all(_whole(values, step).all() for values in every)), 0.0)

@@ -74,7 +74,7 @@ def amount(value: float, unit: str, u: Units, t: Texts) -> str:
 
 
 def signed(value: float, unit: str, u: Units, t: Texts) -> str:
-    """number in µm, µrad or µm/m, units, texts → the same with the direction in which it moved: −9.2 µm; a tilt is told without."""
+    """number in µm, µrad or µm/m, units, texts → the same with the direction in which it moved: −9.2 µm. A tilt has no sign."""
     return amount(value, unit, u, t) if unit in ("µrad", "µm/m") else f"{'−' if value < 0 else '+'}{amount(value, unit, u, t)}"
 
 

@@ -25,7 +25,7 @@ NEAR = ("contact", "collision")  # what must not happen where nobody has proven 
 
 @dataclass(frozen=True)
 class _Itself:
-    """A plan that equals no other, and with it the options, which are told apart by their text."""
+    """A plan that equals no other, with its options: two sets of options are the same where their texts are."""
 
     made: Plan = field(compare=False)
     options: Mapping[str, Any] = field(compare=False)
