@@ -50,7 +50,7 @@ class Shares(LoadGroupScheduling):
         return share(nodeid)
 
     def mark_test_complete(self, node: WorkerController, item_index: int, duration: float = 0) -> None:
-        """As xdist does, which goes through all that a worker was ever given, after each of thousands of tests: what is done goes."""
+        """As xdist does, which goes through all that a worker was ever given after each test of thousands: what is done goes."""
         given = self.assigned_work[node]
         test = self.registered_collections[node][item_index]
         super().mark_test_complete(node, item_index, duration)
