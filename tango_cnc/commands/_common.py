@@ -113,7 +113,7 @@ def typed(*without: str) -> str:
             continue
         value = context.params[name]
         words.append(_spelt(option))
-        if not getattr(option, "is_flag", False):
+        if not (isinstance(option, click.Option) and option.is_flag):
             values = value if isinstance(value, tuple) else (value,)
             words += [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
     return shlex.join(words)
