@@ -54,13 +54,15 @@ class Rehearsal:
         latches: bool = False,
         astray: Astray | None = None,
         framed: bool = False,
+        dynamic: bool = False,
     ) -> None:
         """plan, every option of its profile, how a twin's variable is read; whether the control latches machine positions.
 
         `framed`: the program takes the difference of two frames from the control: a step has to show first that it is in mm.
+        `dynamic`: a work offset of the control may turn with its rotary axes: the program has to notice it there.
         `astray`: where else a measuring move may say that its contact was, which has to stop the program.
         """
-        self._latches = latches
+        self._latches, self._dynamic = latches, dynamic
         self._astray = astray or (latched_elsewhere if latches else offset_changed)
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan, options)
@@ -356,6 +358,8 @@ class Rehearsal:
             twin = self.base.twin("stop", f"{name} has not arrived")
             twin.position[name] += away
             self.doubts([twin])
+        if asked and self._dynamic:
+            self.doubts(offset_changed(self.base, {}, dict.fromkeys("XYZ", 0.0)))
 
     def start(self, mark: str, count: float, wanted: str) -> None:
         """The start mark. Raises InputError when it is not that of this program."""
