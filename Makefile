@@ -7,7 +7,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 
-.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind nights lint format clean planted
+.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind design-table nights lint format clean planted
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -50,6 +50,10 @@ mutants: .venv/test.stamp
 # TANGO_STRATEGY=plan.yaml: the HU40T touches a plan of 'tango design' instead of its own 393 touches.
 blind: .venv/test.stamp
 	$(BIN)/python -m pytest tests/test_diagnose_blind.py tests/test_diagnose_outside.py -m campaign -s
+
+# The table of docs/design.md: make design-table ROW=hu40t/volume/10 for one row, which takes minutes; PARTS=1 with runs broken off.
+design-table: .venv/test.stamp
+	$(BIN)/python benchmarks/design_table.py $(ROW) $(if $(PARTS),--parts)
 
 lint: .venv/test.stamp
 	$(BIN)/ruff format --check .
