@@ -143,9 +143,6 @@ def command(
             raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
     someone = attended()
     journal = target.with_suffix(".journal")
-    if not resume and journal.exists() and not target.exists():
-        kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
-        said(f"{kept}; {broken_off(journal)}")
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
@@ -153,6 +150,9 @@ def command(
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
+        if not resume and journal.exists() and not target.exists():  # while another run is at work, nobody gets here
+            kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
+            said(f"{kept}; {broken_off(journal)}")
         start = start_patience(someone)
         how = resuming(until, obstructed, stylus, readings_file)
         wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start, heard, simulated=simulated, how=how)
