@@ -30,7 +30,6 @@ from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
 from tango_cnc.report.svg import ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
-from tango_cnc.report.svg import ticks
 from tango_cnc.report.units import Units
 from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.report.words import spoken
