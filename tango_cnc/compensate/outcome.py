@@ -19,6 +19,10 @@ from .space import Held, Poses, sample
 SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 HELPED = 0.5  # of what was changed: less is no help
+TRY_KINEMATICS = (
+    "Nothing proves yet that the control uses the kinematics: before a part relies on them, touch one facet at two indexations with "
+    "tool center point control on (docs/compensate.md)"
+)
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,8 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
         )
     elif verdict == "kept":
         text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
+        if run.told.any():
+            text = f"as far as this run could see. {text[0].upper()}{text[1:]}. {TRY_KINEMATICS}"
         if not _less(measured, before):
             text += f". Whether less is left than before ({before.low:.2f} to {before.high:.2f} µm), these touches cannot tell"
     else:

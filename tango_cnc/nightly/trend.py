@@ -31,6 +31,8 @@ LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the t
 SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
+WINDOWS = (5, 7, 9, 11, 14, 17, 21)  # measured nights over which steps that go one way are looked for
+CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,47 @@ def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: f
         return None
     p_value = min(1.0, tried * chance)
     return _drift(k, i, record, size, std, after, sigmas, p_value, records)
+
+
+def creeping(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:
+    """what is known, records newest first, state after tonight → the parameter that goes one way night after night, surest first.
+
+    What wanders goes as often one way as the other, however fast it is thought to wander: Student's t of the steps a day, all
+    parameters and windows paid for. Looks back to the last alarm about that parameter. None where it may be chance, and where it
+    does less than `LEAST`.
+    """
+    tried, best = 0, (CREEPS, 0.0, -1, 0)
+    back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
+    for i in k.followed.machine:
+        name = k.followed.selection.label(k.followed.names[i])
+        day, values = _course(name, float(after.mean[i]), after.day, back)
+        for nights in (n for n in WINDOWS if n <= len(day)):
+            steps = np.diff(values[:nights]) / np.diff(day[:nights])
+            sigmas = abs(steps.mean()) / max(float(steps.std(ddof=1)) / np.sqrt(len(steps)), 1e-15)
+            tried += 1
+            best = min(best, (2 * float(special.stdtr(len(steps) - 1, -sigmas)), sigmas, int(i), nights))
+    chance, sigmas, i, nights = best
+    if i < 0 or tried * chance > CREEPS:
+        return None
+    record = back[nights - 2]
+    then = record["parameters"][k.followed.selection.label(k.followed.names[i])]
+    size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
+    if abs(size) < TOLD * std or k.worst(_only(k, i, size)) < LEAST:
+        return None
+    return _drift(k, i, record, size, std, after, sigmas, tried * chance, back)
+
+
+def _course(name: str, tonight: float, day: float, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
+    """parameter, its value tonight, the day, measured nights newest first → (m,) days, (m,) values, back to its last alarm."""
+    days, values = [day], [tonight]
+    for r in back:
+        if name not in r["parameters"] or not r["state"]["day"] < days[-1]:
+            break
+        days.append(float(r["state"]["day"]))
+        values.append(float(r["parameters"][name]["value"]))
+        if any(a.get("parameter") == name for a in r["alarms"]):
+            break
+    return np.array(days), np.array(values)
 
 
 def by_chance(sigmas: float, known: float, wandered: float, nights: float) -> float:

@@ -86,7 +86,7 @@ def headline(record: Mapping[str, Any]) -> str:
             if first["decision"]
             else say("night.words.nobody_has_answered_alarm", night=first["night"])
         )
-        return say(
+        waiting = say(
             "night.words.changed_since_night",
             night=first["night"],
             text=first["text"],
@@ -96,6 +96,8 @@ def headline(record: Mapping[str, Any]) -> str:
             part=part,
             gap=gap,
         )
+        trend = record.get("trend")
+        return waiting if trend is None else say("night.words.besides", told=waiting, text=trend["text"])
     nothing = say("night.words.nothing_has_changed")
     if unheard := record.get("ignored"):
         told = unheard[0]
