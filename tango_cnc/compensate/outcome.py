@@ -20,8 +20,8 @@ SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 HELPED = 0.5  # of what was changed: less is no help
 TRY_KINEMATICS = (
-    "Nothing proves yet that the control uses the kinematics: before a part relies on them, touch one facet at two indexations with "
-    "tool center point control on (docs/compensate.md)"
+    "Nothing proves yet that the control uses the kinematics: before a part relies on them, touch one facet at two indexations "
+    "with tool center point control on (docs/compensate.md)"
 )
 
 
