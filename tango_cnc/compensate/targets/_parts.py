@@ -14,8 +14,8 @@ from . import Fact, Request
 
 DEGREES = 180 / math.pi
 HALVES = Fact(
-    "half of a reversal value acts on either side; a control that adds all of it on one side moves the axis by half of it against the "
-    "rotary axes",
+    "half of a reversal value acts on either side; a control that adds all of it on one side moves the axis by half of it against "
+    "the rotary axes",
     "memory",
     confirmed=False,
 )
