@@ -134,8 +134,8 @@ def command(
         "moves in the air. Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
-    if known:
-        click.echo(f"proven already, and not asked again: {', '.join(sorted(known.keys() - wanted))}", err=True)
+    if settled := sorted(known.keys() - wanted):
+        click.echo(f"proven already, and not asked again: {', '.join(settled)}", err=True)
     if someone:
         for text in ("You will be asked:", *(f"  {question.text}" for each in questions.values() for question in each.values())):
             click.echo(text, err=True)
@@ -276,7 +276,8 @@ def _tried(
             else:
                 refused.append(entry.record)
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
-    said = why if speaks and (begun or "PROBE" in why.upper()) else ""
+    own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
+    said = why if speaks and (begun or own) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
 
 
