@@ -24,10 +24,11 @@ def test_an_imported_night_is_one_of_the_cell_that_goes_on_with_it(tmp_path: Pat
     (old / "simulated.csv").rename(old / "readings.csv")
     shutil.copytree(old, home)
     (old / "readings.json").write_text(json.dumps({"start_utc": "2026-11-19T02:00:00Z"}), encoding="utf-8")
-    (home / "nightly.yaml").write_text("nightly: 1\nowner: Ann\n", encoding="utf-8")
+    (home / "nightly.yaml").write_text("nightly: 1\nowner: Ann\nlimits: {volume: 300}\n", encoding="utf-8")
     with opened(tmp_path / "history.db") as history:
         ((_, record),) = imported(history, [old], home)
     assert (record["cell"], record["owner"], record["verdict"]) == (str(home), "Ann", "good")
+    assert [(x["what"], x["limit"], x["passed"]) for x in record["limits"]] == [("volume", 300.0, True)]
     assert record["duration_s"] == pytest.approx(record["machine_time_s"], abs=1) and record["duration_s"] > 60
     assert record["next"] == {"kind": "check", "why": "nothing is too uncertain"}
     said = message(record, (), ())[1]

@@ -75,7 +75,7 @@ def imported(history: History, folders: Sequence[Path], home: Path) -> Iterator[
         if any(n.start_utc == when.strftime("%Y-%m-%dT%H:%M:%SZ") for n in known):
             raise InputError(f"{cell.folder}: its run of {when:%Y-%m-%d %H:%M} UTC is in the history already; nothing was added")
     for when, cell, readings, text, origin in found:
-        settings = replace(quiet, owner=own.owner, volume_std_um=own.volume_std_um, every_days=own.every_days)
+        settings = replace(quiet, owner=own.owner, volume_std_um=own.volume_std_um, every_days=own.every_days, limits=own.limits)
         analysis, clock = nights_of(cell, settings, plan(cell)), Time(when.astimezone())
         old, nothing = _Old(cell, readings, text, origin, clock), Folder(lambda stamp, name, text: None)
         world = Ports(clock, nothing, old, Nobody(), history, analysis, nullcontext())

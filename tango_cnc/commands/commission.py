@@ -178,6 +178,12 @@ def command(
     if failed:
         raise click.exceptions.Exit(FAILED)
     if json_file != "-":
+        if still := [j.experiment.belief for j in judged if j.verdict.verdict == "OPEN"]:
+            click.echo(
+                f"OPEN is not proven: {', '.join(still)}. Before a run that nobody watches, commission again at a terminal, with a "
+                "person at the machine who answers what is asked (--held and --dial are asked there, too)",
+                err=True,
+            )
         ahead(folder, "run")
 
 
