@@ -198,15 +198,16 @@ def in_order(doubts: Sequence[str], each_run: Sequence[str]) -> tuple[str, ...]:
     return (*bare, *each_run, *by_danger(doubt for doubt in doubts if doubt != UNPROVEN))
 
 
-def of_part(post: Post, given: Mapping[str, Any], part: tuple[int, int]) -> dict[str, Any]:
-    """post, `controller` keys, (which part, of how many) → the keys for it: a program that has a number gets one of its own.
+def of_part(post: Post, given: Mapping[str, Any], part: tuple[int, int], stylus: int = 1) -> dict[str, Any]:
+    """post, `controller` keys, (which part, of how many), stylus → the keys for it; a program that has a number gets its own.
 
-    Numbers go up by five, as up to four macros follow a program.
+    Numbers go up by five, as up to four macros follow a program, and by a hundred for each further stylus: in the memory of a
+    control no program takes the place of another.
     """
     first = {option.name: option.default for option in post.options}.get("program_number")
-    if first is None or part[1] == 1:
+    if first is None or (part[1] == 1 and stylus == 1):
         return dict(given)
-    return {**given, "program_number": given.get("program_number", first) + 5 * (part[0] - 1)}
+    return {**given, "program_number": given.get("program_number", first) + 5 * (part[0] - 1) + 100 * (stylus - 1)}
 
 
 def program(
@@ -268,8 +269,9 @@ def _stem(post: Post, job: Job) -> str:
 
 
 def named(job: Job, name: str) -> str:
-    """job, name of its program → the same with the number of the part that it is."""
-    end = f"_{job.part[0]}" if job.part[1] > 1 else ""
+    """job, name of its program → the same with the number of its stylus, from the second on, and of the part that it is."""
+    stylus = job.plan.machine.stylus
+    end = (f"_S{stylus}" if stylus > 1 else "") + (f"_{job.part[0]}" if job.part[1] > 1 else "")
     return name if name.endswith(end) else name + end
 
 

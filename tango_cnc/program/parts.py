@@ -43,5 +43,5 @@ def parts(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: int |
 def _sizes(post: posts.Post, whole: Plan, options: Mapping[str, Any], found: tuple[Plan, ...]) -> list[int]:
     """→ characters of each program, line ends with them."""
     mark, many = planner.plan_hash(whole), len(found)
-    given = [posts.of_part(post, options, (number, many)) for number in range(1, many + 1)]
+    given = [posts.of_part(post, options, (number, many), whole.machine.stylus) for number in range(1, many + 1)]
     return [posts.length(post, plan, given[number - 1], mark, (number, many), LINE_END) for number, plan in enumerate(found, 1)]

@@ -34,7 +34,7 @@ def programs(post: posts.Post, whole: Plan, options: Mapping[str, Any], most: in
     beside = posts.companions(post, whole, options)
     for number, plan in enumerate(plans, 1):
         part = number, len(plans)
-        given = posts.of_part(post, options, part)
+        given = posts.of_part(post, options, part, whole.machine.stylus)
         name, mark, lines = posts.program(post, plan, given, plan_mark, part)
         lines = _kept(lines) if len(plan.touches) <= KEPT else lines
         try:
@@ -76,7 +76,8 @@ def from_file(file: Path, post: posts.Post, whole: Plan, options: Mapping[str, A
     lines = text.splitlines()
     try:
         beside = posts.companions(post, whole, options)
-        unread = proven(post, lambda: iter(lines), whole, posts.settings(post, options), beside)
+        given = posts.of_part(post, options, (1, 1), whole.machine.stylus)
+        unread = proven(post, lambda: iter(lines), whole, posts.settings(post, given), beside)
     except InputError as error:
         raise InputError(f"{file}: {error}: nothing was sent. Write it again with 'tango plan'") from None
     letters = post.record_letters(whole.machine)
