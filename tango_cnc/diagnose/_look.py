@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -71,49 +71,105 @@ def _contested(means: Rows, found: Explanation, weight: Array, what: Tried) -> t
     return field, contest(field, found.place.y, fixed, found.named)
 
 
+@dataclass(frozen=True)
+class Look:
+    """What explains the touches at the weights that they were given."""
+
+    found: Explanation
+    weight: Array  # (n,) of the rows
+    field: Field
+    outcome: Outcome
+    value: float  # evidence of the best of it, comparable between weights
+
+
 def explained(
     before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment] = ()
 ) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
     """estimate, rows, what is tried, moments set aside → names, weights, rough facets, scatter, field of shapes, what stands.
 
-    Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again.
+    Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again. A
+    shape follows rough facets as well, and then nothing scatters: where it is one or the other, evidence decides.
     """
-    touches, seen = means.whole, means.seen
-    n = len(seen)
-    every = list(what.candidates)
-    offsets = {name: p.value for name, p in before.facets.items()}
-    causes = families.causes()
+    seen = means.seen
+    members = _scatter.groupings(seen)
+    glance = _Glance(before, means, what, excluded, seed, moments)
 
-    awaited = {
-        name: (*cause.mistaken, *(n for n, other in causes.items() if name in other.mistaken))
-        for name, cause in causes.items()
-        if cause.expected
-    }
+    def spread(look: Look, shapes: bool, least: float) -> tuple[list[_explain.Rough], Scatter, Sequence[str]]:
+        """look, whether its shapes are patterns → rows that scatter more, on what that depends, group of every row."""
+        found, outcome = look.found, look.outcome
+        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
+        names = outcome.named if shapes else found.named
+        picked = [p for p in outcome.picked if shapes or p.kernel.noise]
+        broad = replace(found, chosen=tuple(c for c in names if not _explain.narrow(c)))
+        m = found.place.m
+        smooth = sum((p.tau * p.columns @ p.columns.T for p in picked), np.zeros((m, m)))
+        left = _variances.left(found.place.basis, found.place.y, look.weight, columns_of(found.place, broad.chosen), picked)
+        scatter = _scatter.scatter(left.residual, left.own, members, left, least)
+        if scatter.by is None or (scatter.by == "facet" and families.scattering("facet") in excluded):
+            return [], scatter, ()
+        own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
+        wild = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, look.weight, smooth)
+        return wild, scatter, own
 
-    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
-    jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
+    def lighter(rough: Sequence[_explain.Rough], own: Sequence[str]) -> Array:
+        by = {r.key: r.weight for r in rough}
+        return np.array([by.get(f, 1.0) for f in own]) if rough else np.ones(len(seen))
 
-    def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
+    weight, rough, last, price = np.ones(len(seen)), list[_explain.Rough](), _scatter.EVEN, 0.0
+    turns = []
+    for turn in range(ROUNDS):
+        look = glance.look(weight, price)
+        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
+        wild, scatter, own = spread(look, True, 0.0 if rough else _scatter.CLEAR)
+        turns.append((look, wild or rough, scatter if wild or not rough else last))
+        settled = {r.key for r in wild} == {r.key for r in rough}
+        if not wild and not rough and look.outcome.shapes:
+            wild, scatter, own = spread(look, False, _scatter.CLEAR)
+            settled = not wild
+        if settled or turn == ROUNDS - 1:
+            break
+        rough, last = wild, scatter
+        weight, price = lighter(rough, own), sum(float(np.log(own.count(r.key))) for r in rough)
+    look, rough, scatter = max(turns, key=lambda t: t[0].value)
+    clear = rough if scatter.by == "facet" and scatter.clear else []
+    return look.found, look.weight, clear, scatter, look.field, look.outcome
+
+
+class _Glance:
+    """What is the same in every look."""
+
+    def __init__(
+        self, before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment]
+    ) -> None:
+        self.means, self.what, self.seed = means, what, seed
+        self.every = list(what.candidates)
+        self.offsets = {name: p.value for name, p in before.facets.items()}
+        self.causes = families.causes()
+        self.awaited = {
+            name: (*cause.mistaken, *(n for n, other in self.causes.items() if name in other.mistaken))
+            for name, cause in self.causes.items()
+            if cause.expected
+        }
+        gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
+        jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
+        distances, rows, uncertainty = known(before.model, before.values)
+        self.gaps, self.jacobian, self.distances = gaps, jacobian, distances
+        self.rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
+        self.certain = before.sigma / uncertainty
+        self.kernels = kernels(means.seen)
+        self.even: Array | None = None  # (n, m) outside the model where all weights are one
+
+    def _compatible(self, c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
         same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
-        return c.cause not in causes or causes[c.cause].beside(touches, c.setting, same)
+        return c.cause not in self.causes or self.causes[c.cause].beside(self.means.whole, c.setting, same)
 
-    distances, rows, uncertainty = known(before.model, before.values)
-    rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
-    wandering, seating = kernels(seen)
-    members = _scatter.groupings(seen)
-    weight = np.ones(n)
-    rough: list[_explain.Rough] = []
-    for turn in range(ROUNDS):
-        certain = before.sigma / uncertainty
+    def _plausible(self, weight: Array) -> Callable[[Candidate, Array], bool]:
+        means, causes = self.means, self.causes
+        absorbed = np.linalg.qr(self.jacobian * weight[:, None] / np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300))[0]
 
-        def weighed(c: Candidate, w: Array = weight) -> Candidate:
-            return replace(c, columns=c.columns * w[:, None])
-
-        absorbed = np.linalg.qr(jacobian * weight[:, None] / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-
-        def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
-            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, offsets):
+        def plausible(c: Candidate, values: Array) -> bool:
+            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, self.offsets):
                 return False
             pattern = c.columns @ values / means.scale
             size = float(np.abs(pattern).max())
@@ -123,45 +179,49 @@ def explained(
             inside = absorbed @ (absorbed.T @ (pattern * means.scale)) / means.scale
             return float(np.abs(pattern - inside).max()) > SHOWS * size
 
+        return plausible
+
+    def look(self, weight: Array, price: float) -> Look:
+        """weight (n,) of every row, what it costs that they differ → what explains the rows then."""
+        means, causes, certain = self.means, self.causes, self.certain
+        even = bool(np.all(weight == 1.0))
+        plausible = self._plausible(weight)
+
+        def weighed(c: Candidate) -> Candidate:
+            return replace(c, columns=c.columns * weight[:, None])
+
         for _ in range(BLIND + 1):
             found = _explain.explain(
-                np.concatenate([gaps * weight, distances * certain]),
-                np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
-                n,
-                every if turn == 0 else [weighed(c) for c in every],
-                [k * np.outer(weight, weight) for k in (wandering, seating)],
+                np.concatenate([self.gaps * weight, self.distances * certain]),
+                np.vstack([self.jacobian * weight[:, None], self.rows * certain[:, None]]),
+                len(means.seen),
+                self.every if even else [weighed(c) for c in self.every],
+                [k * np.outer(weight, weight) for k in self.kernels],
                 {name: cause.refine for name, cause in causes.items()},
-                lambda cause, setting, w=weighed: w(means.candidate(candidate(touches, cause, setting))),  # type: ignore[misc]
+                lambda cause, setting: weighed(means.candidate(candidate(means.whole, cause, setting))),
                 plausible,
-                compatible,
-                expected=awaited,
-                seed=seed,
+                self._compatible,
+                expected=self.awaited,
+                seed=self.seed,
             )
             # Plausible beside what was there when it was chosen, and no longer beside what is there now.
             absurd = {_where(c.candidate) for c, v in _explain.sizes(found) if not plausible(c.candidate, v)}
             if not absurd:
                 break
-            every = [c for c in every if _where(c) not in absurd]
+            self.every = [c for c in self.every if _where(c) not in absurd]
         found = _with_learned(found)
-        field, outcome = _contested(means, found, weight, what)
+        field, outcome = _contested(means, found, weight, self.what)
         found = replace(found, chosen=tuple(c for c in found.chosen if not any(c is o for o in outcome.needless)))
-        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
-        broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
-        smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))
-        left = _variances.left(found.place.basis, found.place.y, weight, columns_of(found.place, broad.chosen), outcome.picked)
-        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
-        scatter = _scatter.scatter(left.residual, left.own, members, left, 0.0 if rough else _scatter.CLEAR)
-        spread = []
-        if scatter.by is not None and not (scatter.by == "facet" and families.scattering("facet") in excluded):
-            own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
-            spread = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, weight, smooth)
-        settled = {r.key for r in spread} == {r.key for r in rough}
-        rough = spread
-        if settled or turn == ROUNDS - 1:
-            break
-        lighter = {r.key: r.weight for r in rough}
-        weight = np.array([lighter.get(f, 1.0) for f in own]) if rough else np.ones(n)
-    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter, field, outcome
+        if even:
+            self.even = found.place.basis
+        return Look(found, weight, field, outcome, outcome.best - self._stretched(weight) - price)
+
+    def _stretched(self, weight: Array) -> float:
+        """weight (n,) → log determinant by which the data that the model leaves are stretched, so that likelihoods compare."""
+        if self.even is None or np.all(weight == 1.0):
+            return 0.0
+        inside = (self.even * (weight[:, None] ** -2 - 1)).T @ self.even
+        return float(np.linalg.slogdet(np.eye(len(inside)) + inside)[1])
 
 
 def _narrow(found: Explanation) -> list[Chosen]:
