@@ -29,7 +29,7 @@ from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
 from ._names import akin
-from ._plainer import plainer
+from ._plainer import STRONG, plainer
 from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
 from ._richer import Richer, richer
@@ -335,6 +335,8 @@ def _told(
         remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
     if accepted and not remains and _scatter.uneven(scatter):
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
+    if not remains:
+        remains += _undecided(findings, n)
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
@@ -357,6 +359,18 @@ def _told(
         told,
         means,
     )
+
+
+def _undecided(findings: Sequence[Finding], n: int) -> list[Remainder]:
+    """what is named, number of rows → of which of these another cause does nearly as well: that one of them is there explains
+    the touches, and not what it is.
+    """
+    found = []
+    for f in findings:
+        near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
+        if near:
+            found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
+    return found
 
 
 def _richer(

@@ -25,7 +25,7 @@ from ._scatter import Scatter
 from ._smooth import Kernel
 from ._smooth import kernels as kernels_of
 
-ROUNDS = 3  # of weighting rough facets and searching again
+ROUNDS = 4  # of weighting rough facets and searching again
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
 BLIND = 3  # searches without what turned out to be as large as that
@@ -94,8 +94,8 @@ def explained(
     members = _scatter.groupings(seen)
     glance = _Glance(before, means, what, excluded, seed, moments)
 
-    def spread(look: Look, shapes: bool, least: float) -> tuple[list[_explain.Rough], Scatter, Sequence[str]]:
-        """look, whether its shapes are patterns → rows that scatter more, on what that depends, group of every row."""
+    def spread(look: Look, shapes: bool, least: float) -> list[Uneven]:
+        """look, whether its shapes are patterns, evidence that is asked for → rows that scatter more; by what else they may do."""
         found, outcome = look.found, look.outcome
         # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
         names = outcome.named if shapes else found.named
@@ -105,34 +105,62 @@ def explained(
         smooth = sum((p.tau * p.columns @ p.columns.T for p in picked), np.zeros((m, m)))
         left = _variances.left(found.place.basis, found.place.y, look.weight, columns_of(found.place, broad.chosen), picked)
         scatter = _scatter.scatter(left.residual, left.own, members, left, least)
-        if scatter.by is None or (scatter.by == "facet" and families.scattering("facet") in excluded):
-            return [], scatter, ()
-        own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
-        wild = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, look.weight, smooth)
-        return wild, scatter, own
+        groupings = [scatter.by, scatter.rival] if scatter.by is not None and scatter.evidence > _scatter.CLEAR else [scatter.by]
+        result = []
+        for by in groupings:
+            wild: list[_explain.Rough] = []
+            if by is not None and not (by == "facet" and families.scattering("facet") in excluded):
+                own = seen.facet if by == "facet" else tuple(map(str, members[by]))
+                wild = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, look.weight, smooth)
+            if by is not None and wild:
+                result.append(Uneven(by, wild, scatter, own))
+        return result or [Uneven("", [], scatter, ())]
 
-    def lighter(rough: Sequence[_explain.Rough], own: Sequence[str]) -> Array:
-        by = {r.key: r.weight for r in rough}
-        return np.array([by.get(f, 1.0) for f in own]) if rough else np.ones(len(seen))
-
-    weight, rough, last, price = np.ones(len(seen)), list[_explain.Rough](), _scatter.EVEN, 0.0
-    turns = []
-    for turn in range(ROUNDS):
-        look = glance.look(weight, price)
+    turns: list[tuple[Look, Uneven]] = []
+    todo, tried = [Uneven("", [], _scatter.EVEN, ())], {frozenset[tuple[str, str]]()}
+    while todo and len(turns) < ROUNDS:
+        weights = todo.pop(0)
+        look = glance.look(weights.weight(len(seen)), weights.price)
         # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
-        wild, scatter, own = spread(look, True, 0.0 if rough else _scatter.CLEAR)
-        turns.append((look, wild or rough, scatter if wild or not rough else last))
-        settled = {r.key for r in wild} == {r.key for r in rough}
-        if not wild and not rough and look.outcome.shapes:
-            wild, scatter, own = spread(look, False, _scatter.CLEAR)
-            settled = not wild
-        if settled or turn == ROUNDS - 1:
-            break
-        rough, last = wild, scatter
-        weight, price = lighter(rough, own), sum(float(np.log(own.count(r.key))) for r in rough)
-    look, rough, scatter = max(turns, key=lambda t: t[0].value)
-    clear = rough if scatter.by == "facet" and scatter.clear else []
-    return look.found, look.weight, clear, scatter, look.field, look.outcome
+        found = spread(look, True, 0.0 if weights.rough else _scatter.CLEAR)
+        turns.append((look, weights if weights.rough else found[0]))
+        if not turns[0][1].rough and look is turns[0][0] and look.outcome.shapes:
+            found = spread(look, False, _scatter.CLEAR)
+        for one in found:
+            if one.key not in tried:
+                tried.add(one.key)
+                todo.append(one)
+    if turns[0][1].rough and len(turns) > 1:  # what is clear with shapes beside it is no choice
+        del turns[0]
+    look, weights = max(turns, key=lambda t: t[0].value)
+    behind = [look.value - other.value for other, by in turns if by.rough and by.by != weights.by]
+    clear = weights.by == "facet" and (weights.scatter.clear or (bool(behind) and min(behind) > _scatter.APART))
+    return look.found, look.weight, weights.rough if clear else [], weights.scatter, look.field, look.outcome
+
+
+@dataclass(frozen=True)
+class Uneven:
+    """Rows that scatter more than the others."""
+
+    by: str  # what they are grouped by
+    rough: list[_explain.Rough]
+    scatter: Scatter
+    own: Sequence[str]  # (n,) group of every row
+
+    @property
+    def key(self) -> frozenset[tuple[str, str]]:
+        """→ which groups they are."""
+        return frozenset((self.by, r.key) for r in self.rough)
+
+    @property
+    def price(self) -> float:
+        """→ what their variances cost (Schwarz 1978)."""
+        return sum(float(np.log(self.own.count(r.key))) for r in self.rough)
+
+    def weight(self, n: int) -> Array:
+        """number of rows → (n,) weights that make them scatter alike."""
+        lighter = {r.key: r.weight for r in self.rough}
+        return np.array([lighter.get(group, 1.0) for group in self.own]) if self.rough else np.ones(n)
 
 
 class _Glance:

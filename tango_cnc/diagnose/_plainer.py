@@ -43,7 +43,9 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
             p = replace(p, kernel=kernel, columns=field.project(kernel), tau=float(at[j, 0]))
         mine = _parts(field, j)
         near = [int(k) for k in np.argsort(-worth) if worth[k] > max(worth[j] - STRONG, 0.0)]
-        others = dict.fromkeys(field.kernels[k].covariate for k in near if not mine <= _parts(field, k))
+        others = dict.fromkeys(
+            field.kernels[k].covariate for k in (own[0], *near) if k == own[0] != j or not mine <= _parts(field, k)
+        )
         found[i] = replace(p, rivals=tuple(others)[:TOLD])
     return tuple(found)
 

@@ -194,6 +194,8 @@ def unexplained(r: Remainder) -> str:
     if r.shape == "changing":
         where = covariate(r.covariate)
         return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
+    if r.shape == "undecided":
+        return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
     if r.shape == "unsure":
         return say("diagnosis_said.something_like_a_name", cause=r.confirm, spread=spread(r.amplitude, 0.0))
     if r.shape == "no pattern":
