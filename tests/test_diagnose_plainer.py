@@ -73,7 +73,7 @@ def test_rough_facets_follow_nothing_where_they_have_their_weight() -> None:
     facets = list(dict.fromkeys(m.seen.facet))
     rough = np.isin(m.seen.facet, facets[::3])
     least = []
-    for seed in (0, 1):
+    for seed in (4, 5):
         data = np.random.default_rng(seed).normal(size=len(rough)) * np.where(rough, 10.0, 1.0)
         design, keep = np.ones((len(rough), 1)), np.ones(len(rough), dtype=bool)
         found = [_seen.tests(design, data, m.seen, keep, w) for w in (None, np.where(rough, 0.1, 1.0))]
