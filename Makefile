@@ -6,8 +6,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Without bytecode every worker compiles all tests anew (8 s each), and every process that a test starts all of tango.
 unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
+SHARED := $(BIN)/python -m pytest -n 3 --dist loadgroup -vv --durations=25 --timeout 1800
 
-.PHONY: demo test check-long campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind nights lint format clean planted
+.PHONY: demo test check-long check compiled campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind design-table nights lint format clean planted
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -19,7 +20,16 @@ test: .venv/test.stamp
 # Three at a time: one of them has the real control, which a fourth starves, one waits for networks, one computes
 # (tests/support/shares.py). What hangs is named after half an hour instead of holding up everything.
 check-long: .venv/test.stamp
-	$(BIN)/python -m pytest -n 3 --dist loadgroup -m 'long and not campaign' -vv --durations=25 --timeout 1800
+	$(SHARED) -m 'long and not campaign'
+
+# Both together, as .ci/run has them: while the long ones wait for a control or a network there is always something short to do.
+check: .venv/test.stamp
+	$(SHARED) -m 'not campaign'
+
+# Every module that the tests import, once, instead of in each worker.
+compiled: .venv/test.stamp
+	$(BIN)/python -m compileall -q tango_cnc sim_controller postprocessors
+	-$(BIN)/python -m pytest --collect-only -m 'not campaign' >/dev/null
 
 campaign: .venv/test.stamp
 	$(BIN)/python -m pytest -m campaign
@@ -50,6 +60,10 @@ mutants: .venv/test.stamp
 # TANGO_STRATEGY=plan.yaml: the HU40T touches a plan of 'tango design' instead of its own 393 touches.
 blind: .venv/test.stamp
 	$(BIN)/python -m pytest tests/test_diagnose_blind.py tests/test_diagnose_outside.py -m campaign -s
+
+# The table of docs/design.md: make design-table ROW=hu40t/volume/10 for one row, which takes minutes; PARTS=1 with runs broken off.
+design-table: .venv/test.stamp
+	$(BIN)/python benchmarks/design_table.py $(ROW) $(if $(PARTS),--parts)
 
 lint: .venv/test.stamp
 	$(BIN)/ruff format --check .

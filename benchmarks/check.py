@@ -1,10 +1,11 @@
 """How often the quick check sees a change of the machine: predicted, and counted over simulated machines.
 
-    python benchmarks/check.py CELL [--runs N] [--minutes M] [--size UM]
+    python benchmarks/check.py CELL [--runs N] [--minutes M] [--size UM] [--strategy FILE]
 
-A check is designed for the cell. The simulated machine of its world.yaml is measured in full, changes, and is checked, with the
-check's touches and new scatter. What a change does to the tool tip where parts are made is worked out from the simulator's own
-transforms, the best placing of a rigid part and the tool's length taken out, so that nothing of the design judges itself.
+A check is designed for the cell, or is that of a strategy file of 'tango design --goal check -o FILE'. The simulated machine of the
+cell's world.yaml is measured in full, changes, and is checked, with the check's touches and new scatter. What a change does to the
+tool tip where parts are made is worked out from the simulator's own transforms, the best placing of a rigid part and the tool's
+length taken out, so that nothing of the design judges itself.
 
 * nothing has changed: false alarms;
 * random changes of locations, gains and backlashes, as large as --size at the worst place of the volume;
@@ -26,7 +27,7 @@ from tango_cnc.commands.check import positioning_feed
 from tango_cnc.commands.design import gate_of
 from tango_cnc.design import check, goals, propose, region, touching
 from tango_cnc.design.changed import changed
-from tango_cnc.files import read_cell, read_world
+from tango_cnc.files import read_cell, read_strategy, read_world
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.records import Array, Machine, Plan, Readings, World
 
@@ -70,6 +71,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--size", type=float)
+    parser.add_argument("--strategy", type=Path)
     given = parser.parse_args()
     cell, world = read_cell(given.cell), read_world(given.cell / "world.yaml")
     aim = goals.read("check")
@@ -77,7 +79,11 @@ def main() -> int:
     terms = propose.usual_terms(aim, cell.terms)
     wish = propose.Wish(aim, given.minutes, terms, how.approach, feed=positioning_feed(cell), gate=gate_of(cell))
     ready = propose.setting(cell, wish)
-    found = propose.propose(ready)
+    if given.strategy is None:
+        found = propose.propose(ready)
+    else:
+        other = replace(cell, strategy=read_strategy(given.strategy, cell.machine, cell.artefact))
+        found = propose.same_time(ready, other, plan(other, "leave-out"))
     sees = check.power(found, ready.lever)
     size = given.size or 1e3 * sees.size
     print(

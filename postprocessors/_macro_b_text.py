@@ -127,8 +127,7 @@ def measuring(job: Job, words: Words, given: Arguments) -> Iterator[str]:
     for name, axis in axis_numbers(job).items():
         skipped, machine, work = (at(job, base, name, axis) for base in (5060, 5020, 5040))
         yield f"#{FLAG + axis}={skipped}+{machine}-{work}({name})"
-    moved = "+".join(f"ABS[{at(job, 5020, n, axis)}-{at(job, 5040, n, axis)}-#{FRAME + axis}]" for n, axis in _linear(job))
-    yield words.unless(job, f"{moved}GT{0.0075 if in_inches(job) else 0.005}", 1)
+    yield _same_frame(job, words)
     for i, (start, (_, axis)) in enumerate(zip("IJK", _linear(job), strict=True), 1):
         yield f"#{WAY + i}=#{FLAG + axis}-{signed(_value(given, start))}"
     yield f"#{FLAG}=1"
@@ -152,7 +151,7 @@ def record(job: Job, words: Words, given: Arguments) -> Iterator[str]:
 
 
 def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
-    """Rotary axes stand at A B C, whole turns aside; an axis that is not named is not asked."""
+    """Rotary axes stand at A B C, whole turns aside; one that is not named is not asked. No work offset has turned with them."""
     yield from waited(job)
     for name in job.machine.rotary:
         if given is not None and name not in given:
@@ -163,6 +162,13 @@ def arrived(job: Job, words: Words, given: Arguments) -> Iterator[str]:
         yield f"#31=ABS[{place}-{signed(_value(given, name))}]"
         yield "#31=ABS[#31-360*FIX[#31/360+0.5]]"
         yield words.unless(job, f"#31GT{number(ARRIVED)}", 3)
+    yield _same_frame(job, words)  # a dynamic one (G54.2, G254) would displace every move from here on
+
+
+def _same_frame(job: Job, words: Words) -> str:
+    """→ the statement that stops where the difference of machine and work coordinates has changed."""
+    moved = "+".join(f"ABS[{at(job, 5020, n, axis)}-{at(job, 5040, n, axis)}-#{FRAME + axis}]" for n, axis in _linear(job))
+    return words.unless(job, f"{moved}GT{0.0075 if in_inches(job) else 0.005}", 1)
 
 
 def stepped(job: Job, words: Words) -> Iterator[str]:

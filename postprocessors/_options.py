@@ -29,6 +29,7 @@ class Option:
     choices: tuple[Any, ...] = ()
     instead: str = ""  # a word that may stand in place of a value
     codes: bool = False  # the text goes into the program as it stands
+    also: str = ""  # a pattern of words that such a text may have besides, where a control writes one with other characters
 
 
 PROVES = ("finger", "facet", "none")
@@ -76,7 +77,7 @@ def stated(option: Option, value: Any) -> Any:
         raise InputError(f"controller.{option.name}: found {printable(repr(value), SHOWN)}; allowed: at most {MOST} characters")
     if kind is float and not math.isfinite(value):
         raise InputError(f"controller.{option.name}: found {value!r}; allowed: a finite number")
-    if option.codes and not CODES.fullmatch(value):
+    if option.codes and not CODES.fullmatch(re.sub(option.also, "", value) if option.also else value):
         raise InputError(f"controller.{option.name}: found {value!r}; allowed: capital letters, digits, blanks, points and signs")
     return value
 

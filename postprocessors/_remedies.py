@@ -46,9 +46,13 @@ BROTHER: Remedies = {
 HAAS: Remedies = {
     **MACRO_B,
     "mirror": (
-        "Settings 45 to 48 (mirror image of X, Y, Z, A) are OFF; G50, G101, G255 and G235 in MDI where a program has left G51, "
-        "mirror image, G254 or G234 on",
+        "Settings 45 to 48 (mirror image of X, Y, Z, A) are OFF; G50 and G101 in MDI where a program has left G51 or mirror "
+        "image on",
         UNCONFIRMED,
+    ),
+    "frames": (
+        "RESET, or G255 in MDI, takes a dynamic work offset G254 off, as LIST PROGRAM, M02 and M30 do",
+        "UMC-750 operator's manual p. 40",
     ),
     "widths": ("none is known: a field of DPRNT grows with its number; look at what copies the file", "96-8000 p. 116"),
     "alive": (
@@ -105,6 +109,7 @@ FAGOR: Remedies = {
     "end": (OWN_FILE, "own"),
 }
 GRBL: Remedies = {
+    "mirror": ("G50 takes the scaling of G51 off; $G names it while it is on, and nothing is sent until it is off", "sources"),
     "alive": (
         "the probe is at the probe pins of the board; $6 turns its polarity round, and ? shows Pn:P while it is touched",
         "sources",
@@ -179,6 +184,10 @@ MACH4: Remedies = {
     "end": (OWN_FILE, "own"),
 }
 OKUMA: Remedies = {
+    "mirror": (
+        "mirror image off, at the panel and where a program has left G62 on; G50 in MDI where one has left G51 on",
+        UNCONFIRMED,
+    ),
     "widths": ("none is known: places: 11 or 12 gives PUT more room; look at what copies the file", UNCONFIRMED),
     "alive": (
         "the skip input that the probe is wired to; which it is, the builder says. Another skip word goes into skip",

@@ -38,12 +38,14 @@ STOPS = (
     MIRRORED,
 )
 ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES, OTHERWISE = range(9001, 9009)
+OUTPUT = r"\AM9[45] ?/\d{1,3}\Z"  # an output of the PLC on (94) and off (95); / alone would skip a block
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
+SWITCHED = tuple(zip(common.PROBE_SWITCHES, ("M94 /1", "M95 /1"), strict=True))
 OPTIONS = (
     Option("readings", "tango-readings.txt", "file of the records, in the folder of the program; M121 adds to it", verified=True),
     Option("reset", "G17 G21 G40 G49 G69 G80 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
-    *common.PROBE_SWITCHES,
+    *(replace(option, meaning=f"{option.meaning}, e.g. {word}", also=OUTPUT) for option, word in SWITCHED),
     Option(
         "orient",
         "M19 R",

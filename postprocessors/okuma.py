@@ -19,6 +19,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from tango_cnc.gate import STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -43,8 +44,9 @@ STOPS = {
     "NS6": "START AT THE TOP",
     "NS7": "NOT IN FRAME H0",
     "NS8": "NO FINGER FELT",
+    "NS9": "MIRROR OR SCALED",
 }  # at most 16 characters each: more are not shown
-DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED, UNTOUCHED = STOPS
+DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED, UNTOUCHED, OTHERWISE = STOPS
 NO_FACET = "NO FACET FELT"
 
 OPTIONS = (
@@ -126,7 +128,24 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
             yield f"CALL OTG4 PA={there} PB={_position(job, name)}"
 
 
-retract = clear = back = move
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step: a mirror image would send it down into the table."""
+    if not leg.came:
+        name, by = step(job.plan)
+        went, tolerance = _common(job, SUM), float(job.options["tolerance"])
+        yield f"(A STEP OF {number(STEP)} MM SHOWS WHETHER A MIRROR IMAGE OR SCALING IS ON)"
+        yield f"{went}={_position(job, name)}"
+        yield "G91"
+        yield from _skip(job, {name: number(by)}, STEP_FEED)
+        yield "G90"
+        yield job.options["wait"]
+        yield f"{went}={f'{_position(job, name)}-{went}' if by > 0 else f'{went}-{_position(job, name)}'}"
+        yield f"IF[ABS[{went}-{number(STEP / 2)}] GT {number(STEP / 2 + tolerance)}] {OTHERWISE}"
+        yield f"IF[ABS[{went}-{number(STEP)}] GT {number(tolerance)}] {MET}"
+    yield from move(job, leg)
+
+
+clear = back = move
 approach = common.approaching("(%s)", move)
 
 
@@ -173,7 +192,8 @@ def end(job: Job) -> Iterator[str]:
     yield from _line(f"TANGO END {job.mark} {len(job.plan.touches)}")
     yield "CLOSE C"
     yield "M02"
-    yield from _stops(job, *([DEFLECTED] if job.options["probe_state"] else []), RESTARTED, SHIFTED, UNTOUCHED)
+    yield from _stops(job, *([DEFLECTED] if job.options["probe_state"] else []), RESTARTED, SHIFTED, OTHERWISE, MET)
+    yield from _stops(job, *([UNTOUCHED] if job.options["gate"] != "none" else []))
     yield "OTG1(PROTECTED MOVE TO PX PY PZ HAS ARRIVED)"
     yield from _arrived(job)
     yield "OTG2(MEASURING MOVE FROM PI PJ PK TO PX PY PZ)"

@@ -83,7 +83,7 @@ def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_se
         said,
     )
     assert re.search(r"allowed: more than [\d.]+ minutes \(about 30\), or ", said)
-    assert "--within MM" in said and "--terms S3 instead of S4" in said
+    assert "--within MM" in said and f"--terms S3 instead of S4: tango {' '.join(asked)} --terms S3" in " ".join(said.split())
 
 
 @pytest.mark.long

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.link.entries import Identity, Opened, Reading
-from tango_cnc.link.journal import Journal, look_at, read_journal
+from tango_cnc.link.journal import Journal, Known, look_at, read_journal, read_on
 from tango_cnc.records import InputError, LinkError
 
 
@@ -48,6 +48,45 @@ def test_entries_come_back(tmp_path):
     written(tmp_path / "run.journal", 1)
     entries, _ = read_journal(tmp_path / "run.journal")
     assert entries == [Opened("tango-journal/1"), reading(1)]
+
+
+def test_what_has_been_read_of_a_journal_is_not_read_again(tmp_path):
+    lines = written(tmp_path / "run.journal", *range(1, 6))
+    growing, known = tmp_path / "growing.journal", None
+    growing.touch()
+    for cut in range(1, len(b"".join(lines)) + 1, 37):  # also in mid-line
+        with growing.open("r+b") as file:
+            file.write(b"".join(lines)[:cut])
+        known = read_on(growing, known)
+        assert (list(known.entries), known.size) == read_journal(growing)
+    growing.write_bytes(b"".join(lines))
+    known = read_on(growing, known)
+    assert known.size == growing.stat().st_size and known.entries[-1] == reading(5)
+    assert read_on(growing, known) is known
+
+
+@pytest.mark.parametrize("renamed", [True, False], ids=["renamed over it", "written in place"])
+def test_a_journal_of_another_run_is_read_from_its_beginning(tmp_path, renamed):
+    written(tmp_path / "run.journal", 1, 2)
+    known = read_on(tmp_path / "run.journal")
+    written(tmp_path / "new.journal", 7, 8, 9)
+    if renamed:
+        (tmp_path / "new.journal").replace(tmp_path / "run.journal")
+    else:
+        (tmp_path / "run.journal").write_bytes((tmp_path / "new.journal").read_bytes())
+    assert read_on(tmp_path / "run.journal", known) == read_on(tmp_path / "run.journal")
+    assert [entry.touch for entry in read_on(tmp_path / "run.journal", known).entries[1:]] == [7, 8, 9]
+
+
+@pytest.mark.parametrize("change", [lambda line: line[:30] + b"9" + line[31:], lambda line: line[:1]], ids=["changed", "cut"])
+def test_a_line_that_is_new_and_damaged_is_refused_by_its_number(tmp_path, change):
+    lines = written(tmp_path / "run.journal", 1, 2, 3, 4, 5)
+    file = tmp_path / "growing.journal"
+    file.write_bytes(b"".join(lines[:3]))
+    known: Known = read_on(file)
+    file.write_bytes(b"".join([*lines[:3], change(lines[3]), *lines[4:]]))
+    with pytest.raises(InputError, match=":4: a damaged line"):
+        read_on(file, known)
 
 
 def test_a_journal_goes_on_where_it_stopped(tmp_path):

@@ -87,6 +87,24 @@ def test_the_retract_is_the_lowest_that_keeps_the_margin(seed: int) -> None:
         assert (up[row], down[row]) == pytest.approx(expected, abs=1e-6), row
 
 
+def test_over_a_face_that_is_larger_than_the_way_the_highest_is_over_a_corner_of_the_way() -> None:
+    """No edge of the block is anywhere near: what the way has to clear is the face itself, where it rises highest.
+
+    Of the first ways the tool stands upright, along the sides of the block; two of them pass beside it.
+    """
+    rng = np.random.default_rng(7)
+    ground = Obstacle("box", low=(-2000.0, -2000.0, -900.0), high=(2000.0, 2000.0, 0.0))
+    bodies, many = solid(Artefact("ground", {}, obstacles=(ground,))), travels(rng, 18)
+    tilted = rng.uniform(-0.5, 0.5, (18, 3)) + np.array([0.0, 0.0, 1.0])
+    tilted[:6] = [0.0, 0.0, 1.0]
+    beside = np.where(np.isin(np.arange(18), (4, 5)), 5000.0, 0.0)[:, None] * np.array([1.0, 0.0, 0.0])
+    many = Travels(many.start + beside, many.end + beside, tilted / np.linalg.norm(tilted, axis=1)[:, None])
+    up, down = Roof(bodies, PROBE).lifts(many, np.full(18, FAR))
+    for row in range(2, 18):
+        expected = wanted(bodies, (many.start[row], many.end[row], many.spindle[row]))
+        assert (up[row], down[row]) == pytest.approx(expected, abs=1e-6), row
+
+
 def _gap(obstacle: Obstacle, points: Array) -> Array:
     low, high = np.array(obstacle.low), np.array(obstacle.high)
     beyond = np.abs(points - (low + high) / 2) - (high - low) / 2

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+import time
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
@@ -14,6 +16,7 @@ from support.nights import knock, night
 from support.server import PASSWORD, Recorded, cell
 
 pytest.importorskip("starlette")
+from starlette.exceptions import HTTPException
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
@@ -28,6 +31,7 @@ from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say
 from tango_cnc.web.app import create
+from tango_cnc.web.live import Looks
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import IDLE, WHOLE, SignIns, User, add_user
 
@@ -336,6 +340,31 @@ def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
         run.end(False, "the line was lost")
         last = site.get("/machine/HU40T-like/run/step")
         assert last.headers["x-run-state"] == "stopped" and "tango run --resume" in last.text and "the line was lost" in last.text
+
+
+def test_who_asks_while_somebody_looks_gets_what_that_one_sees() -> None:
+    looks, seen = Looks(), []
+
+    def look() -> int:
+        time.sleep(0.05)
+        seen.append(1)
+        return len(seen)
+
+    def fails() -> int:
+        raise HTTPException(404)
+
+    async def fifty() -> None:
+        assert await asyncio.gather(*(looks.at("run", look) for _ in range(50))) == [1] * 50
+        assert await looks.at("run", look) == 2  # who comes later looks anew
+        first = asyncio.ensure_future(looks.at("run", look))
+        others = [asyncio.ensure_future(looks.at("run", look)) for _ in range(3)]
+        await asyncio.sleep(0.01)
+        first.cancel()  # who goes away takes it from nobody
+        assert await asyncio.gather(*others) == [3] * 3
+        for refusal in await asyncio.gather(*(looks.at("none", fails) for _ in range(3)), return_exceptions=True):
+            assert isinstance(refusal, HTTPException)
+
+    asyncio.run(fifty())
 
 
 def test_without_users_nothing_can_be_changed(site: TestClient, folder: Path) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
-from support.shares import share
+from support.shares import pytest_collection_modifyitems, share
 
 TESTS = Path(__file__).parent
 
@@ -32,3 +33,17 @@ def test_tests_that_share_what_their_file_makes_once_are_one_share() -> None:
 def test_any_other_test_is_a_share_of_its_own() -> None:
     for test in ("tests/test_link.py::test_any[a]", "tests/test_link_file.py::test_some[linuxcnc]", "tests/gone.py::test_a"):
         assert share(test) == test
+
+
+def test_long_tests_come_first_and_keep_their_order_where_shares_are_given_out() -> None:
+    class Item:
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        def get_closest_marker(self, mark: str) -> str | None:
+            return mark if self.name in {"b", "d"} else None
+
+    for shared, order in ((True, "bdac"), (False, "abcd")):
+        items = [Item(name) for name in "abcd"]
+        pytest_collection_modifyitems(SimpleNamespace(option=SimpleNamespace(loadgroup=shared)), items)  # type: ignore[arg-type]
+        assert "".join(item.name for item in items) == order

@@ -8,9 +8,13 @@ from typing import Any
 import pytest
 from support import controls
 from support.controls import Ran, assert_as_it_happened, golden, run_on
+from support.gates import ran
 
+from postprocessors._base import load, program, settings
 from sim_controller.languages import centroid
 from sim_controller.session import language, profile
+from tango_cnc import readback
+from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, Plan, World
 
 
@@ -148,3 +152,20 @@ def test_its_settings_come_as_text_too(made: Plan) -> None:
     told = profile(language("centroid"), made.machine, said)
     assert told.probe == {"P": -15.0} and told.axes[3:] == ("C", "B")
     assert "M77" not in run(["M77"], made, macros=told.macros).why
+
+
+@pytest.mark.parametrize(("on", "off"), [("M94 /1", "M95 /1"), ("M94/12", "M95/12")])
+def test_an_output_of_the_plc_switches_the_probe(on: str, off: str) -> None:
+    """A slash is no word of other profiles: at the beginning of a block it skips the block."""
+    stated = {"probe_on": on, "probe_off": off}
+    lines = list(program(load("centroid"), golden(), stated, plan_hash(golden()))[2]())
+    assert not readback.check(lambda: iter(lines), golden(), settings(load("centroid"), stated), {}, written_in="centroid")
+    found = ran("centroid", golden(), stated)
+    switched = [data["code"] for event, data in found.events if event == "m" and "output" in data]
+    assert not found.why and switched == [94, 95]
+
+
+@pytest.mark.parametrize("word", ["/M94 1", "/1", "M5 /1", "M94 /1 M30", "M94 /1\nM30", "M94 /1/2", "M94 / 1"])
+def test_no_other_slash_is_taken(word: str) -> None:
+    with pytest.raises(InputError, match=r"controller\.probe_on"):
+        settings(load("centroid"), {"probe_on": word})

@@ -21,6 +21,8 @@ INCHES = {"centroid": {"inches": True}, "mach3": {"inches": True}} | {
 }
 QUICK = ("fanuc", "fagor")
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(INCHES)]
+MIRRORS = [*DIALECTS, pytest.param("okuma", marks=pytest.mark.long)]  # whose first move a mirror image may send down
+SAID = {"okuma": "MIRROR OR SCALED"}  # sixteen characters
 LOW = {"X": -250.0, "Y": -200.0, "Z": -500.0}  # mm of a usual work offset: 25.4 times too small it sends the first move down
 
 
@@ -80,14 +82,14 @@ def test_where_z_has_another_number_than_the_profile_says_nothing_moves_but_the_
     assert "MET SOMETHING" in found.why and max(z) - min(z) <= STEP
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", MIRRORS)
 @pytest.mark.parametrize("factor", [-1.0, 2.0])
 def test_where_z_is_mirrored_or_scaled_nothing_moves_but_the_step_and_the_text_says_it(name: str, factor: float) -> None:
     """A mirrored Z sends the first move, up, down into the table; nothing has proven the probe alive by then."""
     made = commission.air(golden(), 1)
     found = ran(name, made, {}, {"scaled": {"Z": factor}}, stands={"Z": 700.0})
     said = found.why or " ".join(found.stops)
-    assert "MIRROR IMAGE OR SCALING" in said
+    assert SAID.get(name, "MIRROR IMAGE OR SCALING") in said
     z = [place["Z"] for place in found.places]
     assert z and max(z) - min(z) <= 2 * STEP and not set(NEAR) & {event for event, _ in found.events}
     (failed,) = [
@@ -96,7 +98,7 @@ def test_where_z_is_mirrored_or_scaled_nothing_moves_but_the_step_and_the_text_s
     assert failed.experiment.belief == "mirror" and "mirror image" in failed.experiment.advice
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", MIRRORS)
 @pytest.mark.parametrize(("axis", "factor"), [("X", -1.0), ("Y", -1.0), ("X", 2.0)])
 def test_where_another_axis_is_mirrored_or_scaled_the_first_move_of_it_stops_above_the_table(
     name: str, axis: str, factor: float
@@ -107,21 +109,22 @@ def test_where_another_axis_is_mirrored_or_scaled_the_first_move_of_it_stops_abo
     assert min(place["Z"] for place in found.places) >= made.touches[0].standoff[made.machine.column("Z")] - 1e-6
 
 
-@pytest.mark.parametrize("name", DIALECTS)
+@pytest.mark.parametrize("name", MIRRORS)
 def test_a_probe_that_is_on_at_the_step_is_not_taken_for_inches(name: str) -> None:
     found = ran(name, golden(), probe="inverted")
     assert "INCHES" not in (found.why or " ".join(found.stops))
     assert len({place["Z"] for place in found.places}) <= 1
 
 
-@pytest.mark.parametrize("name", [p for p in DIALECTS if "mach3" not in str(p)])
+@pytest.mark.parametrize("name", [p for p in MIRRORS if "mach3" not in str(p)])
 def test_the_read_back_asks_for_the_step(name: str) -> None:
     made, post = golden(), load(name)
     lines = list(program(post, made, {}, plan_hash(made))[2]())
     at = next(i for i, line in enumerate(lines) if "A STEP OF" in line)
     moved = next(i for i in range(at, at + 20) if "Z-0.5" in lines[i] or "Z[-0.5]" in lines[i])
     absolute = next(i for i in range(moved, moved + 3) if lines[i] == "G90")
-    judged = next(i for i in range(absolute, absolute + 8) if "0.0197" in lines[i])
+    first, both = ("-0.25]", 2) if name == "okuma" else ("0.0197", 3)  # lines: is it an inch, or the other way, is it what was said
+    judged = next(i for i in range(absolute, absolute + 8) if first in lines[i])
 
     def refused(text: list[str]) -> bool:
         try:
@@ -134,7 +137,7 @@ def test_the_read_back_asks_for_the_step(name: str) -> None:
     assert refused([*lines[:absolute], *lines[absolute + 1 :]])  # everything behind it would be a distance
     assert refused([*lines[:moved], lines[moved].replace("-0.5", "-5."), *lines[moved + 1 :]])
     assert refused([*lines[:moved], lines[moved].replace("Z", "X"), *lines[moved + 1 :]])
-    both = 15 if lines[judged].startswith("$IF") else 3  # lines: is it an inch, or the other way, is it what was said
+    both = 15 if lines[judged].startswith("$IF") else both
     assert refused([*lines[:judged], *lines[judged + both :]])  # who does not look has not asked
 
 
@@ -163,3 +166,23 @@ def test_it_goes_away_from_the_end_where_people_begin() -> None:
     name, by = step(golden())
     touch, z = golden().touches[0], golden().machine.column("Z")
     assert name == "Z" and math.copysign(1, by) == -math.copysign(1, touch.over[z] - touch.standoff[z]) and abs(by) == STEP
+
+
+TURNED = {"turned_with": "C", "g54": {"X": -25.0, "Y": -20.0, "Z": -500.0}}  # G54.2 of a Fanuc or Mazak, G254 of a Haas
+
+
+@pytest.mark.parametrize(
+    "name", ["fanuc", pytest.param("haas", marks=pytest.mark.long), pytest.param("mazak", marks=pytest.mark.long)]
+)
+@pytest.mark.parametrize("macros", ["inline", pytest.param("called", marks=pytest.mark.long)])
+def test_where_a_work_offset_turns_with_an_axis_the_program_stops_where_it_has_turned(name: str, macros: str) -> None:
+    """Every guarded move behind the turn would be beside its place by as much, and say that it has arrived."""
+    made = commission.air(golden())
+    clear = max(touch.over[made.machine.column("Z")] for touch in made.touches)
+    found = ran(name, made, {"macros": macros, "misses": 20}, TURNED)
+    assert "WORK OFFSET CHANGED" in found.why and min(place["Z"] for place in found.places) >= clear - 1e-6
+    unseen = ran(name, made, {"macros": macros, "misses": 20}, {**TURNED, "turn_shown": False})  # the variables do not know of it
+    assert "MET SOMETHING" in unseen.why and not set(NEAR) & {event for event, _ in unseen.events}
+    for said in (found.why, unseen.why):
+        (failed,) = [j for j in commission.judge(commission.Seen(made, {}, True, False, said=said)) if j.verdict.verdict == "FAIL"]
+        assert failed.experiment.belief == "frames" and "dynamic work offset" in failed.experiment.advice

@@ -153,6 +153,9 @@ class Control:
             else:
                 self._search(rest, number in (115, 116), raw)
             return
+        if match := re.fullmatch(r"m(94|95) ?/(\d{1,3})", code.strip()):
+            self._note("m", code=int(match[1]), output=int(match[2]))
+            return
         reader, words = self._reader(code), []
         while not reader.done:
             letter = code[reader.at]

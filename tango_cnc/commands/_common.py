@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from ..files import blamed_on, write_text
 from ..files.targets import same, spared, writable
@@ -100,6 +101,22 @@ json_option: Decorator = click.option(
     metavar="FILE",
     help="Also write the result as JSON; - writes it to stdout instead of the text.",
 )
+
+
+def typed(*without: str) -> str:
+    """names of options → the command line of the command that runs, without these, to be typed once more with others."""
+    context = click.get_current_context()
+    words = ["tango", context.info_name or ""]
+    for option in context.command.params:
+        name = option.name or ""
+        if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        value = context.params[name]
+        words.append(_spelt(option))
+        if not (isinstance(option, click.Option) and option.is_flag):
+            values = value if isinstance(value, tuple) else (value,)
+            words += [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
+    return shlex.join(words)
 
 
 def ahead(folder: Path, *commands: str) -> None:

@@ -276,7 +276,8 @@ def _tried(
             else:
                 refused.append(entry.record)
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
-    said = why if speaks and (begun or "PROBE" in why.upper()) else ""
+    own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
+    said = why if speaks and (begun or own) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
 
 

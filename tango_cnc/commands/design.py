@@ -15,7 +15,7 @@ from ..files import read_cell, read_readings, read_terms, write_text
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
-from ._common import Output, cell_option, dialect, json_option, write_json
+from ._common import Output, cell_option, dialect, json_option, typed, write_json
 from ._stylus import bought
 from ._trust import despite_option, judged, usable
 from .check import positioning_feed
@@ -191,7 +191,8 @@ def _wish(
     how = touching.touching(cell.strategy.approach, within, source)
     wanted = propose.usual_terms(aim, cell.terms) if terms is None else read_terms(terms, cell.folder)
     feed, gate = positioning_feed(cell), gate_of(cell)
-    return propose.Wish(aim, minutes, wanted, how.approach, degree, feed, _box(volume), before, stylus, gate), how.why
+    wish = propose.Wish(aim, minutes, wanted, how.approach, degree, feed, _box(volume), before, stylus, gate, typed("terms"))
+    return wish, how.why
 
 
 def gate_of(cell: Cell) -> str:

@@ -48,6 +48,7 @@ class Wish:
     before: Readings | None = None  # of the full run that a check rests on; None: the cell's strategy as planned
     stylus: float = check.STYLUS  # mm within which it comes back to the spindle, for a check
     gate: str = "none"  # of the profile
+    typed: str = ""  # the command line that asks for it, without --terms, where there is one
 
 
 @dataclass(frozen=True)
@@ -248,7 +249,9 @@ def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputE
     if ready.wish.approach.standoff > SHORT:
         said.append("shorter touches by --within MM, where it is known how far facets are from their places")
     if not problem.choice.twice and "S4" in ready.wish.terms:
-        said.append("--terms S3 instead of S4")
+        terms = ",".join("S3" if item == "S4" else item for item in ready.wish.terms if isinstance(item, str))
+        named = ready.wish.typed and all(isinstance(item, str) for item in ready.wish.terms)
+        said.append("--terms S3 instead of S4" + (f": {ready.wish.typed} --terms {terms}" if named else ""))
     lost = left_out(problem)
     return InputError(
         "; ".join(

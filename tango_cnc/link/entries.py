@@ -7,6 +7,7 @@ import re
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
+from functools import cache
 from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?\+00:00")
@@ -139,9 +140,14 @@ def entry_of(data: Mapping[str, Any]) -> Entry:
     return entry
 
 
+@cache
+def _shape(kind: Any) -> tuple[Any, tuple[Any, ...]]:
+    return get_origin(kind), get_args(kind)
+
+
 def _value(name: str, value: Any, kind: Any) -> Any:
     """member, what was found, its type → the value of that type. Raises ValueError."""
-    origin, inner = get_origin(kind), get_args(kind)
+    origin, inner = _shape(kind)
     if origin in (Union, types.UnionType):
         return None if value is None else _value(name, value, inner[0])
     if origin is tuple and isinstance(value, list):

@@ -39,6 +39,7 @@ class Line:
     wrong: str
     digest: str
     size: int
+    chained: bool = False  # whether this line or one before it has the hash of the line before
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,18 @@ class Found:
     def wrong(self) -> Line | None:
         """→ the first line that is damaged or was changed."""
         return next((line for line in self.lines if line.wrong), None)
+
+
+@dataclass(frozen=True)
+class Known:
+    """A journal as far as it was read: whole entries, the bytes they take, how its lines go on, and which file it was."""
+
+    entries: tuple[Entry, ...] = ()
+    size: int = 0
+    last: int = 0  # bytes of the last line
+    digest: str = ""  # of the last line
+    chained: bool = False
+    file: tuple[int, int] = (0, 0)
 
 
 def digest_of(line: bytes) -> str:
@@ -84,12 +97,15 @@ def _read(line: bytes) -> tuple[dict[str, Any], Entry]:
 
 def look_at(file: Path) -> Found:
     """file → every line of it, good or not. Raises InputError when it cannot be read."""
-    data = _bytes(file)
+    return _looked_at(_bytes(file)[0], Known())
+
+
+def _looked_at(data: bytes, known: Known) -> Found:
+    """bytes of a journal, what was read before them → every line of these bytes."""
     *lines, rest = data.split(b"\n")
     found: list[Line] = []
-    before, due = "", 0
-    chained = False
-    for number, line in enumerate(lines, 1):
+    before, due, chained = known.digest, len(known.entries), known.chained
+    for number, line in enumerate(lines, due + 1):
         n, entry, digest, wrong = None, None, digest_of(line), ""
         try:
             plain_, entry = _read(line)
@@ -104,7 +120,7 @@ def look_at(file: Path) -> Found:
                     wrong = f"the hash of line {number - 1} is another one here: that line, or this one, was changed afterwards"
         except ValueError as error:
             wrong = str(error)
-        found.append(Line(number, entry, wrong, digest, len(line) + 1))
+        found.append(Line(number, entry, wrong, digest, len(line) + 1, chained))
         before, due = digest, (n if type(n) is int else due) + 1
     if found and found[-1].wrong.startswith("a damaged line") and not rest:  # its blocks reached the disk in another order
         return Found(tuple(found[:-1]), found[-1].size)
@@ -121,33 +137,45 @@ def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
     return [line.entry for line in found.lines if line.entry is not None and line.number not in changed], out
 
 
-def _bytes(file: Path) -> bytes:
+def _bytes(file: Path, known: Known | None = None) -> tuple[bytes, Known]:
+    """file, what was read of it → the bytes after that, and what was read; from the beginning where it is another file now."""
     try:
         with file.open("rb") as opened:
             state = os.fstat(opened.fileno())
             if not stat.S_ISREG(state.st_mode) or state.st_size > MOST:
                 raise InputError(f"{file}: found a device, or {state.st_size} bytes; allowed: a journal of at most {MOST} bytes")
-            return opened.read(state.st_size)  # what is asked for is reserved in memory
+            which = (state.st_dev, state.st_ino)
+            if known is not None and known.file == which and 0 < known.size <= state.st_size:
+                opened.seek(known.size - known.last)
+                data = opened.read(state.st_size - known.size + known.last)
+                if digest_of(data[: known.last - 1]) == known.digest:
+                    return data[known.last :], known
+                opened.seek(0)
+            return opened.read(state.st_size), Known(file=which)  # what is asked for is reserved in memory
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror}); there is no run to resume") from None
 
 
 def read_journal(file: Path) -> tuple[list[Entry], int]:
     """file → (entries, bytes they take; beyond that is an unfinished line). Raises InputError for damage elsewhere."""
-    entries, size, _ = _believed(file)
-    return entries, size
+    found = read_on(file)
+    return list(found.entries), found.size
 
 
-def _believed(file: Path) -> tuple[list[Entry], int, str]:
-    """file → (entries, bytes they take, hash of the last line). Raises InputError."""
-    found = look_at(file)
+def read_on(file: Path, known: Known | None = None) -> Known:
+    """file, what was read of it before → what it holds now; only what is new is read. Raises InputError for damage."""
+    data, known = _bytes(file, known)
+    found = _looked_at(data, known)
     if (bad := found.wrong) is not None:
         raise InputError(
             f"{file}:{bad.number}: {bad.wrong}. 'tango journal salvage {file}' saves the readings before and after it; "
             "then start anew without --resume"
         )
-    entries = [line.entry for line in found.lines if line.entry is not None]
-    return entries, sum(line.size for line in found.lines), found.lines[-1].digest if found.lines else ""
+    if not found.lines:
+        return known
+    entries = (*known.entries, *(line.entry for line in found.lines if line.entry is not None))
+    end = found.lines[-1]
+    return Known(entries, known.size + sum(line.size for line in found.lines), end.size, end.digest, end.chained, known.file)
 
 
 class Journal:
@@ -168,7 +196,8 @@ class Journal:
         try:
             lock(self._handle)
             if resume:
-                self.entries, self._size, self.digest = _believed(file)
+                found = read_on(file)
+                self.entries, self._size, self.digest = list(found.entries), found.size, found.digest
                 os.ftruncate(self._handle, self._size)
                 os.fsync(self._handle)
             else:

@@ -17,13 +17,12 @@ from ..nearest import printable
 from ..records import InputError, Plan
 from .expressions import Value, constant, expression
 from .phases import BEGUN, OWED, TOLD, Action, Phase, after
-from .twins import Place, Twin, latched_elsewhere, offset_changed, other_contacts, stopped_short
+from .twins import Place, Twin, latched_elsewhere, offset_changed, other_contacts, stopped_short, turned_otherwise
 from .walk import PROTECTED, Walk
 
 NUMBER = r"-?\d+\.\d*"  # with its decimal point, without which controls count in thousandths
 SHORT = 3.0  # tolerances of the profile by which a protected move is stopped short
 TOLERANCE = 0.02  # mm, where the profile has none
-AWAY = (0.05, -0.05, 180.0)  # deg by which a rotary axis has not arrived
 OFFSET = {"X": 11.25, "Y": -7.5, "Z": 203.5, "A": 3.0, "B": -2.0, "C": 31.0}  # machine minus work coordinates
 SPOILT = 77777.0  # in variables whose values are of the touch before
 ROUNDS = 20  # touches in a row without contact after which a program must have stopped that counts none by its profile
@@ -54,13 +53,15 @@ class Rehearsal:
         latches: bool = False,
         astray: Astray | None = None,
         framed: bool = False,
+        dynamic: bool = False,
     ) -> None:
         """plan, every option of its profile, how a twin's variable is read; whether the control latches machine positions.
 
         `framed`: the program takes the difference of two frames from the control: a step has to show first that it is in mm.
+        `dynamic`: a work offset of the control may turn with its rotary axes: the program has to notice it there.
         `astray`: where else a measuring move may say that its contact was, which has to stop the program.
         """
-        self._latches = latches
+        self._latches, self._dynamic = latches, dynamic
         self._astray = astray or (latched_elsewhere if latches else offset_changed)
         self.plan, self.options, self._read = plan, options, read
         self.walk = Walk(plan, options)
@@ -352,10 +353,8 @@ class Rehearsal:
             self.watched()
         for twin in self.twins:
             twin.position[name] = value
-        for away in AWAY if asked else ():
-            twin = self.base.twin("stop", f"{name} has not arrived")
-            twin.position[name] += away
-            self.doubts([twin])
+        if asked:
+            self.doubts(turned_otherwise(self.base, name, self._dynamic))
 
     def start(self, mark: str, count: float, wanted: str) -> None:
         """The start mark. Raises InputError when it is not that of this program."""

@@ -13,6 +13,7 @@ SOON = 0.05  # mm after its start at which the earliest contact happens
 ZONE = 0.2  # mm before and behind the beginning of the search zone, where contacts are early and are none
 RUN_ON = 0.01  # mm that the axes run on after a contact: where they stand is not where it was
 ASIDE = 2.0  # mm beside the line of a measuring move: less is a contact, not another frame
+AWAY = (0.05, -0.05, 180.0)  # deg by which a rotary axis has not arrived
 
 Place = Mapping[str, float]
 
@@ -112,6 +113,16 @@ def offset_changed(base: Twin, start: Place, target: Place) -> Iterator[Twin]:
             twin = base.twin("stop", f"the work offset of {name} has changed")
             twin.offset[name] += change
             yield twin
+
+
+def turned_otherwise(base: Twin, name: str, dynamic: bool) -> Iterator[Twin]:
+    """machine after a turn, axis letter, whether a work offset may turn → machines where it is elsewhere, or has done so."""
+    for away in AWAY:
+        twin = base.twin("stop", f"{name} has not arrived")
+        twin.position[name] += away
+        yield twin
+    if dynamic:
+        yield from offset_changed(base, {}, dict.fromkeys("XYZ", 0.0))
 
 
 def latched_elsewhere(base: Twin, start: Place, target: Place) -> Iterator[Twin]:

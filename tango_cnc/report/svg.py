@@ -270,6 +270,12 @@ class _Plot:
                 f'fill="{s.color}"/>'
                 for x, y in points
             ]
+        if s.kind == "dots" and not s.tips:  # one path of points instead of an element each: a third of the text
+            way = "".join(f"M{x:.1f} {y:.1f}h.01" for x, y in points)
+            return [
+                *parts,
+                f'<path d="{way}" fill="none" stroke="{s.color}" stroke-width="{2 * s.size:g}" stroke-linecap="round"/>',
+            ]
         tips = s.tips or ("",) * len(points)
         return parts + [_dot(x, y, s, tip) for (x, y), tip in zip(points, tips, strict=False)]
 

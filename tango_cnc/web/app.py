@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import inspect
 import logging
 import pkgutil
 import threading
@@ -31,7 +32,7 @@ from ..report.texts import Texts, texts_of
 from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
-from .live import Journals
+from .live import Journals, Looks
 from .places import Machine, Places
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns
@@ -55,6 +56,7 @@ class State:
     started: float = field(default_factory=time.time)
     lock: threading.Lock = field(default_factory=threading.Lock)
     units: Units = field(default_factory=Units)
+    looks: Looks = field(default_factory=Looks)
 
 
 def create(settings: Settings) -> Starlette:
@@ -117,13 +119,28 @@ def counted(route: Route) -> Route:
         finally:
             noted(request, status, began)
 
+    async def awaited(request: Request) -> Response:
+        began, status = time.perf_counter(), 500
+        try:
+            answer = await call(request)
+            status = answer.status_code
+            return answer
+        except HTTPException as error:
+            status = error.status_code
+            raise
+        except Exception as error:
+            return _failed(request, error)
+        finally:
+            noted(request, status, began)
+
     async def posted(request: Request) -> Response:
         fields = await form_of(request)
         request.state.form = fields
         return await run_in_threadpool(timed, request)
 
     methods = list(route.methods or ["GET"])
-    return Route(route.path, posted if "POST" in methods else timed, methods=methods, name=route.name)
+    own = awaited if inspect.iscoroutinefunction(call) else posted if "POST" in methods else timed
+    return Route(route.path, own, methods=methods, name=route.name)
 
 
 def _answered(call: Callable[[Request], Response], request: Request) -> Response:
@@ -131,12 +148,17 @@ def _answered(call: Callable[[Request], Response], request: Request) -> Response
         return call(request)
     except HTTPException:
         raise
-    except TangoError as error:
+    except Exception as error:
+        return _failed(request, error)
+
+
+def _failed(request: Request, error: Exception) -> Response:
+    """request, what a page has raised → a page that says so."""
+    if isinstance(error, TangoError):
         LOG.warning("%s: %s", request.url.path, error)
         return page(request, "told.html", 503, said=str(error))
-    except Exception:
-        LOG.exception("%s", request.url.path)
-        return page(request, "told.html", 500, said=state_of(request).texts("web.failed"))
+    LOG.error("%s", request.url.path, exc_info=error)
+    return page(request, "told.html", 500, said=state_of(request).texts("web.failed"))
 
 
 async def form_of(request: Request) -> dict[str, str]:

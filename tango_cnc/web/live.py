@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import threading
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, TypeVar
+
+from starlette.concurrency import run_in_threadpool
 
 from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
-from ..link.journal import read_journal
+from ..link.journal import Known, read_on
 from ..records import Cell
 from ..report.days import at
 from ..report.texts import Texts
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -38,9 +44,9 @@ class Run:
 
 @dataclass
 class Journals:
-    """Journals that were read, by file: a file that has not grown is not read again."""
+    """Journals that were read, by file: one that has not grown is not read again, of one that has only what is new."""
 
-    _read: dict[Path, tuple[tuple[int, int], Run]] = field(default_factory=dict)
+    _read: dict[Path, tuple[tuple[int, int], Known, Run]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def run(self, file: Path, cell: Cell | None) -> Run | None:
@@ -53,13 +59,29 @@ class Journals:
         with self._lock:
             known = self._read.get(file)
             if known is not None and known[0] == key:
-                return known[1]
-            entries, good = read_journal(file)
-            run = replace(run_of(file, f"{good:x}", entries, cell), touched=stat.st_mtime)
-            self._read[file] = (key, run)
+                return known[2]
+            found = read_on(file, None if known is None else known[1])
+            run = replace(run_of(file, f"{found.size:x}", found.entries, cell), touched=stat.st_mtime)
+            self._read[file] = (key, found, run)
             if len(self._read) > 200:
                 self._read.pop(next(iter(self._read)))
             return run
+
+
+@dataclass
+class Looks:
+    """One look at the disk for all who ask for the same while it lasts: fifty followers cost little more than one."""
+
+    _going: dict[Hashable, asyncio.Future[Any]] = field(default_factory=dict)
+
+    async def at(self, key: Hashable, look: Callable[[], T]) -> T:
+        """what is asked for, how to look → what was seen, by this look or by one that had begun. Raises what the look raises."""
+        going = self._going.get(key)
+        if going is None:
+            going = self._going[key] = asyncio.ensure_future(run_in_threadpool(look))
+            going.add_done_callback(lambda _: self._going.pop(key, None))
+        found: T = await asyncio.shield(going)  # who goes away does not take it from the others
+        return found
 
 
 def journals(folder: Path) -> list[Path]:

@@ -17,11 +17,12 @@ from tango_cnc.records import Cell, Plan
 KEPT = 24  # plans, some MB each
 MADE: OrderedDict[bytes, Plan] = OrderedDict()
 _make = build._planned
+anew = False  # whether the test that is executed wants every plan made
 
 
 def _remembered(cell: Cell, obstructed: str | None, faults: Any, looked: Any = None, turns_alone: bool = False) -> Plan:
     """As `build._planned`; a plan whose faults or turns somebody wants to see is made."""
-    if faults is not None or looked is not None or turns_alone:
+    if anew or faults is not None or looked is not None or turns_alone:
         return _make(cell, obstructed, faults, looked, turns_alone)
     key = pickle.dumps((cell, obstructed))  # equal bytes are equal cells; the other way round a plan is made once more
     if key not in MADE:
@@ -32,7 +33,11 @@ def _remembered(cell: Cell, obstructed: str | None, faults: Any, looked: Any = N
     return MADE[key]
 
 
-@pytest.fixture(autouse=True)
-def plans_are_remembered(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not request.path.name.startswith("test_plan"):
-        monkeypatch.setattr(build, "_planned", _remembered)
+build._planned = _remembered
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Before any fixture of the test, those of its module too."""
+    global anew
+    anew = item.path.name.startswith("test_plan")

@@ -43,10 +43,19 @@ class Shares(LoadGroupScheduling):
     single tests.
 
     So nobody waits at the end for a share that has just begun, and while the real control moves one worker waits and one computes.
+    Of the single tests the long ones come first: in the end there are many short ones to share.
     """
 
     def _split_scope(self, nodeid: str) -> str:
         return share(nodeid)
+
+    def mark_test_complete(self, node: WorkerController, item_index: int, duration: float = 0) -> None:
+        """As xdist does, which goes through all that a worker was ever given after each test of thousands: what is done goes."""
+        given = self.assigned_work[node]
+        test = self.registered_collections[node][item_index]
+        super().mark_test_complete(node, item_index, duration)
+        if all(given[share(test)].values()):
+            del given[share(test)]
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         for first in (NETWORK, CONTROL):
@@ -59,3 +68,10 @@ class Shares(LoadGroupScheduling):
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Scheduling | None:
     """→ the scheduler of `--dist loadgroup`; of other ways to share, xdist's own."""
     return Shares(config, log) if config.getoption("dist") == "loadgroup" else None
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The long tests first, where shares are given out one after the other."""
+    if getattr(config.option, "loadgroup", False):  # what xdist tells its workers
+        items.sort(key=lambda item: item.get_closest_marker("long") is None)

@@ -73,6 +73,7 @@ class Profile:
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg
     unclamp: Mapping[str, int] = field(default_factory=dict)  # {axis: M code of a plugin that frees it}
     clamp: Mapping[str, int] = field(default_factory=dict)  # {axis: M code that holds it}; held when switched on
+    scaled: Mapping[str, float] = field(default_factory=dict)  # G51 of grblHAL, left on; -1 is a mirror image
 
 
 def default_profile(machine: Machine) -> Profile:
@@ -209,6 +210,7 @@ class Control:
         named = [f"[AXS:{len(self.axes)}:{''.join(self.axes)}]"] if self.kind.names_axes else []
         news = [f"[NEWOPT:ENUMS,RT+{',EXPR' if self._knows else ''},SED]"] if self.profile.firmware == "grblHAL" else []
         modes = f"G{self._modal:g} G{self._frame} G17 G{20 if self._inch else 21} G{91 if self._relative else 90}"
+        modes += f" G51:{''.join(self.profile.scaled)}" if self.profile.scaled else ""
         frames = [f"[G{g}:{self._shown(self._work(g))}]" for g in FRAMES]
         others = [f"[{name}:{zero}]" for name in ("G28", "G30", "G92")]
         answers = {
@@ -315,7 +317,8 @@ class Control:
         for name in self.axes:
             if name in values:
                 base = here[name] if self._relative else 0.0 if machine else work[name]
-                value = base + values[name] * (INCH if self._inch and name in "XYZ" else 1.0)
+                factor = self.profile.scaled.get(name, 1.0) * (INCH if self._inch and name in "XYZ" else 1.0)
+                value = base + values[name] * factor
                 found[name] = value if name in "XYZ" else math.radians(value)
         return found
 

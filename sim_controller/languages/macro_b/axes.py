@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from ... import probing
 from ...motion import Motion
 from .._shared.scales import by_sign, commanded, nearer, roll, shown
@@ -92,10 +94,10 @@ class Axes:
         name = axes[index]
         if name not in self._known:
             return 0.0
-        offset = self._offset(name)
+        offset = self._offset(name) if self._profile.turn_shown else self._stored(name)
         length = self._length if name == "Z" else 0.0
         if 5221 <= base < 5341:
-            value: float | None = self._offset(name, 54 + (base - 5221) // 20)
+            value: float | None = self._stored(name, 54 + (base - 5221) // 20)
         else:
             value = {
                 5001: self._now()[name] - offset - length if base == 5001 else None,
@@ -150,7 +152,16 @@ class Axes:
     def _unit(self, name: str) -> float:
         return 25.4 if self.inch and name in self._machine.linear else 1.0
 
-    def _offset(self, name: str, work: int | None = None) -> float:
+    def _offset(self, name: str) -> float:
+        """→ the work offset of an axis as moves see it: with a dynamic one, X and Y turned about the zero of the machine."""
+        turns = self._profile.turned_with
+        if not turns or name not in "XY":
+            return self._stored(name)
+        x, y, angle = self._stored("X"), self._stored("Y"), math.radians(self._now()[turns])
+        along, across = math.cos(angle), math.sin(angle)
+        return x * along - y * across if name == "X" else x * across + y * along
+
+    def _stored(self, name: str, work: int | None = None) -> float:
         return self._offsets.get(self.work if work is None else work, {}).get(name, 0.0)
 
     def _now(self) -> dict[str, float]:

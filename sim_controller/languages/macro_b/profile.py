@@ -32,6 +32,9 @@ class Profile:
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
     scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (a setting, G51, G51.1)
+    # the work offset turns with this rotary axis, machine moves do not (Haas G254); whether #504x and #506x know of it
+    turned_with: str = ""
+    turn_shown: bool = True
     inch_positions: bool = False  # an inch machine: variables of positions stay in inches, whatever G20 and G21 say
     counts: bool = False  # variables of positions come in whole increments, as on the display
     probe_variable: int = 0  # system variable that is 1 while the probe is deflected, as old as the last wait; 0: there is none

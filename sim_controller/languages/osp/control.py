@@ -73,6 +73,7 @@ class Profile:
     wait: bool = True  # M331 waits; else it does not
     decimals: Decimal = Decimal(4)  # that PUT prints
     orient: str = "RS"  # letter of the angle behind M19; behind another one the spindle stays as it is
+    scaled: Mapping[str, float] = field(default_factory=dict)  # of what is programmed, in H0 too; -1 is a mirror image
     restart: bool = False  # sequence restart: VRSTT is 128
 
 
@@ -307,6 +308,7 @@ class Control:
                 raise alarm("word", f"{letter} in {text}")
         if not targets:
             return
+        targets = {letter: value * self._profile.scaled.get(letter, 1.0) for letter, value in targets.items()}
         if (31 in g_codes or self._motion_code == 1) and self._feed <= 0:
             raise alarm("feed", text)
         if 31 in g_codes:

@@ -32,15 +32,15 @@ EXPERIMENT = Experiment(
     "recorded positions are machine coordinates in mm, whatever offset, tool length and unit is active",
     "compare a record with the machine position on the display",
     "look first whether the probe signal is on while nobody touches the stylus: then turn its polarity round. Else state "
-    "axis_numbers; cancel scaling, rotation, mirror image and tool length, and state the words that do it (reset, trafoof, "
-    "cycle800, off); check the names of the position variables (contact and contact_frame, position, machine_position). A control "
-    "that says contact where nothing was met shows the same text: state met. So does one that reads positions ahead of its moves: "
-    "state wait. Where positions come in inches, state position_unit: inch; where the post has no such key, the control has to "
-    "give them in mm",
+    "axis_numbers; cancel scaling, rotation, mirror image, tool length and a dynamic work offset (G54.2, G254), and state the "
+    "words that do it (reset, trafoof, cycle800, off); check the names of the position variables (contact and contact_frame, "
+    "position, machine_position). A control that says contact where nothing was met shows the same text: state met. So does one "
+    "that reads positions ahead of its moves: state wait. Where positions come in inches, state position_unit: inch; where the "
+    "post has no such key, the control has to give them in mm",
     judge,
     re.compile(
         r"OFFSET|UNITS|INCHES|POSITIONS ARE IN MM|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|"
-        r"TRIPPED ON THE WAY|CANCEL(?! G51)|ROTATED"
+        r"TRIPPED ON THE WAY|CANCEL(?! G51| IT)|ROTATED|G68 IS ON"
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"

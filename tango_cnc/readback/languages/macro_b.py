@@ -117,7 +117,7 @@ class _Program:
         self._tidy = [] if options.get("alarm") == "at once" else [*([off] if off else []), *self.closes]
         self._on, self._watching = options.get("probe_on") or None, False
         self._axis = axes_by_number(plan, options)
-        self._machine = Rehearsal(plan, options, self._read, framed=True)
+        self._machine = Rehearsal(plan, options, self._read, framed=True, dynamic=True)
         if options.get("position_unit") == "inch":
             self._machine.base.unit, self._machine.everywhere[-1].unit = INCH, 1.0
             self._machine.everywhere[-1].what = "positions come in mm"

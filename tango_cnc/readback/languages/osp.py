@@ -103,12 +103,13 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], parts: Mapping[str, _Part]) -> None:
         self._spelt = lru_cache(maxsize=4096)(self._expressed)
-        self._machine = Rehearsal(plan, options, self._read, astray=latched_elsewhere)
+        self._machine = Rehearsal(plan, options, self._read, astray=latched_elsewhere, framed=True)
         self._parts, self._options = parts, options
         self._names = [axis.name for axis in plan.machine.axes if axis.kind != "spindle"]
         self._words = stated_words(options)
         self._wait, self._state = options.get("wait", ""), options.get("probe_state", "")
         self._moving, self._asked, self._named = True, False, False
+        self._relative = self._stepped = False  # G91 is on; the step before all else has been made, and nothing else since
         self._seen: set[str] = set()  # what has to have been asked before anything moves
         self._put: str | None = None
         self._pressed = False  # somebody touches the stylus; whether that was noticed has to be asked
@@ -130,6 +131,10 @@ class _Program:
             self._named |= code != ""
         elif not self._named:
             raise InputError("the program has no name O… before its first block")
+        elif code in ("G90", "G91"):
+            self._relative = code == "G91"
+        elif self._relative:
+            self._step(code)
         elif match := IF.fullmatch(code):
             self._ask(match[1], match[2])
         elif code == self._wait:
@@ -189,7 +194,24 @@ class _Program:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)
-        self._moving, self._asked = True, False
+        self._moving, self._asked, self._stepped = True, False, False
+
+    def _step(self, code: str) -> None:
+        """Behind G91: whether the probe is deflected may be asked, then the step before all else, then G90."""
+        match = FEED.fullmatch(code)
+        if (asked := IF.fullmatch(code)) and self._state:
+            self._ask(asked[1], asked[2])
+        elif code == self._wait:
+            self._moving = False
+        elif match is None or match[1] != self._options.get("skip") or len(match[2].split()) != 1 or self._stepped:
+            raise InputError("G91 is still on: G90 has to stand right behind the step")
+        elif self._state and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
+        else:
+            self._ready()
+            word = match[2].strip()
+            self._machine.steps(word[0], float(word[1:]), float(match[3]))
+            self._moving, self._asked, self._stepped = True, False, True
 
     def _ask(self, condition: str, name: str) -> None:
         """A question in the main program, whose answer is a stop."""
@@ -201,11 +223,12 @@ class _Program:
                 raise InputError(f"VACOD is read before anything has waited for the axes to stand ({self._wait})")
             self._seen.add("restart" if question == NOT_AGAIN else "number")
             return
-        if condition == f"VC{self._options.get('common', 1)} EQ 0" and self._pressed:
+        felt = condition == f"VC{self._options.get('common', 1)} EQ 0" and self._pressed
+        if felt or (self._stepped and not self._state_in(condition)):
             self._pressed = False
             self._machine.does(lambda twin: setattr(twin, "stopped", bool(self._machine.value(twin, self._spelt(condition)))))
             return
-        if not self._state or self._state not in condition:
+        if not self._state_in(condition):
             raise InputError("no question that a program of this kind has here")
         twin = self._machine.base.twin("stop", "the probe is deflected")
         twin.shared["A_PROBE"] = 1.0
@@ -216,6 +239,9 @@ class _Program:
             twin.stopped = bool(self._machine.value(twin, self._spelt(condition)))
 
         self._machine.does(does)
+
+    def _state_in(self, condition: str) -> bool:
+        return bool(self._state) and self._state in condition
 
     def _call(self, name: str, arguments: Mapping[str, str]) -> None:
         part = self._parts.get(name)
@@ -341,7 +367,7 @@ class _Program:
                 raise InputError(f"found the position of {axis}; allowed: {', '.join(self._names)}")
             if kind == "contact" and not twin.hit:
                 return STALE
-            return (twin.position if kind == "position" else twin.skip)[axis]
+            return twin.shown(axis, (twin.position if kind == "position" else twin.skip)[axis])
         for store in (twin.local[-1], twin.shared):
             if name in store:
                 return store[name]

@@ -54,18 +54,23 @@ def run(request: Request) -> Response:
     )
 
 
-def step(request: Request) -> Response:
+async def step(request: Request) -> Response:
     """request → what changes on that page, for those who follow it; 304 where nothing has."""
     needs(request, "view")
+    asked = (request.path_params["slug"], request.query_params.get("run", "0"))
+    tag, state, text = await state_of(request).looks.at(asked, lambda: _seen(request))
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
+    headers = {"etag": tag, "cache-control": "no-cache", "x-run-state": state}
+    return Response(text, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def _seen(request: Request) -> tuple[str, str, str]:
+    """request → tag, state and drawing of its run as it is now. Raises HTTPException 404 where there is none."""
     found, chosen, cell = _chosen(request)
     if chosen is None:
         raise HTTPException(404)
-    tag = f'"{chosen.version}-{chosen.state}"'
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
-    text = _step(request, found, chosen, cell)
-    headers = {"etag": tag, "cache-control": "no-cache", "x-run-state": chosen.state}
-    return Response(text, media_type="text/html; charset=utf-8", headers=headers)
+    return f'"{chosen.version}-{chosen.state}"', chosen.state, _step(request, found, chosen, cell)
 
 
 def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
