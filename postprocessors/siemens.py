@@ -35,6 +35,7 @@ STOPS = (
 DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED = range(1, len(STOPS) + 1)
 OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
 
+FRAMELESS = ("G500", "TRANS")  # no work offset and no programmable frame: were SUPA nothing beside MEAS, no move went elsewhere
 OPTIONS = (
     Option("reset", "G17 G40 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
@@ -85,6 +86,7 @@ def begin(job: Job) -> Iterator[str]:
         yield "DEF STRING[200] TG_TEXT"
     yield options["reset"]
     yield "D0"
+    yield from FRAMELESS
     if options["trafoof"]:
         yield "TRAFOOF"
     if options["cycle800"]:

@@ -207,6 +207,17 @@ def test_locate_asks_before_anything_moves_and_says_what_is_not_proven(
 
 
 @pytest.mark.long
+def test_a_run_asks_before_anything_is_sent_and_says_what_is_not_proven(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = cell_of(tmp_path / "cell")
+    monkeypatch.setattr(sys, "stdin", Terminal("n\n"))
+    assert call("run", "-C", cell, "--port", "socket://127.0.0.1:1") not in (0, 3)  # 3: it has tried to reach the control
+    said = capsys.readouterr().err
+    assert "not proven on this control: the skip signal" in said and "Start?" in said and not (cell / "readings.csv").exists()
+
+
+@pytest.mark.long
 def test_a_run_of_another_post_is_not_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another dialect has other frames and another rounding; the file of the readings would name one of them for all."""
     from tango_cnc.files import read_cell

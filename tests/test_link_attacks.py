@@ -19,6 +19,7 @@ from support.runs import cell as cell  # a fixture
 
 from tango_cnc.link._client import Touched
 from tango_cnc.link._secrets import shown
+from tango_cnc.link._sensors import read_sensors
 from tango_cnc.link._trust import Distrust, Gate, judge
 from tango_cnc.link._words import record
 from tango_cnc.link.protocols import dnc, modbus, remote
@@ -212,6 +213,37 @@ def test_a_link_that_points_elsewhere_after_it_was_trusted_is_asked_about_again(
 # 8. Secrets
 
 
+@pytest.mark.parametrize(
+    "url",
+    [
+        "ftp://anna:geheim8@127.0.0.1:1/TANGO.TXT",
+        "ftps://anna:geheim8@127.0.0.1:1/TANGO.TXT",
+        "sftp://anna:geheim8@127.0.0.1:1/TANGO.TXT",
+        "smb://anna@shop:geheim8@127.0.0.1:1/SHARE/TANGO.TXT",
+        "smb://:geheim8@127.0.0.1:1/SHARE/TANGO.TXT",
+        "lsv2://x:geheim8@127.0.0.1/TNC:/TANGO.TXT",
+        "opcua://anna:geheim8@127.0.0.1:4840",
+        "socket://anna:geheim8@127.0.0.1:8193",
+    ],
+)
+def test_a_password_before_the_host_is_refused_and_shown_nowhere(url):
+    for text in (url, url.replace("geheim8", "geheim8@x")):
+        with pytest.raises(InputError, match=r"stands in the address itself.* env:NAME") as refused:
+            parse(text, remote.OPTIONS)
+        assert "geheim8" not in str(refused.value) and "geheim8" not in shown(text)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    ['mqtt: "mqtt://anna:geheim8@127.0.0.1/shop/bed"', 'mtconnect: "http://anna:geheim8@127.0.0.1:5000/current", item: bed'],
+)
+def test_a_password_in_the_address_of_a_sensor_is_refused_and_not_shown(tmp_path, sensor):
+    (tmp_path / "sensors.yaml").write_text(f"sensors:\n  bed: {{{sensor}}}\n")
+    with pytest.raises(InputError, match="env:NAME") as refused:
+        read_sensors(tmp_path)
+    assert "geheim8" not in str(refused.value)
+
+
 @pytest.mark.parametrize("name", ["password", "%70assword", "pass%77ord", "%70%61%73%73%77%6F%72%64", "passphrase", "p%61ssphrase"])
 def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name, monkeypatch):
     monkeypatch.setenv("CELL_WORD", "geheim9")
@@ -221,7 +253,7 @@ def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name, monkeypatch)
     result = Result("run", "-C", cell, "--port", url, "--timeout", "1", "--transcript", cell / "talk.txt")
     everything = result.err + result.out + "".join(one.read_text(errors="replace") for one in cell.rglob("*") if one.is_file())
     assert result.code == 3 and "geheim9" not in everything
-    with pytest.raises(InputError, match="stands in the port itself") as written:
+    with pytest.raises(InputError, match="stands in the address itself") as written:
         parse(url.replace("env:CELL_WORD", "geheim8"), remote.OPTIONS)
     assert "geheim8" not in str(written.value) and "geheim8" not in shown(url.replace("env:CELL_WORD", "geheim8"))
 

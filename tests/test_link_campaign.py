@@ -19,15 +19,20 @@ def sessions(kind, seeds, tmp_path, monkeypatch):
     """→ (sessions, resumed runs, lost, invented, unsafe) of all seeds."""
     clock = FakeClock()
     patched(monkeypatch, clock)
-    resumed, totals = 0, [0, 0, 0]
+    resumed, totals, injected = 0, [0, 0, 0], 0
     for seed in seeds:
         folder = tmp_path / str(seed)
         ledger, again = SESSIONS[kind](seed, folder, monkeypatch, clock)
         resumed += again
+        injected += ledger.injected.total()
         verdict = judged(folder, ledger)
         assert verdict == (0, 0, 0), f"seed {seed}: {verdict} lost, invented, unsafe; {ledger.unsafe}"
         totals = [a + b for a, b in zip(totals, verdict, strict=True)]
-    print(f"\n{kind}: {len(seeds)} sessions, {resumed} times resumed, lost invented unsafe: {totals}")
+    print(
+        f"\n{kind}, seeds {seeds[0]} to {seeds[-1]}: {len(seeds)} sessions, {injected} injected, {resumed} times resumed, "
+        f"lost invented unsafe: {totals}"
+    )
+    assert injected > 0
     return resumed
 
 

@@ -257,7 +257,7 @@ def test_files_get_the_rights_that_the_umask_leaves(cell):
 def test_a_password_is_shown_nowhere(cell):
     url = f"linuxcnc://127.0.0.1:1?file={cell}/a.ngc&log={cell}/b.txt&password=EMCWORD&enable=TOOWORD"
     result = Result("run", "-C", cell, "--port", url, "--timeout", "1", "--json", cell / "out.json")
-    assert result.code == 2 and "a word stands in the port itself" in result.err
+    assert result.code == 2 and "a word stands in the address itself" in result.err
     bad = Result("run", "-C", cell, "--port", url + "&colour=red", "--timeout", "1")
     other = Result("run", "-C", cell, "--port", url.replace("linuxcnc", "linuxnc"), "--timeout", "1")
     everything = result.err + result.out + bad.err + other.err
@@ -290,7 +290,7 @@ def test_a_password_comes_from_the_environment_or_from_a_file_of_ones_own(tmp_pa
     monkeypatch.setenv("CELL_WORD", "geheim")
     assert secret("password", "env:CELL_WORD") == "geheim"
     assert secret("password", "") == ""
-    with pytest.raises(InputError, match=r"stands in the port itself.*env:NAME"):
+    with pytest.raises(InputError, match=r"stands in the address itself.*env:NAME"):
         secret("password", "geheim")
     with pytest.raises(InputError, match="no variable of this name"):
         secret("password", "env:NO_SUCH_WORD")

@@ -138,6 +138,15 @@ def test_where_no_memory_is_small_nothing_is_split_and_a_short_program_stays_who
     assert parts(load("fanuc"), golden(), {}) == (golden(),)
 
 
+@pytest.mark.campaign
+@pytest.mark.parametrize("post", names())
+def test_the_page_says_how_long_it_is(post: str, whole: Plan) -> None:
+    page = (Path(__file__).parent.parent / "docs" / "dialects.md").read_text(encoding="utf-8")
+    sizes = page[page.index("The 393 touches of HU40T in kB:") :].split("\n\n")[0].replace("\n", " ")
+    said = re.search(rf"(?i)\b{post}\b[^0-9]* (\d+)", sizes)
+    assert said is not None and length(load(post), whole, (1, 1)) / 1000 == pytest.approx(float(said[1]), rel=0.01)
+
+
 def length(post: Post, part: Plan, of: tuple[int, int]) -> int:
     """Characters of a program as they arrive on the control."""
     return len("\r\n".join(program(post, part, of_part(post, {}, of), plan_hash(part), of)[2]())) + 2

@@ -69,6 +69,7 @@ def flags(events: list[Any]) -> list[int]:
         (DRIP, True, {}),
         ({}, False, {"read_ahead": True}),
         ({"macros": "called"}, False, {}),
+        ({"macros": "called"}, False, {"reading_stops": True}),  # what stands behind M30 never arrives (3201#6)
         ({"rollover": "never"} | DRIP, True, {}),
         (DRIP, True, {"rollover": ("C",)}),
         (DRIP, True, {"rollover": ("C",), "signed_direction": True}),
@@ -84,6 +85,34 @@ def test_every_touch_is_made_where_it_is_planned(
 ) -> None:
     """Whatever work offsets, look-ahead, roll-over and print format the control has, its records are machine coordinates."""
     assert_as_planned(run(lines_of(made, **options), made, streamed, **profile), made, "fanuc", options)
+
+
+def macros_and_main(made: Plan, **options: Any) -> tuple[list[str], list[str]]:
+    """plan, profile → the macros of a program with called ones, and its main program without them."""
+    lines = lines_of(made, macros="called", **options)
+    main = next(i for i, line in enumerate(lines) if line.startswith("O7700"))
+    return lines[1:main], lines[main:-1]
+
+
+@pytest.mark.parametrize(
+    ("stored", "text"),
+    [
+        (["O7701", "M99", "O7702", "M99", "O7703", "M99", "O7704", "M99"], "ANOTHER PROGRAM WAS CALLED"),
+        ([], "PROGRAM NOT FOUND"),
+        (None, "MACROS OF ANOTHER PROGRAM"),
+    ],
+)
+def test_somebody_elses_macros_of_the_same_numbers_stop_the_program_at_the_first_call(
+    made: Plan, stored: list[str] | None, text: str
+) -> None:
+    """Where the control has not read the macros in front of the main program, or keeps older ones of these numbers."""
+    _, main = macros_and_main(made)
+    library = macros_and_main(made, tolerance=0.05)[0] if stored is None else stored
+    motion = Motion(rig(made.machine, made.artefact, World()))
+    control = Control(motion, default_profile(made.machine), lambda data: None, lambda event, **data: None, library)
+    with pytest.raises(Alarm, match=text):
+        control.run(iter(main), False)
+    assert motion.position[made.machine.column("Z")] >= 799.0  # the first step, and nothing else
 
 
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:

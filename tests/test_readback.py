@@ -244,6 +244,8 @@ SHOWN = 'TG_TEXT=SPRINT("P2 H%D X%.4F Y%.4F Z%.4F B%.4F C%.4F S0.0000 K%.4F",TG_
     [
         ("TRAFOOF\n", "", "something moves before TRAFOOF"),
         ("CYCLE800()\n", "", r"something moves before CYCLE800\(\)"),
+        ("G500\n", "", "something moves before G500"),
+        ("TRANS\n", "", "something moves before TRANS"),
         ("MEAS=1 X-118.", "MEAS=2 X-118.", "found MEAS=2; the probe is at input 1"),
         ("IF $A_PROBE[1]", "IF $A_PROBE[2]", r"found \$A_PROBE\[2; the probe is at input 1"),
         ("($AC_MEA[1]<>0)", "($AC_MEA[2]<>0)", r"found \$AC_MEA\[2"),

@@ -27,6 +27,7 @@ from tango_cnc.report import page
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
+from tango_cnc.report.svg import ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
@@ -424,6 +425,20 @@ def test_names_in_words_and_drawings(name: str, words: str) -> None:
     machine = read_cell(ROOT / "examples" / "hu40t").machine
     assert spoken(name, machine) == words
     assert ("<svg" in drawing(name, machine)) == name.startswith("E")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "most", "wanted"),
+    [
+        (0.0, 10.0, 5, [0, 2, 4, 6, 8, 10]),
+        (0.3, 1.9, 3, [0.5, 1.0, 1.5]),  # 1 alone would show no scale
+        (-0.7, 9.3, 2, [0, 5]),
+        (2.0, 2.0, 5, [2]),
+        (120.4, 129.9, 4, [122.5, 125, 127.5]),
+    ],
+)
+def test_an_axis_has_two_numbers_at_least(low: float, high: float, most: int, wanted: list[float]) -> None:
+    assert ticks(low, high, most) == pytest.approx(wanted)
 
 
 def test_pictures_for_the_terminal() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import re
 import time
 from collections.abc import Iterator
@@ -340,6 +341,22 @@ def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
         run.end(False, "the line was lost")
         last = site.get("/machine/HU40T-like/run/step")
         assert last.headers["x-run-state"] == "stopped" and "tango run --resume" in last.text and "the line was lost" in last.text
+
+
+def test_a_run_that_falls_silent_says_so_to_who_follows_it(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    run = Recorded(folder, 20)
+    run.begin()
+    run.touch()
+    with TestClient(create(Settings((folder,))), base_url=HOST) as site:
+        first = site.get("/machine/HU40T-like/run/step")
+        assert "Running" in first.text and "Keep the door shut" in first.text
+        long_ago = time.time() - 1500
+        os.utime(folder / "readings.journal", (long_ago, long_ago))
+        later = site.get("/machine/HU40T-like/run/step", headers={"if-none-match": first.headers["etag"]})
+        assert later.status_code == 200 and "25 min" in later.text
+        assert "Keep the door shut" not in later.text and "min to go" not in later.text
+        assert later.headers["x-run-state"] == "running"  # who follows goes on asking
 
 
 def test_who_asks_while_somebody_looks_gets_what_that_one_sees() -> None:

@@ -177,7 +177,7 @@ def test_what_can_be_pressed_is_reached_by_keyboard_and_seen(site: Site, browser
 
 def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, DESK)
-    run = Recorded(site.folder, 30)
+    run = Recorded(site.folder, 31)
     run.begin()
     run.touch()
     browser.get(f"{site.base}/machine/HU40T-like/run")
@@ -185,8 +185,12 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
     for count in range(2, 31):
         run.touch("3" if count % 2 else "4", drift=0.5 if count > 20 else None)
         if count in (10, 25):
-            wait(lambda count=count: f"{count} of 30 touches" in browser.page_source)
+            wait(lambda count=count: f"{count} of 31 touches" in browser.page_source)
             assert "Running" in browser.page_source
+    run.end(False, "the line was lost")
+    wait(lambda: "the line was lost" in browser.page_source)
+    run.touch()  # as if somebody had resumed it
+    wait(lambda: "Running" in browser.page_source)
     run.end()
     wait(lambda: "Complete" in browser.page_source)
     assert browser.execute_script("return window.kept") and "Faces touched again" in browser.page_source

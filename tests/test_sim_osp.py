@@ -103,6 +103,7 @@ def test_a_control_that_is_another_than_thought_stops_at_once(made: Plan, profil
     ("options", "text"),
     [
         ({"contact": "VSKP?"}, "NO SUCH VARIABLE (VSKPX)"),
+        ({"contact": "VSAP?"}, "NO SUCH VARIABLE (VSAPX)"),
         ({"position": "VAPB?"}, "NO SUCH VARIABLE (VAPBZ)"),
         ({"machine_frame": "G15 H1"}, "NOT IN FRAME H0"),
         ({"machine_frame": "G15 H1", "frame_check": False}, "CONTACT OR FRAME"),

@@ -282,3 +282,14 @@ def test_write_ends_lines_of_files_and_none_of_devices(made: Plan) -> None:
     device = ["DEF INT E_1", 'EXTOPEN(E_1,"/dev/ext/1","SYN","EXCL")', *(f'WRITE(E_1,"/dev/ext/1","{c}")' for c in "AB"), "M30"]
     assert run(device, made).out == b"AB"
     assert shown(made, *(f'WRITE(E_1,"_N_A_MPF","{c}")' for c in "AB")) == ["A", "B"]
+
+
+@pytest.mark.parametrize("mirrored", [(), ("Z",), ("X", "Y")])
+@pytest.mark.parametrize("holds", [True, False])
+def test_where_supa_is_nothing_beside_meas_every_touch_is_where_it_is_planned(
+    made: Plan, holds: bool, mirrored: tuple[str, ...]
+) -> None:
+    """A work offset of -500 mm sent the first move, up, down to the table; a mirror image did the same."""
+    left = {"supa_with_meas": holds, "mirrored": mirrored, "g54": {"X": -250.0, "Y": -200.0, "Z": -500.0}}
+    ran = run(lines_of(made), made, **left)
+    assert not ran.why and ran.flags(made) == [1] * len(made.touches)

@@ -134,8 +134,8 @@ def command(
         "moves in the air. Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
-    if known:
-        click.echo(f"proven already, and not asked again: {', '.join(sorted(known.keys() - wanted))}", err=True)
+    if settled := sorted(known.keys() - wanted):
+        click.echo(f"proven already, and not asked again: {', '.join(settled)}", err=True)
     if someone:
         for text in ("You will be asked:", *(f"  {question.text}" for each in questions.values() for question in each.values())):
             click.echo(text, err=True)

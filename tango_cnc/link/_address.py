@@ -11,7 +11,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from ..files.checked import printable
 from ..nearest import suggestion
 from ..records import InputError
-from ._secrets import SECRET, revealed, shown
+from ._secrets import SECRET, named_only, revealed, shown
 from .protocols import schemes
 
 LINE: Mapping[str, tuple[str, ...]] = {
@@ -65,6 +65,7 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
     """
     if len(url) > LONGEST or not url.isprintable():
         raise InputError(f"port: found {shown(url)[:60]!r}… of {len(url)} characters; allowed: {LONGEST} printable ones")
+    named_only(url)
     scheme, target, query = _parts(url)
     url = shown(url)
     unit = 1

@@ -24,7 +24,7 @@ LONGEST = 4096  # bytes of a file with one password
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 NAMED = "env:NAME (a variable of the environment) or file:PATH (a file that only you can read)"
 SETTING = re.compile(r"(?<=[?&])([^=&#]*)=(?!env:|file:)[^&#]*")
-USER = re.compile(r"(?<=://)([^/?#@:]*):([^/?#]*)@")
+USER = re.compile(r"(?<=://)([^/?#:]*):([^/?#]*)@")
 
 
 def shown(url: str) -> str:
@@ -42,6 +42,13 @@ def revealed(options: Mapping[str, str]) -> dict[str, str]:
     return {name: secret(name, value) if name in SECRET else value for name, value in options.items()}
 
 
+def named_only(url: str) -> None:
+    """URL → nothing. Raises InputError, which does not show it, where a password stands before its host."""
+    found = USER.search(url)
+    if found is not None:
+        secret("password", found[2] and "a word")
+
+
 def secret(name: str, value: str) -> str:
     """setting, its value → the word ("" for none). Raises InputError, which does not show it."""
     kind, _, where = value.partition(":")
@@ -55,7 +62,7 @@ def secret(name: str, value: str) -> str:
         return _filed(name, Path(where).expanduser())
     if value:
         raise InputError(
-            f"{name}: a word stands in the port itself, where everybody who reads the cell sees it; allowed: {NAMED}. "
+            f"{name}: a word stands in the address itself, where everybody who reads the cell sees it; allowed: {NAMED}. "
             "Put the word there, and change it at the control if others may have read it"
         )
     return ""

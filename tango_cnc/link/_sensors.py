@@ -8,7 +8,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from ..files.checked import Node, load
-from ._secrets import secret
+from ._secrets import named_only, secret
 
 FILE = "sensors.yaml"
 NAME = re.compile(r"[A-Za-z0-9_]{1,40}")
@@ -52,6 +52,7 @@ def _sensor(name: str, node: Node) -> Sensor:
     way = "mqtt" if "mqtt" in dict(node.items()) else "mtconnect"
     fields = node.fields(("mqtt",), ("key", "password")) if way == "mqtt" else node.fields(("mtconnect", "item"))
     url = fields[way].text()
+    named_only(url)
     try:
         parts = urlsplit(url)
         known = parts.scheme in WAYS[way] and bool(parts.hostname) and parts.port != 0

@@ -73,15 +73,20 @@ class Frame:
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """range → at most about `most` round numbers in it."""
+    """range → at most about `most` round numbers in it, and two at least: one alone shows no scale."""
     span = high - low
     if not (math.isfinite(span) and span > 0):
         return [low]
     rough = span / max(most, 1)
     power = 10.0 ** math.floor(math.log10(rough))
-    step = next(s * power for s in (1, 2, 2.5, 5, 10) if s * power >= rough * 0.999)
-    first = math.ceil(low / step - 1e-9)
-    return [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
+    found: list[float] = []
+    for part in (10, 5, 2.5, 2, 1, 0.5, 0.25):  # from coarse to fine
+        if part * power < rough * 0.999 and len(found) > 1:
+            break
+        step = part * power
+        first = math.ceil(low / step - 1e-9)
+        found = [i * step for i in range(first, math.floor(high / step + 1e-9) + 1)]
+    return found
 
 
 def dates(first: date, low: float, high: float, most: int) -> list[tuple[float, str]]:

@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import random
 import threading
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -88,6 +89,13 @@ class Ledger:
         self.contacts: list[dict[str, float]] = []
         self.unsafe: list[str] = []
         self.deflected = 0
+        self.injected: Counter[str] = Counter()  # what went wrong on the line
+
+    def disturbance(self, rates: dict[str, float], seed: int) -> Disturbance:
+        """chances, seed → a disturbance whose faults are counted here."""
+        made = Disturbance(rates, seed)
+        made.happened = self.injected
+        return made
 
     def note(self, event, **data) -> None:
         if event == "contact":
@@ -144,6 +152,7 @@ class Tape:
 
     def read(self, timeout: float) -> bytes:
         if self._cut is not None and self._given >= self._cut:
+            self._ledger.injected["cut"] += 1
             raise Lost("the line was cut")
         if self._printed and self._printed[0][0] <= self.clock.seconds + timeout:
             moment, data = self._printed.pop(0)
@@ -226,6 +235,7 @@ class Cable:
 
     def read(self, timeout: float) -> bytes:
         if self._cut is not None and self._cut <= 0:
+            self._ledger.injected["cut"] += 1
             raise Lost("the line was cut")
         if self._answers and self._answers[0][0] <= self.clock.seconds + timeout:
             moment, data = self._answers.pop(0)
@@ -281,8 +291,15 @@ class Bus:
     KINDS = ("request lost", "answer lost", "late answer", "torn", "busy", "line lost")
 
     def __init__(
-        self, device: Registers, clock: FakeClock, chance: random.Random, rates: dict[str, float], turns: Turns | None = None
+        self,
+        device: Registers,
+        clock: FakeClock,
+        chance: random.Random,
+        rates: dict[str, float],
+        turns: Turns | None = None,
+        injected: Counter[str] | None = None,
     ) -> None:
+        self._injected: Counter[str] = Counter() if injected is None else injected
         self._device, self.clock, self._chance, self._rates, self._turns = device, clock, chance, rates, turns
         self._request, self._before, self._wait = b"", "", 0
         self._old = list(device.words)
@@ -302,6 +319,8 @@ class Bus:
 
     def _answer(self, code: int, address: int, *words: int) -> str:
         fault = next((kind for kind in self.KINDS if self._chance.random() < self._rates.get(kind, 0.0)), None)
+        if fault is not None:
+            self._injected[fault] += 1
         if fault == "line lost":
             raise Lost("the line was cut")
         if fault == "request lost" or self._device.silent:
@@ -419,9 +438,9 @@ def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tupl
 
     def opened(address):
         cut = chance.choice([None, None, None, None, chance.randrange(1, 6000)])
-        disturb = Disturbance(rates, chance.randrange(1 << 30))
+        disturb = ledger.disturbance(rates, chance.randrange(1 << 30))
         faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
-        return Parity(Tape(ledger, clock, faults, Disturbance(there, chance.randrange(1 << 30)), disturb, cut), False)
+        return Parity(Tape(ledger, clock, faults, ledger.disturbance(there, chance.randrange(1 << 30)), disturb, cut), False)
 
     monkeypatch.setattr(_measure, "open_port", opened)
     return ledger, _until_all_is_measured("socket://localhost:1?tv=even", "dnc", folder)
@@ -444,7 +463,7 @@ def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple
         if devices[0].words[STATUS] != IDLE or devices[0].silent or devices[0].motion.deflected:
             # somebody has cleared the alarm, freed the probe and sent the axes home
             devices[0] = Registers(Motion(truth, ledger.note), ledger.note, clock=clock, ticket=devices[0].words[TICKET] + 1)
-        return Bus(devices[0], clock, chance, rates)
+        return Bus(devices[0], clock, chance, rates, injected=ledger.injected)
 
     monkeypatch.setattr(_measure, "open_port", opened)
     return ledger, _until_all_is_measured("modbus+tcp://localhost:1/1", "dnc", folder)
@@ -477,7 +496,7 @@ def resident_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> 
             clock=clock,
             ticket=chance.randrange(1 << 16),
         )
-        return Bus(device, clock, chance, rates, turns[0])
+        return Bus(device, clock, chance, rates, turns[0], ledger.injected)
 
     monkeypatch.setattr(_measure, "open_port", opened)
     resumed = _until_all_is_measured("modbus+tcp://localhost:1/1?run=program", "dnc", folder, posting=brought)
@@ -516,7 +535,7 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
         if control.state != "Idle" or not control.report() or stuck:
             state["control"] = grbl.switched_on(Motion(truth, ledger.note), ledger.note)
         cut = chance.choice([None, None, None, None, chance.randrange(1, 60000)])
-        there, back = (Disturbance(part, chance.randrange(1 << 30)) for part in rates)
+        there, back = (ledger.disturbance(part, chance.randrange(1 << 30)) for part in rates)
         return Cable(state["control"], state["into"], ledger, clock, there, back, cut)
 
     monkeypatch.setattr(_measure, "open_port", opened)

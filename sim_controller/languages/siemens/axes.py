@@ -29,6 +29,8 @@ class Profile:
     probe_input: int = 1  # that the probe is wired to, 1 or 2
     deflected: Literal["alarm", "ignore"] = "alarm"  # MEAS with a probe that is deflected: alarm, or a move without an edge
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1
+    mirrored: tuple[str, ...] = ()  # axes that a MIRROR before has left mirrored, until TRANS; SUPA suppresses that too
+    supa_with_meas: bool = True  # SUPA acts in a block with MEAS; else that block moves in the work frame
     transformation: bool = False  # TRAORI is active from the start: SUPA does not undo it
     devices: tuple[str, ...] = ("/dev/ext/1", "/dev/v24")  # that EXTOPEN knows
     user: Mapping[str, int] = field(default_factory=dict)  # arrays of global user data (DEF NCK REAL …) and how many fields
@@ -54,6 +56,7 @@ class Axes:
     def __init__(self, motion: Motion, profile: Profile) -> None:
         self._motion, self._profile, self._machine = motion, profile, motion.machine
         self.tool, self.incremental, self.transformation = 1, False, profile.transformation
+        self.settable, self.mirrored = True, profile.mirrored
         self._known = self._now()
         self._deflected = motion.deflected
         self._latched = dict.fromkeys(profile.axes, 0.0)
@@ -77,6 +80,7 @@ class Axes:
     def measure(self, targets: Mapping[str, Target], feed: float, *, suppressed: bool) -> None:
         """MEAS: the axes of this block are latched at the edge; without an edge nothing is, and nobody says so."""
         self._status = 0 if self._profile.status else 1
+        suppressed = suppressed and self._profile.supa_with_meas
         if self._motion.deflected:
             if self._profile.deflected == "alarm":
                 raise alarm("21700")
@@ -119,6 +123,8 @@ class Axes:
         for name, target in targets.items():
             frame = self._length(name) if suppressed else self._frame(name)
             relative = target.way == "IC" or (self.incremental and not target.way)
+            if name in self.mirrored and not suppressed:
+                target = Target(-target.value, target.way)
             goal = now[name] + target.value if relative else self._turned(name, target, now[name], frame)
             if not abs(goal) < FARTHEST:
                 raise alarm("10720", name)
@@ -140,7 +146,7 @@ class Axes:
         return now + ahead
 
     def _frame(self, name: str) -> float:
-        return self._profile.g54.get(name, 0.0) + self._length(name)
+        return (self._profile.g54.get(name, 0.0) if self.settable else 0.0) + self._length(name)
 
     def _length(self, name: str) -> float:
         """Tool length, and under a transformation the point of the tool: here a shift that nobody expects."""

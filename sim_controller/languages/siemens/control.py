@@ -144,6 +144,8 @@ class Control:
                 self._axes.settle()
             elif word == "TRAFOOF":
                 self._axes.transformation = False
+            elif word == "TRANS":  # without axes: no programmable frame is left, MIRROR, SCALE and ROT neither
+                self._axes.mirrored = ()
         else:
             self._nc(reader, block)
 
@@ -327,6 +329,8 @@ class Control:
             self._motion_code = word
         elif word in ("G90", "G91"):
             self._axes.incremental = word == "G91"
+        elif word in ("G54", "G500"):
+            self._axes.settable = word == "G54"
 
     def _tool(self, number: int) -> None:
         if number and number not in self._profile.tool_lengths:

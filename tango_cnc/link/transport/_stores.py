@@ -41,7 +41,7 @@ class Ftp:
     """FTP, and FTP over TLS, by ftplib. A server without SIZE or REST is read from the beginning each time."""
 
     def __init__(self, parts: SplitResult, options: dict[str, str], secure: bool) -> None:
-        user, password = unquote(parts.username or "anonymous"), options.get("password") or unquote(parts.password or "")
+        user, password = unquote(parts.username or "anonymous"), options.get("password", "")
         self._ftp = ftplib.FTP_TLS(context=_context(options), timeout=PATIENCE) if secure else ftplib.FTP(timeout=PATIENCE)
         try:
             self._ftp.connect(parts.hostname or "", parts.port or PORTS["ftp"])
@@ -141,7 +141,7 @@ class Sftp:
                     parts.hostname or "",
                     parts.port or PORTS["sftp"],
                     unquote(parts.username or "") or None,
-                    options.get("password") or unquote(parts.password or "") or None,
+                    options.get("password") or None,
                     key_filename=options.get("key") or None,
                     passphrase=options.get("passphrase") or None,
                     timeout=PATIENCE,
@@ -211,7 +211,7 @@ class Smb:
         self._smb, self._errors = needed("smbclient", "smb"), needed("smbprotocol.exceptions", "smb")
         self._host, self._port = parts.hostname or "", parts.port or PORTS["smb"]
         self._connections: dict[str, Any] = {}  # of this store alone: a connection that broke is not found again
-        user, password = unquote(parts.username or ""), options.get("password") or unquote(parts.password or "")
+        user, password = unquote(parts.username or ""), options.get("password", "")
         named = f"{options['domain']}\\{user}" if options.get("domain") else user
         self._to = {"port": self._port, "connection_cache": self._connections}
         with self._asked():

@@ -84,8 +84,9 @@ class _Program:
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=True)
         self._words = stated_words(options) | {"D0"}
-        self._words |= {"TRAFOOF", "CYCLE800()"}
+        self._words |= {"TRAFOOF", "CYCLE800()", "G500", "TRANS"}
         self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
+        self._head |= {"G500", "TRANS"}  # nothing but SUPA would keep the first move from going down by the work offset
         self._input = str(options.get("probe_input", 1))
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next

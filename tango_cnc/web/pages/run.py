@@ -47,7 +47,6 @@ def run(request: Request) -> Response:
         step=Markup(step),
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
-        silent=None if chosen is None else quiet(chosen, time.time()),
         who=who_of(None, {"owner": owner}, (), state.texts),
         nobody=not owner,
         texts=state.texts,
@@ -70,7 +69,8 @@ def _seen(request: Request) -> tuple[str, str, str]:
     found, chosen, cell = _chosen(request)
     if chosen is None:
         raise HTTPException(404)
-    return f'"{chosen.version}-{chosen.state}"', chosen.state, _step(request, found, chosen, cell)
+    tag = f'"{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
+    return tag, chosen.state, _step(request, found, chosen, cell)
 
 
 def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
@@ -91,19 +91,20 @@ def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
 
 
 def _step(request: Request, machine: Machine, run: Run, cell: Cell | None) -> str:
-    state = state_of(request)
-    key = f"step {machine.slug} {run.file.name} {run.version} {run.state}"
-    return state.places.kept(key, lambda: _drawn(request, run, cell), 60)
+    state, silent = state_of(request), quiet(run, time.time())
+    key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent}"
+    return state.places.kept(key, lambda: _drawn(request, run, cell, silent), 60)
 
 
-def _drawn(request: Request, run: Run, cell: Cell | None) -> str:
+def _drawn(request: Request, run: Run, cell: Cell | None, silent: int | None) -> str:
     state = state_of(request)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
         "t": t,
         "run": run,
+        "silent": silent,
         "done": len(run.readings),
-        "left": "" if run.remaining is None else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
+        "left": "" if run.remaining is None or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
         "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
         "drift": [Markup(_drift(run, t("web.drift"), unit, k, wide)) for wide in (WIDE, NARROW)],
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",

@@ -6,13 +6,14 @@ var tag="",pause=2000;
 function again(){setTimeout(look,pause);}
 function look(){
  fetch(where+location.search,{headers:tag?{"If-None-Match":tag}:{},cache:"no-store",credentials:"same-origin"}).then(function(answer){
-  if(answer.status===304){pause=2000;again();return;}
+  if(answer.status===304){again();return;}
+  if(answer.redirected){location.reload();return;}
   if(!answer.ok)throw answer.status;
   tag=answer.headers.get("etag")||"";
   var state=answer.headers.get("x-run-state");
   return answer.text().then(function(text){
-   box.innerHTML=text;pause=2000;
-   if(state==="running"||state==="waiting")again();
+   box.innerHTML=text;pause=state==="stopped"?10000:2000;
+   if(state!=="complete")again();
   });
  }).catch(function(){pause=Math.min(pause*2,30000);again();});
 }
