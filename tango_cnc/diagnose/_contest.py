@@ -383,7 +383,9 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
             _, picked, apart = of(kept)
     beaten = {id(c): w for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
     above_shapes = {key: value - w[0] for key, w in beaten.items()}
-    nearest = {key: max((p for p in w[1] if not p.kernel.noise), key=_score).kernel.covariate for key, w in beaten.items()}
+    nearest = {
+        key: max((p for p in w[1] if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
+    }
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
@@ -425,10 +427,6 @@ def _larger(c: Chosen, above: float, picked: Sequence[Picked]) -> bool:
     """a name, its evidence over every shape in its place, what stands beside it → whether no shape is in its way."""
     near = [p for p in picked if akin(c.candidate, p.kernel.covariate)]
     return above > largest(near) and (above > SURE or above > largest(picked))
-
-
-def _score(p: Picked) -> float:
-    return p.score
 
 
 def _patterns(picked: Sequence[Picked]) -> bool:
