@@ -1,6 +1,6 @@
 """How often the quick check sees a change of the machine: predicted, and counted over simulated machines.
 
-    python benchmarks/check.py CELL [--runs N] [--minutes M] [--size UM] [--strategy FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/check.py CELL [--runs N] [--minutes M] [--size UM] [--strategy FILE]
 
 A check is designed for the cell, or is that of a strategy file of 'tango design --goal check -o FILE'. The simulated machine of the
 cell's world.yaml is measured in full, changes, and is checked, with the check's touches and new scatter. What a change does to the

@@ -1,6 +1,6 @@
 """Choosing touches, timed against a plain recomputation and judged by published designs, in one run.
 
-    python benchmarks/design.py [--candidates N]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/design.py [--candidates N]
 
 * 5000 candidates of an imaginary machine with 120 unknowns: relaxed design, bound, elimination and exchanges; s of one core.
 * One sweep over all swaps by rank-two updates against computing the criterion anew for a sample of them.

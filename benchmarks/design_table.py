@@ -1,6 +1,6 @@
 """The table of docs/design.md, row by row: what plans of `tango design` reach, how near that is to the best, and what others reach.
 
-    python benchmarks/design_table.py [ROW …] [--keep FILE] [--plans FOLDER] [--parts]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/design_table.py [ROW …] [--keep FILE] [--plans FOLDER] [--parts]
 
 A ROW is named hu40t, volume, or hu40t/volume/10; without one, all are made.
 

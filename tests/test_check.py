@@ -100,6 +100,7 @@ def test_touches_that_a_straight_stylus_cannot_make_are_counted_and_listed_and_t
     assert "a straight stylus cannot make the other 35: left out of the program, and of what follows:" in said
 
 
+@pytest.mark.long
 def test_what_is_lost_with_the_touches_that_are_left_out_is_told(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """With them it is what `--obstructed warn` would measure: less scatter of every parameter, EXXb by a third."""
     contract = shared / "contract" / "hu40t"
@@ -126,6 +127,7 @@ indexations:
 """
 
 
+@pytest.mark.long
 def test_what_cannot_be_seen_without_the_touches_that_are_left_out_is_named(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Only touches that face away would tell how C stands to B, and how long the stylus is."""
     (cell / "strategy.yaml").write_text(TILTED, encoding="utf-8")
@@ -174,6 +176,7 @@ def test_predicted_time_is_the_sum_of_its_parts(short: Path, capsys: pytest.Capt
     assert sum(parts.values()) > 5 * 60
 
 
+@pytest.mark.long
 def test_a_program_takes_the_time_in_which_it_proves_the_probe_alive(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A finger: 20 s of slow motion, 5 s to let go, 10 mm back at 3000 mm/min. A facet: down to it, 10 mm at 180 mm/min, back."""
     _, found = checked(capsys, "-C", short)
@@ -202,6 +205,7 @@ def test_axes_that_index_turn_one_after_the_other(cell: Path) -> None:
     assert duration(made)["index and clamp"] == pytest.approx(wanted)
 
 
+@pytest.mark.long
 def test_protected_moves_take_the_positioning_feed_of_the_post(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One touch, counted by hand: 10 mm at 180 mm/min; off and back 10 mm at 50 mm/s and 2 m/s²: 10/50 + 2 · 50/2000 s."""
     _, usual = checked(capsys, "-C", short)

@@ -64,6 +64,7 @@ def test_exit_status_0_and_results_on_stdout(cell: Path, capsys: pytest.CaptureF
     assert json.loads(capsys.readouterr().out)["format"] == "tango-estimate/1"
 
 
+@pytest.mark.long
 def test_exit_status_1_when_terms_cannot_be_seen(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("check", "-C", cell, "--terms", "S3,EZ0Z") == 1
     assert "EZ0Z" in capsys.readouterr().out

@@ -215,6 +215,7 @@ def test_it_asks_whether_the_second_run_saw_the_kinematics(tmp_path: Path) -> No
     assert "no help" in nothing and "by calculation" in nothing, nothing
 
 
+@pytest.mark.long
 def test_a_wrong_sign_is_rolled_back(cell: Path, tmp_path: Path) -> None:
     """The control adds where the file was made for one that takes away: the second measurement says so."""
     mill = copied(cell, tmp_path / "mill")

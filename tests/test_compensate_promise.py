@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -23,7 +24,8 @@ from tango_cnc.compensate.space import sample
 from tango_cnc.estimate import Estimate
 from tango_cnc.records import Cell, InputError, World
 
-MACHINES = 200
+MACHINES = int(os.environ.get("TANGO_MACHINES") or "200")
+FIRST = int(os.environ.get("TANGO_SEED") or "0")
 
 
 def drawn(cell: Cell, world: World, seed: int) -> World:
@@ -146,7 +148,7 @@ def test_two_hundred_promises_are_kept(name: str, tmp_path: Path) -> None:
     Of many pairs that keep their promise in exactly 95 %, one in forty fails here by chance.
     """
     low = []
-    for target, count in kept(name, fitting(name), range(MACHINES), tmp_path).items():
+    for target, count in kept(name, fitting(name), range(FIRST, FIRST + MACHINES), tmp_path).items():
         n = count["kept"] + count["less"] + count["more"]
         assert n > 0.8 * MACHINES
         from scipy.stats import binomtest  # slow to load, and every worker reads this file

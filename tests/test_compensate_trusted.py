@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 from support.compensated import first
 
-from tango_cnc.compensate import as_json, propose
-from tango_cnc.compensate.trusted import undecided, worth_acting
+from tango_cnc.compensate import Proposal, as_json, propose
+from tango_cnc.compensate.outcome import Outcome
+from tango_cnc.compensate.promise import Figure
+from tango_cnc.compensate.trusted import as_far_as_trusted, worth_acting
 from tango_cnc.records import TangoError
+
+
+@cache
+def proposed() -> Proposal:
+    """→ what is proposed to a Siemens for the example trunnion."""
+    return propose(first("trunnion"), "siemens", tcp=False)
 
 
 def test_an_error_that_is_not_to_be_trusted_is_not_written() -> None:
     result = first("trunnion")
-    proposal = propose(result, "siemens", tcp=False)
+    proposal = proposed()
     by_size = sorted((s for s in proposal.fit.shares if s.word != "set-up"), key=lambda s: -s.effect_um)
     names = [result.selection.label(s.name) for s in by_size]
     worth_acting(proposal.fit, result, names[-3:], despite=False)  # the small ones do not hold the large ones up
@@ -21,9 +31,23 @@ def test_an_error_that_is_not_to_be_trusted_is_not_written() -> None:
     worth_acting(proposal.fit, result, names, despite=True)
 
 
-def test_a_run_that_is_not_to_be_trusted_proves_nothing() -> None:
+def said(verdict: str, untrusted: list[str] | None = None) -> Outcome:
+    """verdict of a run, labels that it does not trust (default: all) → what is said of it."""
     result = first("trunnion")
-    record = as_json(propose(result, "siemens", tcp=False))
-    assert undecided(record, result, ()) == ""
+    record = as_json(proposed())
     everything = [result.selection.label(c["name"]) for c in record["coefficients"]]
-    assert "decides nothing" in undecided(record, result, everything)
+    found = Outcome(Figure(37, 36, 38), Figure(1, 0, 2), Figure(69, 68, 70), verdict, "69 are left of 37: load undo/")
+    return as_far_as_trusted(found, record, result, everything if untrusted is None else untrusted)
+
+
+@pytest.mark.parametrize("verdict", ["kept", "not as promised"])
+def test_a_run_that_is_not_to_be_trusted_proves_nothing_good(verdict: str) -> None:
+    assert said(verdict, []).verdict == verdict
+    found = said(verdict)
+    assert found.verdict == "undecided" and "decides nothing" in found.text
+
+
+def test_what_seems_to_do_harm_is_taken_back_even_if_the_run_is_not_to_be_trusted() -> None:
+    found = said("no help")
+    assert found.verdict == "no help"
+    assert found.text.startswith("69 are left of 37: load undo/. But ") and "take it back all the same" in found.text

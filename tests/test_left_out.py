@@ -37,7 +37,7 @@ indexations:
   - {S: 0, B: 60, C: 0, facets: [3, 12, 20]}
   - {S: 90, B: 0, C: 0, facets: [5, 7]}
 """
-QUICKEST = ("grbl", "linuxcnc")  # to read back
+QUICKEST = ("grbl",)  # to read back
 MADE = [1, 2, 3, 6, 8, 9, 10]
 NAMED = [
     f"touch {touch}): the facet faces {angle}° away from the spindle, a straight stylus reaches up to 91°"

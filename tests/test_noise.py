@@ -83,6 +83,7 @@ def test_a_ball_of_which_some_touches_are_wrong_says_nothing_of_the_scale(cell: 
     assert set(on_balls) & set(found.noise.undecided)
 
 
+@pytest.mark.long
 def test_a_short_plan_has_no_outliers_of_its_own(root: Path) -> None:
     cell, world = read_cell(root / "examples" / "trunnion"), read_world(root / "examples" / "trunnion" / "world.yaml")
     few = replace(cell.strategy, indexations=cell.strategy.indexations[:4])

@@ -15,6 +15,7 @@ def test_a_program_is_never_in_memory_as_a_whole(post: str) -> None:
     assert of_kept_lines > 1
 
 
+@pytest.mark.long
 def test_plan_csv_is_never_in_memory_as_a_whole() -> None:
     """Lines that are kept would be noticed."""
     bytes_a_byte, of_kept_lines = growth("plan.csv", "plan.csv kept")

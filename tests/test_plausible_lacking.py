@@ -109,6 +109,23 @@ def test_a_scale_that_grows_during_the_run_is_said(cell: Cell, readings: Reading
     assert "the scale of X had changed" in doubted(cell, along(cell, readings, "X", 6e-5 * x * np.linspace(0, 1, len(x))))
 
 
+def test_a_squareness_that_drifts_during_the_run_is_said(cell: Cell, readings: Readings) -> None:
+    """3.6 µm over 150 mm at the end: the scatter of a touch shows nothing of it, and EC0X is the mean of the run."""
+    y = readings.position[:, cell.machine.column("Y")]
+    found = judged(cell, along(cell, readings, "X", 2.4e-5 * y * np.linspace(0, 1, len(y))))
+    assert "the squareness of X and Y had changed" in " ".join(found.reasons) and "EC0X" in found.untrusted
+
+
+def test_a_table_that_rings_after_a_turn_is_said(cell: Cell, readings: Readings) -> None:
+    """20 µm a quarter of a turn of A along z, a third of it left after 20 s."""
+    a, c = (readings.position[:, cell.machine.column(axis)] for axis in "AC")
+    turned = np.diff(a, prepend=a[:1])
+    begin = np.maximum.accumulate(np.where((turned != 0) | (np.diff(c, prepend=c[:1] - 1) != 0), np.arange(len(a)), 0))
+    since = readings.time - readings.time[begin]
+    found = judged(cell, along(cell, readings, "Z", 0.02 * turned[begin] / (np.pi / 2) * np.exp(-since / 20)))
+    assert "right after a turn of A" in " ".join(found.reasons)
+
+
 def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.6 * len(readings)
     x, y = (readings.position[:, cell.machine.column(a)] for a in "XY")

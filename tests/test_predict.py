@@ -96,6 +96,26 @@ def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None
     assert isinstance(wrong.exception, InputError) and "circularity" in str(wrong.exception)
 
 
+def test_a_circularity_is_told_with_and_without_the_scatter_of_its_points(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    run = CliRunner()
+    assert run.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    program, wanted = tmp_path / "p.nc", tmp_path / "f.yaml"
+    program.write_text(PROGRAM)
+    common = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=60", "--tool-length", "150", "--features", str(wanted)]
+    said = {}
+    for point in (0.001, 1.0):
+        wanted.write_text(f"point_um: {point}\nchecks:\n  - {{kind: circularity, of: N20}}\n")
+        (said[point],) = json.loads(run.invoke(tango, [*common, "--json", "-"]).stdout)["features"]
+    assert said[1.0]["without_scatter_um"] == said[0.001]["without_scatter_um"] == pytest.approx(said[0.001]["value_um"], abs=0.2)
+    assert said[1.0]["value_um"] > said[1.0]["without_scatter_um"] + 1
+    assert "with the scatter of its points" in run.invoke(tango, common).stdout
+    program.write_text(PROGRAM.replace("M30", "G1 C720. F100.\nM30"))
+    refused = run.invoke(tango, common)
+    assert isinstance(refused.exception, InputError) and "C 720" in str(refused.exception) and "deg" in str(refused.exception)
+
+
 def test_reading_a_program_needs_no_machine_to_refuse() -> None:
     cell, _ = example("trunnion")
     setup = Setup(cell.machine, ZERO, LENGTH)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from support.few import every
 from support.histories import record as kept
 from support.nights import into, knock, night, thirty
 from support.server import cell
@@ -201,7 +202,7 @@ def test_the_uncertainty_is_drawn_where_there_is_room(folder: Path) -> None:
         assert ("●" in line) == drawn and len(line) <= columns
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", pytest.param("latin-1", marks=pytest.mark.long), "utf-8"])
+@pytest.mark.parametrize("encoding", every(["cp1252", "latin-1", "utf-8"], 3))
 def test_no_encoding_of_the_output_is_an_error(encoding: str, folder: Path) -> None:
     """A file on Windows has no blocks: other characters stand for them."""
     environ = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "COLUMNS": "80"}

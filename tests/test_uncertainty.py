@@ -268,6 +268,7 @@ def test_a_rectangular_bar_is_not_validated_although_the_standard_deviations_agr
     assert high[i] == pytest.approx(0.95 * np.sqrt(3), rel=0.02) and low[i] == pytest.approx(-0.95 * np.sqrt(3), rel=0.02)
 
 
+@pytest.mark.long
 def test_chord_and_full_iteration_end_at_the_same_place(found: dict[str, Estimate]) -> None:
     for terms, limit in (("S3", 0.002), ("S4", 0.05)):
         measured = trials.accuracy(study_of(found[terms]), 16)

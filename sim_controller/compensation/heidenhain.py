@@ -81,9 +81,10 @@ def _description(folder: Path, machine: Machine) -> Callable[[Array], Array] | N
                 shift["XYZ".index(words[1])] += value
             else:
                 turn["ABC".index(words[1])] += math.radians(value)
-        elif words[:1] == ["MachAxis"] and len(words) == 2 and words[1] in machine.rotary:
+        elif words[:1] == ["MachAxis"] and len(words) == 2 and words[1] in (*machine.linear, *machine.rotary):
             axis = machine.axis(words[1])
-            points[axis.name] = np.array(axis.point) + shift
+            if axis.name in machine.rotary:
+                points[axis.name] = np.array(axis.point) + shift
             directions[axis.name] = np.array(axis.direction) + np.cross(turn, np.array(axis.direction))
         elif words[:1] not in (["BEGIN"], ["[END]"]):
             raise alarm("kinematics.txt", i, f"found {line!r}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -15,7 +14,7 @@ from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.contradicted import contradicted
 from ..compensate.outcome import asked_otherwise, outcome, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
-from ..compensate.trusted import undecided, worth_acting
+from ..compensate.trusted import as_far_as_trusted, worth_acting
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
@@ -289,9 +288,8 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     found = outcome(kept, result, held, tcp=tcp)
     if places and found.verdict != "kept":
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
-    why = undecided(kept.record, result, untrusted)
-    if why and found.verdict != "undecided" and not options["despite"]:
-        found = replace(found, verdict="undecided", text=why)
+    if not options["despite"]:
+        found = as_far_as_trusted(found, kept.record, result, untrusted)
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)

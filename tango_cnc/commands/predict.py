@@ -129,6 +129,7 @@ def _data(source: Path, way: predict.Way, found: list[features.Predicted]) -> di
                 "high_um": round(f.high, 4),
                 "extrapolated": f.extrapolated,
             }
+            | ({} if f.alone is None else {"without_scatter_um": round(f.alone, 4)})
             for f in found
         ],
     }
@@ -152,7 +153,9 @@ def _text(data: dict[str, Any]) -> str:
     if data["features"]:
         rows = [["feature", "µm", "95 %", ""]]
         for f in data["features"]:
-            note = "extrapolated" if f["extrapolated"] else ""
+            alone = f.get("without_scatter_um")
+            scatter = "" if alone is None else f"with the scatter of its points; {alone:.1f} without"
+            note = ", ".join(word for word in ("extrapolated" if f["extrapolated"] else "", scatter) if word)
             rows.append([f["name"], f"{f['value_um']:+.1f}", f"{f['low_um']:+.1f} to {f['high_um']:+.1f}", note])
         lines += ["", table(rows, "<><<")]
     return "\n".join(lines)

@@ -80,7 +80,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     calculated = ""
     if run.told.any():
         calculated = f". What the kinematics hold ({rms(run.told):.2f} µm) is taken off by calculation: this run could not see it"
-    share = f"of what it could see of the compensation, the run finds {_percent(helped)} gone" if helped is not None else ""
+    share = _share(helped) if helped is not None else ""
     again = "Measure again with the strategy and the terms that the compensation was made from"
     if helped is None and run.told.any():
         text = (
@@ -163,6 +163,13 @@ def asked_otherwise(found: Outcome, other: Outcome, *, tcp: bool) -> Outcome:
         "promised. Find out how it was made, and state --tcp if it was on"
     )
     return replace(found, verdict="undecided", text=text)
+
+
+def _share(helped: Figure) -> str:
+    if helped.high < 0:
+        more = _percent(Figure(-helped.value, -helped.high, -helped.low))
+        return f"of what it could see of the compensation, the run finds {more} added instead of taken away"
+    return f"of what it could see of the compensation, the run finds {_percent(helped)} gone"
 
 
 def _percent(share: Figure) -> str:

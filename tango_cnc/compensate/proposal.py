@@ -115,15 +115,14 @@ def _some(places: set[str]) -> str:
 def beyond(proposal: Proposal, cap_mm: float, cap_deg: float) -> list[str]:
     """proposal, largest change allowed → a sentence for every number that changes more, the largest first."""
     machine, found = proposal.request.machine, []
-    reach = max(high - low for name, (low, high) in proposal.request.limits.items() if name in machine.linear)
+    longest = max(high - low for name, (low, high) in proposal.request.limits.items() if name in machine.linear)
     for h, change in zip(proposal.held, proposal.fit.change, strict=True):
-        size = abs(float(change))
-        if h.kind == "angle":
-            size, cap, unit = math.degrees(size), cap_deg, "deg"
-        elif h.kind == "ratio":
-            size, cap, unit = size * reach, cap_mm, "mm over the volume"
-        else:
-            cap, unit = cap_mm, "mm"
+        size, over = abs(float(change)), ""
+        if h.kind == "ratio":
+            size, over = size * (longest if h.reach is None else h.reach), " over the volume"
+        turn = h.kind == "angle" or (h.kind == "ratio" and h.unit.startswith("rad"))
+        size, cap, unit = (math.degrees(size), cap_deg, "deg") if turn else (size, cap_mm, "mm")
+        unit += over
         if size > cap:
             found.append((size / cap, f"{h.place}: changes by {size:.4g} {unit}; allowed: {cap:g} {unit}"))
     return [text for _, text in sorted(found, reverse=True)]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 from ..estimate import Estimate
 from ..records import TangoError
 from .fit import Fit
+from .outcome import Outcome
 
 HALF = 0.5  # of the sum of squares of all effects on the tool tip
 
@@ -37,19 +39,22 @@ def worth_acting(best: Fit, result: Estimate, untrusted: Collection[str], despit
         )
 
 
-def undecided(record: Mapping[str, object], result: Estimate, untrusted: Collection[str]) -> str:
-    """record of a compensation, estimate of readings made with it, labels that are not to be trusted → why these decide nothing.
+def as_far_as_trusted(found: Outcome, record: Mapping[str, object], result: Estimate, untrusted: Collection[str]) -> Outcome:
+    """outcome, record of the compensation, estimate of readings made with it, labels that are not to be trusted → what to say.
 
-    '' where they may decide.
+    Parameters that are not to be trusted prove nothing good. That it has not helped stands, and says so: taking back what may
+    do harm needs less evidence than leaving it in.
     """
     listed = record.get("coefficients")
     effects = {c["name"]: float(c["effect_um"]) * float(c["held"]) for c in listed} if isinstance(listed, list) else {}
-    if not (names := doubted(effects, result, untrusted)):
-        return ""
-    return (
-        f"this run decides nothing: most of what was to be taken away is {_some(names)}, not to be trusted in these readings. Mend "
-        "what makes them doubtful and measure again"
-    )
+    names = doubted(effects, result, untrusted)
+    if not names or found.verdict == "undecided":
+        return found
+    why = f"most of what was to be taken away is {_some(names)}, not to be trusted in these readings"
+    mend = "mend what makes them doubtful and measure again"
+    if found.verdict == "no help":
+        return replace(found, text=f"{found.text}. But {why}: take it back all the same, then {mend}")
+    return replace(found, verdict="undecided", text=f"this run decides nothing: {why}. {mend.capitalize()}")
 
 
 def _some(names: list[str]) -> str:

@@ -58,6 +58,7 @@ class Predicted:
     low: float
     high: float
     extrapolated: bool
+    alone: float | None = None  # of a range whose value contains the scatter of its points: without it
 
 
 def read(file: Path) -> Wanted:
@@ -102,9 +103,10 @@ def predict(
             value = float(measure(nominal, points[:1])[0]) * 1e3
             draws = measure(nominal, spread) * 1e3
             low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975])
-            if check.kind == "circularity":  # a range is never less than that of the scatter alone
-                value = float(middle)
-            result.append(Predicted(name, check.kind, value, float(low), float(high), outside))
+            alone = None
+            if check.kind == "circularity" and wanted.point:  # a range is never less than that of the scatter alone
+                value, alone = float(middle), value
+            result.append(Predicted(name, check.kind, value, float(low), float(high), outside, alone))
     return result
 
 

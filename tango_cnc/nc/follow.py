@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..records import Array, InputError, Machine
 from .blocks import Block, Modal, refused
 
-TRAVEL = 1e-3  # mm beyond the end of an axis that are rounding
+TRAVEL = 1e-3  # mm or degrees beyond the end of an axis that are rounding
 HALF = 179.9  # deg of a turn from which an axis that takes the nearer way may go the other one, corrected or not
 
 
@@ -120,16 +120,26 @@ def _the_way_of_the_numbers(block: Block, at: Mapping[str, float], machine: Mach
 
 
 def _within_travel(block: Block, at: Mapping[str, float], added: float, setup: Setup) -> None:
-    """Raises InputError where a linear axis would leave its travel: a zero or a length is wrong, or the machine another one."""
-    for axis in setup.machine.linear:
-        travel = setup.machine.axis(axis).travel
+    """Raises InputError where an axis would leave its travel: a zero or a length is wrong, or the machine another one.
+
+    A rotary axis that takes the nearer way reaches every angle.
+    """
+    machine = setup.machine
+    for axis in (*machine.linear, *(a for a in machine.rotary if a in block.target)):
+        known = machine.axis(axis)
+        if known.travel is None or known.nearer:
+            continue
+        scale, unit = (1.0, "mm") if axis in machine.linear else (180 / math.pi, "deg")
+        low, high = (end * scale for end in known.travel)
         value = at[axis] + setup.zero.get(axis, 0.0) + (added if axis == "Z" else 0.0)
-        if travel is not None and not travel[0] - TRAVEL <= value <= travel[1] + TRAVEL:
+        if not low - TRAVEL <= value <= high + TRAVEL:
+            why = (
+                "see whether --zero and the lengths of the tools are right" if axis in machine.linear else "see whether it is right"
+            )
             raise refused(
                 block.number,
                 f"{axis}{at[axis]:g}",
-                f"the machine would stand at {axis} {value:g}, and machine.yaml has {travel[0]:g} to {travel[1]:g} mm: see whether "
-                "--zero and the lengths of the tools are right",
+                f"the machine would stand at {axis} {value:g}, and machine.yaml has {low:g} to {high:g} {unit}: {why}",
             )
 
 

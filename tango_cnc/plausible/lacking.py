@@ -10,7 +10,7 @@ trusted, whatever it was. Everything is linear algebra on one factor of the norm
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ class Pattern:
     last: int
     score: float  # logarithm of how much better it explains the touches, its unknowns paid for
     moved: Array  # (p,) by which it moves every unknown, in standard deviations
+    columns: Array  # (touches, k) mm a unit; 0 where it does not act
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(moved.max()):.0f}",
     )
-    if _any_shape(result, found):
+    if _any_shape(result, found) or _more(result, best, level):
         text = joined(". ", (text, say("plausible.lacking.any_shape")))
         yield Remark("doubtful", text, moves=tuple(result.model.names[:p]))
     else:
@@ -97,6 +98,25 @@ def _any_shape(result: Estimate, found: Sequence[Pattern]) -> bool:
     noise = result.noise
     wandered = noise is not None and max(noise.walk, noise.seating) > noise.white
     return wandered or any(f.what.startswith("compensation") for f in found)
+
+
+def _more(result: Estimate, best: Pattern, level: float) -> bool:
+    """→ whether the residuals show another pattern beside the best one: then that one only resembles what it was."""
+    left = left_over(result)
+    return left is not None and bool(_found(result.model.touches, without(left, best.columns), level))
+
+
+def without(left: Left, columns: Array) -> Left:
+    """what the unknowns leave, (touches, k) mm a unit of a pattern → what they leave together with it."""
+    seen = columns[left.rows] * left.weight[:, None]
+    rest = seen - left.basis @ (left.basis.T @ seen)
+    value, turn = np.linalg.eigh(seen.T @ rest)
+    keep = value > FAINT * max(float(value.max(initial=0.0)), 1e-300)
+    along = rest @ turn[:, keep] / np.sqrt(value[keep])
+    pull = (seen @ turn[:, keep]).T @ left.gaps / np.sqrt(value[keep])
+    back = np.vstack([left.back, np.zeros((int(keep.sum()), left.back.shape[1]))])
+    basis = np.hstack([left.basis, along])
+    return replace(left, basis=basis, back=back, gaps=left.gaps - along @ pull, spare=left.spare - int(keep.sum()))
 
 
 def _between(touches: Touches, found: Pattern) -> dict[str, str]:
@@ -117,6 +137,10 @@ def patterns(result: Estimate, level: float = LEVEL) -> list[Pattern]:
     left = left_over(result)
     if left is None or left.spare < SPARE:
         return []
+    return _found(touches, left, level)
+
+
+def _found(touches: Touches, left: Left, level: float) -> list[Pattern]:
     return [*_steady(touches, left, level), *_moments(touches, left, level), *_bands(touches, left, level)]
 
 
@@ -163,7 +187,7 @@ def _steady(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
             gain, free, moved = steady(left, columns)
             score = _score(np.array([gain]), np.array([free]), left.spare, level / len(group))
             if score[0] > 0:
-                yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved / left.std)
+                yield Pattern(what, axis, 0, len(touches) - 1, float(score[0]), moved / left.std, columns)
 
 
 def steady(left: Left, columns: Array) -> tuple[float, float, Array]:
@@ -185,7 +209,8 @@ def _moments(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
         if found is not None:
             rows, score, moved = found
             last = int(rows[-1]) == int(left.rows[-1])
-            yield Pattern(what if last else f"{what}_while", axis, int(rows[0]), int(rows[-1]), score, moved)
+            word = what if last else f"{what}_while"
+            yield Pattern(word, axis, int(rows[0]), int(rows[-1]), score, moved, _on(columns, rows))
 
 
 def moments(touches: Touches, left: Left) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -213,7 +238,15 @@ def _bands(touches: Touches, left: Left, level: float) -> Iterator[Pattern]:
         found = _stretch(left, order, touches.lever(axis)[:, None], edges[i], edges[j], level / len(axes))
         if found is not None:
             rows, score, moved = found
-            yield Pattern("band", axis, int(rows[0]), int(rows[-1]), score, moved)
+            own = _on(touches.lever(axis)[:, None], rows)
+            yield Pattern("band", axis, int(rows[0]), int(rows[-1]), score, moved, own)
+
+
+def _on(columns: Array, rows: NDArray[np.int64]) -> Array:
+    """→ the same columns on these rows, 0 elsewhere."""
+    result = np.zeros_like(columns)
+    result[rows] = columns[rows]
+    return result
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from ..records import Array
 from ..touches import FAR, Touches
 
 LEADS = (2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 16.0, 20.0, 24.0, 25.0, 30.0, 32.0, 40.0)  # mm: of ball screws, and halves
+SETTLED = 20.0  # s after a turn in which what it shook or heated has faded to a third
 SEEN = 0.2  # share of the largest wave below which one is not looked for
 
 
@@ -56,6 +57,12 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
             yield "yields", axis, squared * np.column_stack([np.ones(len(t)), at])
     for column, axis in zip(at.T, machine.linear, strict=True):
         yield "grows", axis, (touches.lever(axis) * column)[:, None] * np.stack([t, t**2], axis=1)
+    for moving in machine.linear:
+        for other, column in zip(machine.linear, at.T, strict=True):
+            if moving != other:
+                yield "squares", f"{moving} and {other}", (touches.lever(moving) * column * t)[:, None]
+    for axis in machine.rotary:
+        yield "settles", axis, touches.machine_normal * _settling(touches, axis)[:, None]
     yield "memory", "", _remembered(touches)
 
 
@@ -65,6 +72,15 @@ def places(touches: Touches) -> Array:
     low, high = at.min(axis=0), at.max(axis=0)
     span = np.where(high > low, high - low, 1.0)
     return np.asarray((2 * at - low - high) / span)
+
+
+def _settling(touches: Touches, axis: str) -> Array:
+    """rotary axis → (n,) rad, its last turn, fading with the time since the first touch behind it."""
+    at, index = touches.axis(axis), touches.indexation
+    first = np.concatenate([[True], index[1:] != index[:-1]])
+    begin = np.flatnonzero(first)[np.cumsum(first) - 1]
+    turn = at - at[np.maximum(begin - 1, 0)]
+    return np.asarray(turn * np.exp(-(touches.time - touches.time[begin]) / SETTLED))
 
 
 def _remembered(touches: Touches) -> Array:

@@ -10,9 +10,15 @@ import numpy as np
 from ...kinematics import Slot, axis_frame
 from ...records import COMPONENTS, Array, Machine
 from ..space import Held, Limits, Table, believed, by_slot, knots, tabulated
-from . import Request
+from . import Fact, Request
 
 DEGREES = 180 / math.pi
+HALVES = Fact(
+    "half of a reversal value acts on either side; a control that adds all of it on one side moves the axis by half of it against "
+    "the rotary axes",
+    "memory",
+    confirmed=False,
+)
 
 
 def scale_of(machine: Machine, axis: str) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from ...records import InputError
 from ..space import Held
 from . import SIGN_TRIAL, Fact, Option, Request
-from ._parts import centre, point_of, reversal, rotary_order, rows, tables, trims
+from ._parts import HALVES, centre, point_of, reversal, rotary_order, rows, tables, trims
 
 TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
 FIVE = "FANUC A-79348E p. 72-82, A-78712E p. 61-62"
@@ -28,6 +28,7 @@ FACTS = (
         False,
     ),
     Fact("1851 (backlash) is the whole reversal value", "memory", confirmed=False),
+    HALVES,
     Fact("G10 L52 writes parameters, values in mm of a radius", "memory", confirmed=False),
     Fact(
         "TCP, fixture offset that follows the table (7580-7588) and the post-processor each keep the center: this file is for TCP",

@@ -10,7 +10,7 @@ import numpy as np
 from ...records import Array
 from ..space import Held
 from . import SIGN_TRIAL, Fact, Option, Request, any_machine
-from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tilt, trims
+from ._parts import across, centre, point_of, reversal, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
 NCK = "HEIDENHAIN MANUALplus 620 technical manual, p. 715-718"
@@ -24,7 +24,11 @@ FACTS = (
     ),
     Fact("the control itself allows changes of 0.05 mm (MP6600)", ITNC),
     Fact("values of a .COM are corrections: what is added to the commanded position", NCK, confirmed=False),
-    Fact("a Trans before a MachAxis moves that axis and everything after it; Trans A B C turn in degrees", ITNC, confirmed=False),
+    Fact(
+        "a Trans before a MachAxis moves that axis and everything after it, linear axes too; Trans A B C turn in degrees",
+        ITNC,
+        confirmed=False,
+    ),
     Fact(
         "how .kco and .com of a TNC 640 and TNC7 are written was not found: enter the values there by hand", ITNC, confirmed=False
     ),
@@ -84,18 +88,22 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 
 def _description(request: Request, numbers: Mapping[str, float]) -> str:
     machine = request.machine
-    work, tool = rotary_order(machine)
-    lines, shift, turn = ["BEGIN KINEMATICS ENTRIES"], np.zeros(3), np.zeros(3)
-    for axis in (*reversed(tool), *work):  # from the tool to the table
+    moving = {*machine.linear, *machine.rotary}
+    lines = ["BEGIN KINEMATICS ENTRIES"]
+    for axis in (*reversed(machine.tool_branch), *machine.workpiece_branch):  # from the tool to the table
+        if axis not in moving:
+            continue
         point = point_of(machine, axis)
         direction = np.array(machine.axis(axis).direction)
         place = np.array([numbers.get(f"Trans {c} of {axis}", point[i]) for i, c in enumerate("XYZ")]) - point
         way = np.array([numbers.get(f"direction {c} of {axis}", direction[i]) for i, c in enumerate("XYZ")]) - direction
         rotation: Array = np.cross(direction, way) * 180 / math.pi
-        lines += [f"Trans {c} {place[i] - shift[i]:+.6f}" for i, c in enumerate("XYZ") if abs(place[i] - shift[i]) > 5e-7]
-        lines += [f"Trans {c} {rotation[i] - turn[i]:+.8f}" for i, c in enumerate("ABC") if abs(rotation[i] - turn[i]) > 5e-9]
+        # Directly taken back behind the axis: what follows stands where it stood, the linear axes too.
+        before = [(c, v, 6) for c, v in zip("XYZ", place, strict=True) if abs(v) > 5e-7]
+        before += [(c, v, 8) for c, v in zip("ABC", rotation, strict=True) if abs(v) > 5e-9]
+        lines += [f"Trans {c} {v:+.{digits}f}" for c, v, digits in before]
         lines.append(f"MachAxis {axis}")
-        shift, turn = place, rotation
+        lines += [f"Trans {c} {-v:+.{digits}f}" for c, v, digits in reversed(before)]
     return "\r\n".join([*lines, "[END]"]) + "\r\n"
 
 
@@ -105,6 +113,7 @@ def steps(request: Request) -> list[str]:
         "Back up the .COM and .CMA files and the kinematics description first.",
         SIGN_TRIAL,
         "Copy the .COM files and add the line of AXIS.CMA; make it the only active line.",
-        "Add the Trans entries of kinematics.txt to the description, each before the MachAxis that follows it there.",
+        "Add the Trans entries of kinematics.txt to the description: those above a MachAxis directly before it, those below it "
+        "directly behind it, so that no other axis is moved.",
         "Reset the control, reference the axes.",
     ]

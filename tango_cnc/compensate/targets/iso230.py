@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from ...records import COMPONENTS
-from ..space import Held, by_slot
+from ..space import Held, by_slot, sample
 from . import Fact, Option, Request, any_machine
 from ._parts import point_of
 
@@ -22,12 +24,14 @@ check = any_machine
 def held(request: Request) -> list[Held]:
     """job → every estimated coefficient."""
     result = []
+    somewhere = sample(request.machine, request.limits, 64).touches
     for c in request.coefficients:
         angle = c.unit.startswith("rad")
         ratio = "/" in c.unit
         kind: Literal["length", "angle", "ratio"] = "ratio" if ratio else "angle" if angle else "length"
         h = Held(c.name, "coefficients", c.unit, kind, 10.0 ** -(int(request.options["digits"]) + 3), by_slot(c.slot, c.regressor))
-        result.append(replace(h, turns=True, coefficient=c.name))
+        reach = float(np.abs(c.regressor(somewhere)).max())
+        result.append(replace(h, turns=True, coefficient=c.name, reach=reach))
     return result
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...records import InputError
 from ..space import Held
 from . import SIGN_TRIAL, Fact, Option, Request
-from ._parts import across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
+from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
 IM9 = "SINUMERIK 840D sl Commissioning Manual IM9 12/2017, p. 572"
@@ -32,6 +32,7 @@ FACTS = (
     Fact("the sum of the CEC tables is added to the commanded position", K3, confirmed=False),
     Fact("ENC_COMP is added to the position that the encoder gives", K3, confirmed=False),
     Fact("MD32450 is the whole reversal value, positive where the encoder is ahead of the table", "memory", confirmed=False),
+    HALVES,
     Fact("I2 of a table leads from the machine's reference to the first rotary axis, I3 from there to the second", IM9, False),
     Fact("fine offsets act when SD42974 is 1 and stay within MD20188", "memory", confirmed=False),
     Fact("CEC acts when MD32710 of the axis and SD41300 of the table are set", "memory", confirmed=False),

@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 
 from ..space import Held
 from . import SIGN_TRIAL, Fact, Option, Request, any_machine
-from ._parts import across, centre, reversal, rows, tables, tilt, trims
+from ._parts import HALVES, across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
 FACTS = (
     Fact("centers of the rotary axes in machine coordinates at the zero pose, mm", "docs/model.md"),
     Fact("your control has a place for each of these values; which one is in its manual", "your manual", confirmed=False),
     Fact("the sign of every table is as the sheet says: error, actual minus commanded", "your manual", confirmed=False),
+    HALVES,
 )
 OPTIONS = {
     "points": Option(11, "points of each table"),
