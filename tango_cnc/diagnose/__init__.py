@@ -22,12 +22,14 @@ from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
-from ._catalogue import Chosen
+from ._catalogue import Chosen, columns_of
 from ._changing import over
 from ._contest import SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
+from ._names import akin
+from ._plainer import STRONG, plainer
 from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
 from ._richer import Richer, richer
@@ -243,7 +245,7 @@ def _told(
     alone = [c for c in found.chosen if c.candidate.cause == "outlier"]
 
     def tested(names: Sequence[Chosen]) -> tuple[Test, ...]:
-        return _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *names))]), data, seen, keep)
+        return _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *names))]), data, seen, keep, certain)
 
     def resting(names: Sequence[Chosen], o: Outcome, anything: bool = True) -> list[Remainder]:
         """names that stay, what stands → what the rest follows all the same."""
@@ -262,7 +264,10 @@ def _told(
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
-    if weak and (outcome.shapes or resting(accepted, outcome)):
+    left = [p.kernel.covariate for p in outcome.shapes]
+    left = left or [r.covariate for r in (resting(accepted, outcome) if weak else ())]
+    weak = [c for c in weak if any(akin(c.candidate, covariate) for covariate in left)]
+    if weak:
         why |= {id(c): "rest" for c in weak}
         lost = outcome.resembled
         outcome = contest(field, found.place.y, alone, [c for c in accepted if c not in weak])
@@ -295,10 +300,12 @@ def _told(
             raw[id(c)] @ s.values if means.all else candidate(touches, c.candidate.cause, c.candidate.setting).columns @ s.values,
             tuple((o.candidate.setting, behind) for o, behind in other),
             back.get(id(c)),
+            near if (near := (outcome.nearest.get(id(c), ""), outcome.above.get(id(c), np.inf)))[1] < SURE else None,
         )
 
     moved = shift_of(before, after)
     findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
+    outcome = replace(outcome, picked=plainer(field, found.place.y, columns_of(found.place, [*alone, *accepted]), outcome.picked))
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
     spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments))
@@ -328,6 +335,8 @@ def _told(
         remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
     if accepted and not remains and _scatter.uneven(scatter):
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
+    if not remains:
+        remains += _undecided(findings, n)
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
@@ -350,6 +359,18 @@ def _told(
         told,
         means,
     )
+
+
+def _undecided(findings: Sequence[Finding], n: int) -> list[Remainder]:
+    """what is named, number of rows → of which of these another cause does nearly as well: that one of them is there explains
+    the touches, and not what it is.
+    """
+    found = []
+    for f in findings:
+        near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
+        if near:
+            found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
+    return found
 
 
 def _richer(

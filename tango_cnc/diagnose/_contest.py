@@ -18,7 +18,7 @@ from scipy import linalg
 
 from ..records import Array
 from ._catalogue import Chosen
-from ._names import discounts, once
+from ._names import akin, discounts, once
 from ._rows import Rows
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
@@ -91,6 +91,7 @@ class Picked:
     columns: Array  # (m, k) as the model leaves them
     tau: float
     score: float  # evidence that it added
+    rivals: tuple[str, ...] = ()  # covariates that it may follow instead
 
 
 @dataclass(frozen=True)
@@ -295,6 +296,8 @@ class Outcome:
     by_shapes: float  # without any name
     needless: tuple[Chosen, ...] = ()  # single touches that stood apart only beside a name that did not stand
     above: Mapping[int, float] = field_of(default_factory=dict)  # by id of a name, the evidence that it has over every shape
+    nearest: Mapping[int, str] = field_of(default_factory=dict)  # and the covariates of the largest shape in its place then
+    best: float = -np.inf  # evidence of the best of all that was compared, whatever stands
 
     @property
     def shapes(self) -> tuple[Picked, ...]:
@@ -311,8 +314,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     """field, data (m,), single touches that are set aside, names that were found → what stands.
 
     A name stands when it beats every combination of shapes in its place by a margin; a shape that was learned before needs none.
-    Beside a shape that has more evidence it does not stand: it may be a part of what this shape is a part of. Subsets of the
-    touches (margin below 0) do not ask for that.
+    Beside a shape that has more evidence it does not stand: it may be a part of what this shape is a part of. Where they follow
+    nothing in common, it stands if it is sure. Subsets of the touches (margin below 0) do not ask for that.
     """
     cheaper = discounts(y, [*fixed, *names], names)
 
@@ -344,10 +347,11 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     only_shapes, shapes, beyond = of((), away=names)
     if not names:
         needless = tuple(c for c in fixed if c not in beyond)
-        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes, needless)
+        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes, needless, best=only_shapes)
     by_names = of(names, True)[0]
     kept = once(names)
     value, picked, apart = of(kept)
+    best = max(value, only_shapes)
     without: list[tuple[float, tuple[Picked, ...], Sequence[Chosen]]] = []
     order: list[Chosen] = []
     while kept:
@@ -365,7 +369,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         del kept[worst]
     smaller: list[Chosen] = []
     if kept and margin > 0:
-        still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or value - w[0] > largest(picked)]
+        still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or _larger(c, value - w[0], picked)]
         if len(still) < len(kept):
             smaller = [c for c in kept if c not in still]
             kept = still
@@ -377,12 +381,16 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
         if len(still) < len(kept):
             kept = still
             _, picked, apart = of(kept)
-    above_shapes = {id(c): value - w[0] for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
+    beaten = {id(c): w for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
+    above_shapes = {key: value - w[0] for key, w in beaten.items()}
+    nearest = {
+        key: max((p for p in w[1] if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
+    }
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     resembled = tuple(c for c in lost if c not in smaller)
     needless = tuple(c for c in fixed if c not in apart)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes, nearest, best)
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
@@ -413,6 +421,12 @@ def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Se
 def largest(picked: Sequence[Picked]) -> float:
     """what was chosen → evidence of the largest shape among it."""
     return max((p.score for p in picked if p.kernel.kind == "shape"), default=0.0)
+
+
+def _larger(c: Chosen, above: float, picked: Sequence[Picked]) -> bool:
+    """a name, its evidence over every shape in its place, what stands beside it → whether no shape is in its way."""
+    near = [p for p in picked if akin(c.candidate, p.kernel.covariate)]
+    return above > largest(near) and (above > SURE or above > largest(picked))
 
 
 def _patterns(picked: Sequence[Picked]) -> bool:

@@ -39,7 +39,7 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
     for place in places:
         for other in [*course[:1], *turned]:
             few = line("time", FEW) if other.covariate == "time" else other
-            yield Form((line(place, FEW), few), "table")
+            yield from (Form((line(place, FEW), few), felt) for felt in ("table", *(f"table {c}" for c in "xyz")))
     if "probe direction along" in known:
         yield from (Form((line("probe direction along", FEW), other), ONE) for other in course)
     if "probe direction" in known:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from ._scatter import Scatter
 from ._smooth import Kernel
 from ._smooth import kernels as kernels_of
 
-ROUNDS = 3  # of weighting rough facets and searching again
+ROUNDS = 4  # of weighting rough facets and searching again
 ABSURD = 0.1  # mm at a touch: an error as large as this has to show
 SHOWS = 0.15  # that part of it at least
 BLIND = 3  # searches without what turned out to be as large as that
@@ -71,49 +71,133 @@ def _contested(means: Rows, found: Explanation, weight: Array, what: Tried) -> t
     return field, contest(field, found.place.y, fixed, found.named)
 
 
+@dataclass(frozen=True)
+class Look:
+    """What explains the touches at the weights that they were given."""
+
+    found: Explanation
+    weight: Array  # (n,) of the rows
+    field: Field
+    outcome: Outcome
+    value: float  # evidence of the best of it, comparable between weights
+
+
 def explained(
     before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment] = ()
 ) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
     """estimate, rows, what is tried, moments set aside → names, weights, rough facets, scatter, field of shapes, what stands.
 
-    Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again.
+    Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again. A
+    shape follows rough facets as well, and then nothing scatters: where it is one or the other, evidence decides.
     """
-    touches, seen = means.whole, means.seen
-    n = len(seen)
-    every = list(what.candidates)
-    offsets = {name: p.value for name, p in before.facets.items()}
-    causes = families.causes()
+    seen = means.seen
+    members = _scatter.groupings(seen)
+    glance = _Glance(before, means, what, excluded, seed, moments)
 
-    awaited = {
-        name: (*cause.mistaken, *(n for n, other in causes.items() if name in other.mistaken))
-        for name, cause in causes.items()
-        if cause.expected
-    }
+    def spread(look: Look, shapes: bool, least: float) -> list[Uneven]:
+        """look, whether its shapes are patterns, evidence that is asked for → rows that scatter more; by what else they may do."""
+        found, outcome = look.found, look.outcome
+        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
+        names = outcome.named if shapes else found.named
+        picked = [p for p in outcome.picked if shapes or p.kernel.noise]
+        broad = replace(found, chosen=tuple(c for c in names if not _explain.narrow(c)))
+        m = found.place.m
+        smooth = sum((p.tau * p.columns @ p.columns.T for p in picked), np.zeros((m, m)))
+        left = _variances.left(found.place.basis, found.place.y, look.weight, columns_of(found.place, broad.chosen), picked)
+        scatter = _scatter.scatter(left.residual, left.own, members, left, least)
+        groupings = [scatter.by, scatter.rival] if scatter.by is not None and scatter.evidence > _scatter.CLEAR else [scatter.by]
+        result = []
+        for by in groupings:
+            wild: list[_explain.Rough] = []
+            if by is not None and not (by == "facet" and families.scattering("facet") in excluded):
+                own = seen.facet if by == "facet" else tuple(map(str, members[by]))
+                wild = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, look.weight, smooth)
+            if by is not None and wild:
+                result.append(Uneven(by, wild, scatter, own))
+        return result or [Uneven("", [], scatter, ())]
 
-    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
-    jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
+    turns: list[tuple[Look, Uneven]] = []
+    todo, tried = [Uneven("", [], _scatter.EVEN, ())], {frozenset[tuple[str, str]]()}
+    while todo and len(turns) < ROUNDS:
+        weights = todo.pop(0)
+        look = glance.look(weights.weight(len(seen)), weights.price)
+        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
+        found = spread(look, True, 0.0 if weights.rough else _scatter.CLEAR)
+        turns.append((look, weights if weights.rough else found[0]))
+        if not turns[0][1].rough and look is turns[0][0] and look.outcome.shapes:
+            found = spread(look, False, _scatter.CLEAR)
+        for one in found:
+            if one.key not in tried:
+                tried.add(one.key)
+                todo.append(one)
+    if turns[0][1].rough and len(turns) > 1:  # what is clear with shapes beside it is no choice
+        del turns[0]
+    look, weights = max(turns, key=lambda t: t[0].value)
+    behind = [look.value - other.value for other, by in turns if by.rough and by.by != weights.by]
+    clear = weights.by == "facet" and (weights.scatter.clear or (bool(behind) and min(behind) > _scatter.APART))
+    return look.found, look.weight, weights.rough if clear else [], weights.scatter, look.field, look.outcome
 
-    def compatible(c: Candidate, others: Sequence[Candidate]) -> bool:
+
+@dataclass(frozen=True)
+class Uneven:
+    """Rows that scatter more than the others."""
+
+    by: str  # what they are grouped by
+    rough: list[_explain.Rough]
+    scatter: Scatter
+    own: Sequence[str]  # (n,) group of every row
+
+    @property
+    def key(self) -> frozenset[tuple[str, str]]:
+        """→ which groups they are."""
+        return frozenset((self.by, r.key) for r in self.rough)
+
+    @property
+    def price(self) -> float:
+        """→ what their variances cost (Schwarz 1978)."""
+        return sum(float(np.log(self.own.count(r.key))) for r in self.rough)
+
+    def weight(self, n: int) -> Array:
+        """number of rows → (n,) weights that make them scatter alike."""
+        lighter = {r.key: r.weight for r in self.rough}
+        return np.array([lighter.get(group, 1.0) for group in self.own]) if self.rough else np.ones(n)
+
+
+class _Glance:
+    """What is the same in every look."""
+
+    def __init__(
+        self, before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment]
+    ) -> None:
+        self.means, self.what, self.seed = means, what, seed
+        self.every = list(what.candidates)
+        self.offsets = {name: p.value for name, p in before.facets.items()}
+        self.causes = families.causes()
+        self.awaited = {
+            name: (*cause.mistaken, *(n for n, other in self.causes.items() if name in other.mistaken))
+            for name, cause in self.causes.items()
+            if cause.expected
+        }
+        gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
+        jacobian = np.hstack([jacobian, *(means.of(m.columns) for m in moments)])
+        distances, rows, uncertainty = known(before.model, before.values)
+        self.gaps, self.jacobian, self.distances = gaps, jacobian, distances
+        self.rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
+        self.certain = before.sigma / uncertainty
+        self.kernels = kernels(means.seen)
+        self.even: Array | None = None  # (n, m) outside the model where all weights are one
+
+    def _compatible(self, c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
         same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
-        return c.cause not in causes or causes[c.cause].beside(touches, c.setting, same)
+        return c.cause not in self.causes or self.causes[c.cause].beside(self.means.whole, c.setting, same)
 
-    distances, rows, uncertainty = known(before.model, before.values)
-    rows = np.pad(rows, ((0, 0), (0, jacobian.shape[1] - rows.shape[1])))
-    wandering, seating = kernels(seen)
-    members = _scatter.groupings(seen)
-    weight = np.ones(n)
-    rough: list[_explain.Rough] = []
-    for turn in range(ROUNDS):
-        certain = before.sigma / uncertainty
+    def _plausible(self, weight: Array) -> Callable[[Candidate, Array], bool]:
+        means, causes = self.means, self.causes
+        absorbed = np.linalg.qr(self.jacobian * weight[:, None] / np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300))[0]
 
-        def weighed(c: Candidate, w: Array = weight) -> Candidate:
-            return replace(c, columns=c.columns * w[:, None])
-
-        absorbed = np.linalg.qr(jacobian * weight[:, None] / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-
-        def plausible(c: Candidate, values: Array, absorbed: Array = absorbed) -> bool:
-            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, offsets):
+        def plausible(c: Candidate, values: Array) -> bool:
+            if c.cause in causes and not causes[c.cause].plausible(values, c.setting, self.offsets):
                 return False
             pattern = c.columns @ values / means.scale
             size = float(np.abs(pattern).max())
@@ -123,45 +207,49 @@ def explained(
             inside = absorbed @ (absorbed.T @ (pattern * means.scale)) / means.scale
             return float(np.abs(pattern - inside).max()) > SHOWS * size
 
+        return plausible
+
+    def look(self, weight: Array, price: float) -> Look:
+        """weight (n,) of every row, what it costs that they differ → what explains the rows then."""
+        means, causes, certain = self.means, self.causes, self.certain
+        even = bool(np.all(weight == 1.0))
+        plausible = self._plausible(weight)
+
+        def weighed(c: Candidate) -> Candidate:
+            return replace(c, columns=c.columns * weight[:, None])
+
         for _ in range(BLIND + 1):
             found = _explain.explain(
-                np.concatenate([gaps * weight, distances * certain]),
-                np.vstack([jacobian * weight[:, None], rows * certain[:, None]]),
-                n,
-                every if turn == 0 else [weighed(c) for c in every],
-                [k * np.outer(weight, weight) for k in (wandering, seating)],
+                np.concatenate([self.gaps * weight, self.distances * certain]),
+                np.vstack([self.jacobian * weight[:, None], self.rows * certain[:, None]]),
+                len(means.seen),
+                self.every if even else [weighed(c) for c in self.every],
+                [k * np.outer(weight, weight) for k in self.kernels],
                 {name: cause.refine for name, cause in causes.items()},
-                lambda cause, setting, w=weighed: w(means.candidate(candidate(touches, cause, setting))),  # type: ignore[misc]
+                lambda cause, setting: weighed(means.candidate(candidate(means.whole, cause, setting))),
                 plausible,
-                compatible,
-                expected=awaited,
-                seed=seed,
+                self._compatible,
+                expected=self.awaited,
+                seed=self.seed,
             )
             # Plausible beside what was there when it was chosen, and no longer beside what is there now.
             absurd = {_where(c.candidate) for c, v in _explain.sizes(found) if not plausible(c.candidate, v)}
             if not absurd:
                 break
-            every = [c for c in every if _where(c) not in absurd]
+            self.every = [c for c in self.every if _where(c) not in absurd]
         found = _with_learned(found)
-        field, outcome = _contested(means, found, weight, what)
+        field, outcome = _contested(means, found, weight, self.what)
         found = replace(found, chosen=tuple(c for c in found.chosen if not any(c is o for o in outcome.needless)))
-        # What has a pattern, with a name or without, is no spread: it is taken out before variances are compared.
-        broad = replace(found, chosen=tuple(c for c in outcome.named if not _explain.narrow(c)))
-        smooth = sum((p.tau * p.columns @ p.columns.T for p in outcome.picked), np.zeros((found.place.m, found.place.m)))
-        left = _variances.left(found.place.basis, found.place.y, weight, columns_of(found.place, broad.chosen), outcome.picked)
-        # Weights that were clear once stay as long as anything speaks for them: shapes may take their place and give it back.
-        scatter = _scatter.scatter(left.residual, left.own, members, left, 0.0 if rough else _scatter.CLEAR)
-        spread = []
-        if scatter.by is not None and not (scatter.by == "facet" and families.scattering("facet") in excluded):
-            own = seen.facet if scatter.by == "facet" else tuple(map(str, members[scatter.by]))
-            spread = _explain.rough(replace(found, chosen=(*broad.chosen, *_narrow(found))), own, weight, smooth)
-        settled = {r.key for r in spread} == {r.key for r in rough}
-        rough = spread
-        if settled or turn == ROUNDS - 1:
-            break
-        lighter = {r.key: r.weight for r in rough}
-        weight = np.array([lighter.get(f, 1.0) for f in own]) if rough else np.ones(n)
-    return found, weight, rough if scatter.by == "facet" and scatter.clear else [], scatter, field, outcome
+        if even:
+            self.even = found.place.basis
+        return Look(found, weight, field, outcome, outcome.best - self._stretched(weight) - price)
+
+    def _stretched(self, weight: Array) -> float:
+        """weight (n,) → log determinant by which the data that the model leaves are stretched, so that likelihoods compare."""
+        if self.even is None or np.all(weight == 1.0):
+            return 0.0
+        inside = (self.even * (weight[:, None] ** -2 - 1)).T @ self.even
+        return float(np.linalg.slogdet(np.eye(len(inside)) + inside)[1])
 
 
 def _narrow(found: Explanation) -> list[Chosen]:

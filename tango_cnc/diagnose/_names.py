@@ -9,9 +9,12 @@ import numpy as np
 
 from .. import terms as families
 from ..records import Array
+from ._candidates import Candidate
 from ._catalogue import Chosen
 from ._space import orthonormal
 
+COURSE = ("time", "order", "indexation", "since", "pause", "previous", "first")  # what goes on while the test does
+SIDE = ("facet", "normal", "place")
 TWICE = 2  # times a cause of one axis, or of single facets, may be named
 
 
@@ -36,6 +39,33 @@ def once(names: Sequence[Chosen]) -> list[Chosen]:
 
 def _axis(c: Chosen) -> tuple[object, ...]:
     return tuple(c.candidate.setting.get(k) for k in ("axis", "name", "by", "facet"))
+
+
+def akin(c: Candidate, covariate: str) -> bool:
+    """a name, covariates of a shape → whether one may be a part of what the other is a part of: they follow a thing in common."""
+    return bool(_follows(c) & _things(covariate))
+
+
+def _follows(c: Candidate) -> set[str]:
+    own = {str(c.setting[key])[-1] for key in ("axis", "by", "name") if key in c.setting}
+    drawn = families.causes()[c.cause].over if c.cause in families.causes() else None
+    own |= _things(drawn) if drawn else set()
+    return own | ({"facet"} if "facet" in c.setting or "facets" in c.setting else set()) or {"time"}
+
+
+def _things(covariate: str) -> set[str]:
+    found: set[str] = set()
+    for part in covariate.split(" × "):
+        first, *more = part.split(" ")
+        if first in ("way", "path"):
+            found |= {"time", more[1]}
+        elif first in COURSE or first.startswith("T_"):
+            found.add("time")
+        elif first in SIDE:
+            found.add("facet")
+        else:
+            found.add(first[-1] if len(first) == 2 and first[0] == "d" else first)
+    return found
 
 
 def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> dict[int, float]:
@@ -65,4 +95,4 @@ def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> di
     return found
 
 
-__all__ = ["discounts", "once"]
+__all__ = ["akin", "discounts", "once"]

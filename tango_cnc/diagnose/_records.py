@@ -54,6 +54,7 @@ class Finding:
     pattern: Array  # (n,) what it does to every touch
     aliases: tuple[tuple[Mapping[str, Any], float], ...] = ()  # other settings of the cause, how much worse their score
     stability: Stability | None = None
+    nearest: tuple[str, float] | None = None  # covariates of a shape that comes near in its place, and its evidence less
 
     @property
     def item(self) -> TermItem:
@@ -96,4 +97,5 @@ class Remainder:
     closed: str | None = None  # a formula that does as well
     confirm: str = ""  # where it would show again
     again: Again | None = None  # what it was when it was learned
+    rivals: tuple[str, ...] = ()  # covariates that it may follow instead: these touches cannot tell
     plain: Array | None = None  # (k,) weights that make `closed`, where that is kept in place of `weights`

@@ -1,8 +1,9 @@
 """Whether what is left beside names is still noise: the best of all shapes, against the best that noise alone would reach.
 
 A shape is reported when it is worth its price, which is meant for two thousand shapes with the same right. That less is
-left proves no name. So the same shapes are asked once more, at a level: noise with the spread of the residuals (permuted, with
-signs at random) goes through the same comparison, and the largest scores of it say what chance does.
+left proves no name. So the same shapes are asked once more, at a level: the residuals with signs at random go through the same
+comparison, and the largest scores of that say what chance does. Each touch keeps the size of its own, so that facets that are
+rough, or one wild touch, are no pattern (wild bootstrap: Davidson & Flachaire 2008).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def rest(field: Field, outcome: Outcome, y: Array, chosen: Sequence[Chosen], exp
         s = whiten(s, p.kernel, p.columns, s.seen(p.columns), p.tau, p.score)
     rng = np.random.default_rng([seed, m])
     left = field.basis @ s.y
-    drawn = np.column_stack([field.basis.T @ (rng.permutation(left) * rng.choice([-1, 1], len(left))) for _ in range(DRAWS)])
+    drawn = field.basis.T @ (left[:, None] * rng.choice([-1, 1], (len(left), DRAWS)))
     basis = orthonormal(names)
     best, at = scores(field, replace(s, y=np.column_stack([s.y, drawn - basis @ (basis.T @ drawn)])))
     pattern = np.array([not k.noise and not k.event for k in field.kernels])

@@ -81,9 +81,14 @@ def bins(values: Array, count: int = BINS) -> NDArray[np.int64]:
     return np.searchsorted(edges, values, side="right").astype(np.int64)
 
 
-def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_]) -> tuple[Test, ...]:
-    """design (n + known, p), data, touches, rows that count → one test a covariate, most significant first."""
+def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_], certain: Array | None = None) -> tuple[Test, ...]:
+    """design (n + known, p), data, touches, rows that count, weight of each row → one test a covariate, most significant first.
+
+    Weights are those that make the scatter even: rough facets would follow everything that goes with them.
+    """
     n = len(touches)
+    certain = np.ones(len(design)) if certain is None else certain
+    design, data, own = design * certain[:, None], data * certain, certain[:n]
     maker = residual_maker(np.hstack([design, np.eye(len(design))[:, np.flatnonzero(~keep)]]))
     left = maker @ data
     free = float(np.trace(maker))
@@ -93,7 +98,7 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
         member = bins(values)
         used = np.unique(member)
         columns = np.zeros((len(design), len(used)))
-        columns[:n] = (member[:, None] == used[None, :]) * weight[:, None]
+        columns[:n] = (member[:, None] == used[None, :]) * (weight * own)[:, None]
         inside = maker @ columns
         # Real positions hold the noise: what is left of a facet that the model has already is noise by its very making.
         u, s, _ = np.linalg.svd(inside / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
@@ -106,7 +111,7 @@ def tests(design: Array, data: Array, touches: Touches, keep: NDArray[np.bool_])
         p = float(special.fdtrc(k, free - k, taken / k / (rest / (free - k))))
         share = max(0.0, 1 - rest / (free - k) / (whole / free))
         rows = [np.flatnonzero(keep & (member == b) & (weight != 0)) for b in used]
-        parts = [weight[r] / float(weight[r] @ weight[r]) if len(r) else weight[r] for r in rows]
+        parts = [weight[r] / own[r] / float(weight[r] @ weight[r]) if len(r) else weight[r] for r in rows]
         mean = np.array([float(w @ left[r]) for w, r in zip(parts, rows, strict=True)])
         sigma = np.sqrt(whole / free)
         band = np.array(

@@ -80,6 +80,7 @@ def remainders(
                 int(means.first[row]),
                 formula,
                 confirm(p, means.seen, pattern),
+                rivals=p.rivals,
                 plain=plain,
             )
         )

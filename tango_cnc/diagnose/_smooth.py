@@ -55,6 +55,8 @@ def forms(touches: Touches) -> Iterator[Form]:
             yield Form((Factor(name, SIDE, -1.0, 1.0, 1),), weight)
             return
         few = len(np.unique(np.round(known[name], 6)))
+        if name not in linear:  # a straight line; what a place does in proportion is a scale, or square
+            yield Form((line(name, LEGENDRE, PLAIN),), weight)
         if few > 3:
             yield Form((line(name, LEGENDRE, 3),), weight)
         yield Form((line(name, WAVES, min(FAST, few - 1)),), weight)

@@ -194,6 +194,8 @@ def unexplained(r: Remainder) -> str:
     if r.shape == "changing":
         where = covariate(r.covariate)
         return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
+    if r.shape == "undecided":
+        return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
     if r.shape == "unsure":
         return say("diagnosis_said.something_like_a_name", cause=r.confirm, spread=spread(r.amplitude, 0.0))
     if r.shape == "no pattern":
@@ -208,6 +210,8 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.machine_wanders_without_pattern_about", amplitude=f"{r.amplitude * 1000.0:.1f}")
     again = "" if r.again is None else joined("", (". ", known(r.again)))
     also = "" if r.closed is None else say("diagnosis_said.simple_formula_does_as_well", closed=r.closed)
+    if r.rivals:
+        also += say("diagnosis_said.other_covariates_do_as_well", others="; ".join(map(covariate, r.rivals)))
     return say(
         "diagnosis_said.nothing_catalogue_explains_what_follows",
         covariate=covariate(r.covariate),
@@ -218,6 +222,11 @@ def unexplained(r: Remainder) -> str:
         again=again,
         confirm=r.confirm or say("diagnosis_said.another_day"),
     )
+
+
+def nearly(shape: tuple[str, float]) -> str:
+    """covariates of a shape that comes near to a name, its evidence less → a sentence."""
+    return say("diagnosis_said.shape_comes_near", covariate=covariate(shape[0]), less=f"{shape[1]:.0f}")
 
 
 def known(again: Again) -> str:

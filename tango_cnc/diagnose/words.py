@@ -15,7 +15,7 @@ from ..texts import joined
 from . import Diagnosis, Finding, Test
 from ._richer import Richer
 from ._size import plain
-from .sentences import advice, also, covariate, dropped, few, gain, meaning, moment, noise, said, unexplained
+from .sentences import advice, also, covariate, dropped, few, gain, meaning, moment, nearly, noise, said, unexplained
 
 HIDDEN = 0.1  # visibility
 SHOWN = 8  # covariates on the terminal
@@ -37,6 +37,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "amplitude_std_um": r.std * 1e3,
                 "heldout_r2": r.heldout_r2,
                 "formula": r.closed,
+                "rivals": list(r.rivals),
                 "confirm": r.confirm,
                 "again": None
                 if r.again is None
@@ -137,6 +138,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "subsets": None if f.stability is None else f.stability.of,
         "alternatives": list(dict.fromkeys(a for a, _, _ in f.alternatives)),
         "aliases": [{"setting": plain(setting), "evidence_less": round(behind, 1)} for setting, behind in f.aliases],
+        "nearest_shape": None if f.nearest is None else {"covariate": f.nearest[0], "evidence_less": round(f.nearest[1], 1)},
         "separate_with": list(f.separate_with),
         "text": sentence(f),
     }
@@ -185,6 +187,8 @@ def as_text(d: Diagnosis) -> str:
             lines += _wrapped(
                 f"   This plan cannot distinguish it from: {', '.join(dict.fromkeys(a for a, _, _ in f.alternatives))}.", "   "
             )
+        if f.nearest is not None:
+            lines += _wrapped(f"   {nearly(f.nearest)}.", "   ")
         if f.aliases:
             lines += _wrapped(f"   Other settings of it do as well here: {also(f)}.", "   ")
         lines += [line for s in f.separate_with for line in _wrapped(f"   To separate them: {s}.", "     ")]
@@ -266,6 +270,8 @@ def _headline(d: Diagnosis) -> str:
     if d.verdict == "explained":
         return f"explained: {_count(len(d.findings), 'cause')}; {fall}, noise {d.noise * 1e3:.2f} µm"
     named = f"{_count(len(d.findings), 'cause')} found, but " if d.findings else ""
+    if all(r.shape == "undecided" for r in d.unexplained):
+        return f"unexplained: {named}these touches cannot tell which; {fall}, noise {d.noise * 1e3:.2f} µm"
     return f"unexplained: {named}structure remains that no cause explains; {fall}, noise {d.noise * 1e3:.2f} µm"
 
 

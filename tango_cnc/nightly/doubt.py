@@ -62,7 +62,8 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     if not teaches and alarms:
         reasons.append(t("night.by_itself", text=alarms[0]["text"]))
     verdict = judged.verdict
-    if teaches and diagnosis.get("verdict") == "unexplained":
+    known = {u.get("shape") for u in diagnosis.get("unexplained", ())} == {"undecided"}  # one of a few causes explains it all
+    if teaches and diagnosis.get("verdict") == "unexplained" and not known:
         left = next((u["text"] for u in diagnosis.get("unexplained", ())), t("night.unexplained"))
         reasons.append(t("night.unexplained_by", what=unstopped(left)))
         verdict = "doubtful"

@@ -183,11 +183,11 @@ def heated_by_tilting(h: History, rng: Rng, a: Axes) -> Array:
     return heat * _towards(h, rng)
 
 
-def saddle_of_bed(h: History, rng: Rng, a: Axes) -> Array:
-    """The bed is a saddle: one axis is lifted by the square of a place and lowered by the square of another one."""
-    i, j, k = rng.permutation(3)
+def sagging_crossrail(h: History, rng: Rng, a: Axes) -> Array:
+    """A crossrail sags in its middle, the more the farther out the column carries it."""
+    i, j = (int(k) for k in rng.permutation([k for k in range(3) if "XYZ"[k] != a.up]))
     x, y = _scaled(h, "XYZ"[i]), _scaled(h, "XYZ"[j])
-    return (x**2 - rng.uniform(0.6, 1.4) * y**2 * np.sign(y)) * h.normal[:, k]
+    return (1 - (x - rng.uniform(-0.3, 0.3)) ** 2) * (1 + y) * h.normal[:, "XYZ".index(a.up)]
 
 
 def rested_probe(h: History, rng: Rng, a: Axes) -> Array:
@@ -225,7 +225,7 @@ HELD: Kinds = {
         (rail_joint, LINEAR),
         (biting_clamp, (DIRECTION, HISTORY, TURN)),
         (heated_by_tilting, (HISTORY, TIME, TILT)),
-        (saddle_of_bed, LINEAR),
+        (sagging_crossrail, LINEAR),
         (rested_probe, (HISTORY, TIME, PROBE, DIRECTION)),
         (ratchet, (HISTORY, TIME, TURN)),
         (floating_pallet, (TILT, PLACE, FACET, DIRECTION)),

@@ -145,7 +145,7 @@ def words(covariate: str) -> set[str]:
     found = set()
     for part in covariate.split(" × "):
         first = part.split(" ")[0]
-        if first in ("way", "path", "previous", "first", "since"):
+        if first in ("way", "path", "previous", "first", "since", "pause", "heat"):
             found.add("history")
         elif first in ("time", "order"):
             found.add("time")

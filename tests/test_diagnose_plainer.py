@@ -1,0 +1,94 @@
+"""A shape is told with as little as does as well, and with what else it may follow; a name with what comes near to it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from support import blind
+
+from tango_cnc.diagnose import _seen, _undecided
+from tango_cnc.diagnose._candidates import Candidate
+from tango_cnc.diagnose._contest import Field, Picked, grown
+from tango_cnc.diagnose._names import akin
+from tango_cnc.diagnose._plainer import plainer
+from tango_cnc.diagnose._records import Finding
+from tango_cnc.diagnose._rows import Rows, rows
+from tango_cnc.diagnose._smooth import Kernel, scaled
+from tango_cnc.diagnose.sentences import nearly, unexplained
+from tango_cnc.terms._shape import LEGENDRE, Factor, Form
+from tango_cnc.touches import from_readings
+
+
+def means() -> Rows:
+    b = blind.bench()
+    touches = from_readings(b.cell.machine, b.cell.artefact, b.clean)
+    return rows(touches, np.zeros(len(touches)))
+
+
+def compared(m: Rows, *named: str) -> Field:
+    """Shapes felt along Z of the machine, of one covariate or of two, as a model that explains nothing leaves them."""
+    n = len(m.seen)
+
+    def factor(name: str) -> Factor:
+        v = m.seen.axis(name) if name != "time" else m.seen.warm
+        return Factor(name, LEGENDRE, float(v.min()), float(v.max()), 2)
+
+    forms = [Form(tuple(factor(x) for x in name.split(" × ")), "machine z") for name in named]
+    kernels = [scaled(Kernel(f, "shape", f.columns(m.seen))) for f in forms]
+    return Field(kernels, np.eye(n), np.ones(n), m)
+
+
+@pytest.mark.parametrize(("also", "told"), [(0.0, "time"), (1.0, "time × Z")])
+def test_a_pair_is_told_only_where_both_covariates_are_needed(also: float, told: str) -> None:
+    m = means()
+    field = compared(m, "time × Z", "time", "time × X")
+    u, z = (2 * (v - v.min()) / np.ptp(v) - 1 for v in (m.seen.warm, m.seen.axis("Z")))
+    y = (u * (1 + also * z)) * m.seen.machine_normal[:, 2] + 0.3 * np.random.default_rng(1).normal(size=len(u))
+    pair = field.kernels[0]
+    begun = Picked(pair, field.project(pair), 1.0, 100.0)
+    (shape,) = plainer(field, y, np.empty((len(y), 0)), [begun])
+    assert shape.kernel.covariate == told
+    assert ("time × Z" in shape.rivals) == (not also)
+    assert told in [p.kernel.covariate for p in plainer(field, y, np.empty((len(y), 0)), grown(field, y, (), ()).picked)]
+
+
+def test_what_is_akin_follows_a_thing_in_common() -> None:
+    def name(cause: str, **setting: Any) -> Candidate:
+        return Candidate(cause, setting, (), np.zeros((1, 1)))
+
+    assert akin(name("thermal_drift", frame="machine"), "time × Z")
+    assert not akin(name("thermal_drift", frame="machine"), "probe direction")
+    assert akin(name("probe_lobing", order=2), "probe direction × time")
+    assert akin(name("cyclic_error", axis="Y"), "dY × time")
+    assert akin(name("moving_mass", name="EAX", by="Z"), "Z") and not akin(name("moving_mass", name="EAX", by="Z"), "path of C 60")
+    assert akin(name("chip", facet="4"), "normal z, table × time")
+
+
+def test_rough_facets_follow_nothing_where_they_have_their_weight() -> None:
+    """A third of the facets scatters ten times as much: as if it were even, what goes with these facets has a pattern."""
+    m = means()
+    facets = list(dict.fromkeys(m.seen.facet))
+    rough = np.isin(m.seen.facet, facets[::3])
+    least = []
+    for seed in (4, 5):
+        data = np.random.default_rng(seed).normal(size=len(rough)) * np.where(rough, 10.0, 1.0)
+        design, keep = np.ones((len(rough), 1)), np.ones(len(rough), dtype=bool)
+        found = [_seen.tests(design, data, m.seen, keep, w) for w in (None, np.where(rough, 0.1, 1.0))]
+        least.append([min(t.p_value for t in tests if t.covariate != "indexation") for tests in found])
+    assert min(p for p, _ in least) < 1e-3
+    assert min(p for _, p in least) > 1e-3
+
+
+def test_a_name_beside_another_that_does_nearly_as_well_is_undecided() -> None:
+    size = cast(Any, type("Size", (), {"amplitude": 0.003}))
+    blank: Any = dict.fromkeys(Finding.__dataclass_fields__)
+    one = Finding(
+        **{**blank, "cause": "gravity_sag", "size": size, "alternatives": (("rotary_radial", {}, 4.0), ("step", {}, 8.0))}
+    )
+    (left,) = _undecided([one, replace(one, alternatives=(("step", {}, 8.0),))], 393)
+    assert (left.shape, left.rivals) == ("undecided", ("rotary_radial",))
+    assert "gravity_sag does best, and nearly as well does rotary_radial" in unexplained(left)
+    assert "time together with position of Z, with an evidence of 12 less" in nearly(("time × Z", 12.2))
