@@ -43,7 +43,7 @@ from .alarms import Known, after_repair, alarm_of, date_of, ignored, since, sinc
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
-from .trend import SLOPE, as_alarm, behind, creeping, drift, slopes
+from .trend import SLOPE, as_alarm, behind, drift, slopes
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -289,10 +289,6 @@ class Nights:
         told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
-        if moving is None and not (first or alarm) and judged.believed:
-            moving = creeping(known, recent, after)
-            if moving is not None:
-                parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
         if not judged.believed:  # what is not believed must not teach the state anything

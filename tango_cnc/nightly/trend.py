@@ -32,6 +32,7 @@ SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21)  # measured nights over which steps that go one way are looked for
+NO_ALARM = 1.0  # the chance that is reported of steps that go one way: they are a sentence, and never an alarm
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -63,7 +64,14 @@ class Drift:
 
 
 def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
-    """what is known, records newest first, state after tonight, scale of quiet nights' statistic → the surest drift.
+    """what is known, records newest first, state after tonight, scale of quiet nights' statistic → the surest drift, or else what
+    creeps.
+    """
+    return _beyond(k, records, after, scale) or creeping(k, records, after)
+
+
+def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
+    """→ the surest of what has moved farther than it wanders.
 
     Looks back to the last alarm and no farther: what it told is told. None where nothing has moved by `TOLD` and `LEAST`.
     """
@@ -128,7 +136,7 @@ def creeping(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Dr
     size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
     if abs(size) < TOLD * std or k.worst(_only(k, i, size)) < LEAST:
         return None
-    return _drift(k, i, record, size, std, after, sigmas, tried * chance, back)
+    return _drift(k, i, record, size, std, after, sigmas, NO_ALARM, back)
 
 
 def _course(name: str, tonight: float, day: float, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
