@@ -47,6 +47,19 @@ def asked(folder: Path, path: str) -> str:
         return client.get(path).text
 
 
+def test_of_a_stylus_that_moved_twice_the_newest_is_told_first() -> None:
+    """It went 15 µm and came back: the first alarm alone would say that it is 15 µm off."""
+    stylus = {"cause": "stylus", "parameter": "stylus", "on_part_um": None, "on_part": "", "do": "Look at the stylus."}
+    away, back = (
+        "the tip of the stylus has moved by 15.1 µm (Z +15.1 µm)",
+        "the tip of the stylus has moved by 15.7 µm (Z -15.7 µm)",
+    )
+    old, new = step(2, 15.1, **stylus, text=away, night=night("M", 2)["night"]), step(5, 15.7, **stylus, text=back)
+    record = night("M", 5, "changed", alarms=[new], standing=[old])
+    (one,) = faults(record, (), {}, Units(), texts())
+    assert one["text"].index("Z −16 µm") < one["text"].index("Before that: The tip") < one["text"].index("Z +15 µm")
+
+
 def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page(tmp_path: Path) -> None:
     """3.6 and 3.9 µm by alarm, 11.2 µm in all: what stands now counts, and nobody enters a location that is wrong tomorrow."""
     limit = {"what": "volume", "value": 66.0, "low": 65.0, "high": 67.0, "limit": 60.0, "unit": "µm", "passed": False}

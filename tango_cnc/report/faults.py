@@ -163,6 +163,8 @@ def _together(
         elif first["older"] and first.get("now"):
             now = plain(t.of(first["now"]), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
+        elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
+            first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
         unanswered = next((a for a in same if a["decision"] is None), None)
         found.append(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
