@@ -80,6 +80,11 @@ def test_a_zero_with_which_an_axis_would_leave_its_travel_is_refused(knowledge: 
     assert rewritten("G21 G90 G17 G54\nG0 X0. Y0. Z5.\nG1 X396. F500\n", knowledge)[1].compensated
 
 
+def test_a_rotary_axis_that_would_leave_its_travel_is_refused(knowledge: Known) -> None:
+    said = refusal("G21 G90 G17 G54\nG0 A0. C0.\nG0 X0. Y0. Z5.\nG0 A180.\n", knowledge, "rs274")
+    assert "line 4: found A180" in said and "-120 to 120 deg" in said
+
+
 def test_places_beyond_the_touches_are_counted(knowledge: Known) -> None:
     text = "G21 G90 G17 G54\nG0 X0. Y0. Z5.\nG1 X40. F500\nG1 X150. F500\nG1 X20. F500\n"
     account = rewritten(text, knowledge, touched={"X": (-100.0, 100.0)})[1]

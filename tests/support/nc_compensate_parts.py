@@ -31,8 +31,14 @@ def knowledge() -> Known:
     return known(found, sample(cell.machine, limits_of(cell.machine, touches, "probed", {}), 40))
 
 
+def winding(machine: Machine) -> Machine:
+    """machine → the same, whose C turns as often as a program asks."""
+    axes = tuple(replace(a, travel=(-1e3 * np.pi, 1e3 * np.pi)) if a.name == "C" else a for a in machine.axes)
+    return replace(machine, axes=axes)
+
+
 def rewritten(text: str, found: Known, name: str = "rs274", **more: object) -> tuple[list[str], Account]:
-    setup = Setup(example("trunnion")[0].machine, ZERO, LENGTH, settled=bool(more.pop("settled", False)))
+    setup = Setup(winding(example("trunnion")[0].machine), ZERO, LENGTH, settled=bool(more.pop("settled", False)))
     account = Account()
     settings = Settings(**({"chord": CHORD, "decimals": DECIMALS} | more))  # type: ignore[arg-type]
     lines = list(compensated(io.StringIO(text), language(name), setup, found, settings, account, mark_text("0123", ZERO)))
