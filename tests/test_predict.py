@@ -70,13 +70,17 @@ PROGRAM = (
 )
 
 
-def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None:
-    cell = tmp_path / "cell"
+def shop(folder: Path) -> tuple[CliRunner, Path, Path, Path]:
+    """folder → who runs commands, a measured cell, a program, the file of its features that a test writes."""
+    cell, run, program = folder / "cell", CliRunner(), folder / "p.nc"
     shutil.copytree(ROOT / "examples" / "trunnion", cell)
-    run = CliRunner()
     assert run.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
-    program, wanted = tmp_path / "p.nc", tmp_path / "f.yaml"
     program.write_text(PROGRAM)
+    return run, cell, program, folder / "f.yaml"
+
+
+def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None:
+    run, cell, program, wanted = shop(tmp_path)
     wanted.write_text(
         "places: {A: N10, B: {X: 0, Y: 0, Z: 9}}\nchecks:\n  - {kind: distance, of: [A, B]}\n  - {kind: circularity, of: N20}\n"
     )
@@ -97,12 +101,7 @@ def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None
 
 
 def test_a_circularity_is_told_with_and_without_the_scatter_of_its_points(tmp_path: Path) -> None:
-    cell = tmp_path / "cell"
-    shutil.copytree(ROOT / "examples" / "trunnion", cell)
-    run = CliRunner()
-    assert run.invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
-    program, wanted = tmp_path / "p.nc", tmp_path / "f.yaml"
-    program.write_text(PROGRAM)
+    run, cell, program, wanted = shop(tmp_path)
     common = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=60", "--tool-length", "150", "--features", str(wanted)]
     said = {}
     for point in (0.001, 1.0):
