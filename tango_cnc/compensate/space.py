@@ -53,9 +53,7 @@ class Held:
     sense: int = 0  # 1 −1: only while that axis moves up, down
     tcp: bool = False  # whether it acts only with tool centre point control on
     coefficient: str = ""  # the coefficient of the model that v is, where it is one
-    reach: float | None = (
-        None  # of a ratio: the most it is multiplied by over the volume, so that it is mm or rad; None: the longest travel
-    )
+    reach: float | None = None  # mm or rad, the most that a ratio is multiplied by over the volume; None: the longest travel
 
     def number(self, value: float) -> float:
         """v in mm, rad, mm/mm → what the control stores, rounded to its increment."""

@@ -255,7 +255,7 @@ class Nights:
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         waiting = standing(past, machine, day, parameters if judged.believed else {}, kind, self.happened)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
-        if moving is not None and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
+        if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
             unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
             told_of = as_alarm(moving, known)
             alarms = [] if unheard else [{**told_of, "was": parts.was(told_of, parameters, ())}]

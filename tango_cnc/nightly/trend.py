@@ -32,7 +32,6 @@ SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21)  # measured nights over which steps that go one way are looked for
-NO_ALARM = 1.0  # the chance that is reported of steps that go one way: they are a sentence, and never an alarm
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -52,6 +51,7 @@ class Drift:
     on_part: str
     do: str
     steady: bool  # night after night; false: most of it in one night
+    alarms: bool = True  # where it is sure enough; false: a sentence, however sure
 
     @property
     def text(self) -> str:
@@ -136,7 +136,7 @@ def creeping(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Dr
     size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
     if abs(size) < TOLD * std or k.worst(_only(k, i, size)) < LEAST:
         return None
-    return _drift(k, i, record, size, std, after, sigmas, NO_ALARM, back)
+    return _drift(k, i, record, size, std, after, sigmas, tried * chance, back, alarms=False)
 
 
 def _course(name: str, tonight: float, day: float, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
@@ -169,6 +169,7 @@ def _drift(
     sigmas: float,
     p_value: float,
     records: Sequence[Mapping[str, Any]],
+    alarms: bool = True,
 ) -> Drift:
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
     cause = change_of(name, k.followed.families[i])
@@ -179,7 +180,7 @@ def _drift(
     steady = bool(np.max(np.abs(np.diff(values)), initial=0.0) < AT_ONCE * abs(size))
     do = texts()("night.drift_do", name=name) if steady else do
     rate = size / max(after.day - begun, 1e-3)
-    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady)
+    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms)
 
 
 def _only(k: Known, i: int, size: float) -> Array:
