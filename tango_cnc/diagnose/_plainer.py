@@ -1,7 +1,8 @@
 """What a shape follows, said with as little as does as well; and what else it may follow.
 
 A pair of covariates often beats one of them by a little that is chance. An interaction is reported where there is strong evidence
-for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart.
+for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart. What a
+name changes its size with is chosen among as many covariates, so the same holds for it.
 """
 
 from __future__ import annotations
@@ -24,13 +25,12 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
     """
     found = list(picked)
     for i, p in enumerate(found):
-        if p.kernel.form is None:
+        if p.kernel.kind != "shape":
             continue
         s = _beside(begin(field, y, names), [o for o in found if o is not p])
         best, at = scores(field, s)
-        worth = np.where(
-            [k.form is not None for k in field.kernels], best[:, 0] - [price(field, len(y), k) for k in field.kernels], -np.inf
-        )
+        compared = [k.form is not None or (p.kernel.form is None and k.kind == "shape") for k in field.kernels]
+        worth = np.where(compared, best[:, 0] - [price(field, len(y), k) for k in field.kernels], -np.inf)
         own = [j for j, k in enumerate(field.kernels) if k is p.kernel]
         if not own:
             continue
@@ -51,8 +51,10 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
 
 
 def _parts(field: Field, i: int) -> set[str]:
-    form = field.kernels[i].form
-    return set() if form is None else {f.covariate for f in form.factors}
+    kernel = field.kernels[i]
+    if kernel.form is None:
+        return set(kernel.covariate.split(" × "))
+    return {f.covariate for f in kernel.form.factors}
 
 
 def _beside(s: State, others: Sequence[Picked]) -> State:

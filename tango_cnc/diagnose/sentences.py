@@ -192,8 +192,8 @@ def unexplained(r: Remainder) -> str:
     if r.shape == "uneven":
         return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
     if r.shape == "changing":
-        where = covariate(r.covariate)
-        return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
+        where, size = covariate(r.covariate), spread(r.amplitude, r.std)
+        return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=size, also=_instead(r))
     if r.shape == "undecided":
         return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
     if r.shape == "unsure":
@@ -210,8 +210,7 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.machine_wanders_without_pattern_about", amplitude=f"{r.amplitude * 1000.0:.1f}")
     again = "" if r.again is None else joined("", (". ", known(r.again)))
     also = "" if r.closed is None else say("diagnosis_said.simple_formula_does_as_well", closed=r.closed)
-    if r.rivals:
-        also += say("diagnosis_said.other_covariates_do_as_well", others="; ".join(map(covariate, r.rivals)))
+    also += _instead(r)
     return say(
         "diagnosis_said.nothing_catalogue_explains_what_follows",
         covariate=covariate(r.covariate),
@@ -222,6 +221,12 @@ def unexplained(r: Remainder) -> str:
         again=again,
         confirm=r.confirm or say("diagnosis_said.another_day"),
     )
+
+
+def _instead(r: Remainder) -> str:
+    """remainder → the covariates that it may follow instead."""
+    others = "; ".join(map(covariate, r.rivals))
+    return say("diagnosis_said.other_covariates_do_as_well", others=others) if others else ""
 
 
 def nearly(shape: tuple[str, float]) -> str:
