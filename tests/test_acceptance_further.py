@@ -84,6 +84,7 @@ def test_features_of_ninety_parts_are_within_their_intervals_in_93_to_97_percent
     assert 0.93 <= within / stated <= 0.97
 
 
+@pytest.mark.long
 def test_parameters_lie_within_their_intervals() -> None:
     within = count = 0
     for world, result, sheet in machines(range(2)):
@@ -157,6 +158,7 @@ def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.C
     assert {f["verdict"] for f in data["figures"]} == {"not stated"}  # simulated readings
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("text", "words"),
     every(

@@ -33,6 +33,7 @@ def test_every_target_has_a_simulated_control() -> None:
     assert set(simulated()) == set(targets.names())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "target"), [("trunnion", "linuxcnc"), ("three_axis_calibrated", "siemens")])
 def test_what_it_can_hold_is_gone(name: str, target: str, tmp_path: Path) -> None:
     whole(name, target, tmp_path)

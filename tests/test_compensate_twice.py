@@ -118,6 +118,7 @@ def test_readings_that_another_answer_explains_are_named(second: tuple[loop.Kept
         assert not contradicted(kept, replace(again, values=knocked), held, tcp=tcp)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tcp", every([False, True], 2))
 def test_what_is_left_is_one_number(
     second: tuple[loop.Kept, Estimate, list[Held]], answers: dict[bool, Outcome], tcp: bool
@@ -174,6 +175,7 @@ def test_only_evidence_against_it_is_no_help(
     assert judged(Figure(*before), Figure(*promised), Figure(*left), Figure(*share)) == word
 
 
+@pytest.mark.long
 def test_a_sign_trial_asks_for_no_sign_trial(cell: Path) -> None:
     proposal = proposed("trunnion", "siemens")
     assert SIGN_TRIAL in steps(proposal.request)

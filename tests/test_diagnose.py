@@ -50,6 +50,7 @@ def two(bench: blind.Bench) -> Diagnosis:
     return told(bench, [DRIFT, LOBES])
 
 
+@pytest.mark.long
 def test_a_sound_machine_is_adequate_and_nothing_is_named(bench: blind.Bench) -> None:
     d = told(bench, [])
     assert (d.verdict, d.findings, d.unexplained) == ("adequate", (), ())
@@ -57,6 +58,7 @@ def test_a_sound_machine_is_adequate_and_nothing_is_named(bench: blind.Bench) ->
     assert d.noise == pytest.approx(blind.NOISE, rel=0.15)
 
 
+@pytest.mark.long
 def test_two_hidden_causes_are_named_with_their_sizes(two: Diagnosis) -> None:
     assert two.verdict == "explained"
     found = {f.cause: f for f in two.findings}
@@ -290,6 +292,7 @@ def test_what_the_model_reaches_is_not_in_the_space() -> None:
     assert np.trace(place.kernels[0]) == pytest.approx(44)
 
 
+@pytest.mark.long
 def test_quicker_ways_to_a_likelihood_lead_to_the_same(two: Diagnosis) -> None:
     e = two.explanation
     first, second = e.chosen[0].columns, e.chosen[1].columns

@@ -60,6 +60,7 @@ def test_of_a_stylus_that_moved_twice_the_newest_is_told_first() -> None:
     assert one["text"].index("Z −16 µm") < one["text"].index("Before that: The tip") < one["text"].index("Z +15 µm")
 
 
+@pytest.mark.long
 def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page(tmp_path: Path) -> None:
     """3.6 and 3.9 µm by alarm, 11.2 µm in all: what stands now counts, and nobody enters a location that is wrong tomorrow."""
     limit = {"what": "volume", "value": 66.0, "low": 65.0, "high": 67.0, "limit": 60.0, "unit": "µm", "passed": False}

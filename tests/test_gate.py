@@ -120,6 +120,7 @@ def bent(found: Ran) -> float:
     return max((data["depth"] for event, data in found.events if event == "bent"), default=0.0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_facet_from_above_proves_the_probe_where_nobody_is_there(name: str) -> None:
     made = golden()

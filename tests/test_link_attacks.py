@@ -244,6 +244,7 @@ def test_a_password_in_the_address_of_a_sensor_is_refused_and_not_shown(tmp_path
     assert "geheim8" not in str(refused.value)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", ["password", "%70assword", "pass%77ord", "%70%61%73%73%77%6F%72%64", "passphrase", "p%61ssphrase"])
 def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name, monkeypatch):
     monkeypatch.setenv("CELL_WORD", "geheim9")

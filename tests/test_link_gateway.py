@@ -57,6 +57,7 @@ def wired(monkeypatch, kind, seeds):
     return happened
 
 
+@pytest.mark.few(1)
 @linux
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_a_few_sessions_over_frames(monkeypatch, kind):

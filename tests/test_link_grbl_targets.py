@@ -107,6 +107,7 @@ FIRMWARES = pytest.mark.parametrize("firmware", ["grblHAL", "FluidNC"])
 THOROUGH = pytest.mark.parametrize("every", [13, pytest.param(1, marks=pytest.mark.campaign)])
 
 
+@pytest.mark.few(1)
 @THOROUGH
 @FIRMWARES
 @pytest.mark.parametrize("modal", [0.0, 38.3])

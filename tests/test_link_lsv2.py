@@ -286,6 +286,7 @@ def test_a_run_that_was_stopped_is_resumed_and_nothing_is_lost(control, port, ce
     assert agree(cell) and control.while_moving() == 0 and again.pressed == 2
 
 
+@pytest.mark.few(0)
 def test_a_password_is_in_no_file_and_no_output_of_a_run(control, port, cell, monkeypatch):
     control.users = {"FILE": "geheim807667"}
     monkeypatch.setenv("CELL_WORD", "geheim807667")

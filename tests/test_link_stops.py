@@ -68,6 +68,7 @@ def interrupted(tmp_path, protocol, wishes):
     return str(error.value), remarks, made, motion, read_journal(tmp_path / "run.journal")[0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("protocol", ["grbl", "modbus"])
 def test_the_first_ctrl_c_draws_the_probe_clear_and_the_second_ends_at_once(tmp_path, protocol, monkeypatch):
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)

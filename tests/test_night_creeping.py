@@ -37,6 +37,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Any:
     return of
 
 
+@pytest.mark.long
 def test_what_wanders_is_no_drift(said: Any) -> None:
     rng = np.random.default_rng(3)
     walks = np.cumsum(rng.normal(0, 6e-4, (120, 21, 20)), axis=1)

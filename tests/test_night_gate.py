@@ -153,6 +153,7 @@ def off_by(by: float) -> tuple[Plan, Artefact]:
     return replace(made, met={one.number: by}, met_in="readings.csv"), artefact
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "name", ["fanuc", pytest.param("grbl", marks=pytest.mark.long), pytest.param("okuma", marks=pytest.mark.long)]
 )

@@ -61,6 +61,7 @@ def held(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.kill()
 
 
+@pytest.mark.long
 def test_the_second_night_is_refused_on_record_and_told(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "RealClock", lambda: SimpleNamespace(now=lambda: TWO))
     own = world.RealDisk(cell)  # that of the night at work, which began in the same second

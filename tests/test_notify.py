@@ -157,6 +157,7 @@ def test_a_password_goes_over_tls_only_and_comes_from_the_environment(tmp_path: 
     assert shown(url) == "mailto:ann@shop.example"
 
 
+@pytest.mark.long
 def test_hooks_apprise_and_a_file(tmp_path: Path) -> None:
     pytest.importorskip("apprise")
     with web() as (host, got):

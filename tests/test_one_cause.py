@@ -92,6 +92,7 @@ def test_what_was_accepted_is_named_in_the_list_as_on_the_page_and_counts_no_mor
     assert "No alarm is open." in seen["/alarms"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("owner", ["", "Ann, 4711"])
 def test_every_row_that_needs_somebody_names_him(owner: str, tmp_path: Path) -> None:
     """Also a night that is not believed, one that did not measure, and a machine that was never measured."""
@@ -109,6 +110,7 @@ def test_every_row_that_needs_somebody_names_him(owner: str, tmp_path: Path) -> 
     assert "Make no parts with tight limits on it." in seen[f"/machine/{NAME}"]
 
 
+@pytest.mark.long
 def test_every_sentence_of_a_row_ends(tmp_path: Path) -> None:
     """A sentence without its full stop reads as if it were cut off."""
     records = [night(NAME, i) for i in (0, 1)] + [night(NAME, 2, "changed", alarms=[moved(2, "EX0C", 20.0)])]

@@ -447,6 +447,7 @@ def test_the_way_is_clear_at_the_example_of_the_thesis(shared: Path) -> None:
         assert (height > spindle @ np.array(ball.centre) + ball.radius + 20 - 1e-6).all()
 
 
+@pytest.mark.few(0)
 def test_time_and_memory_grow_with_the_number_of_touches_only() -> None:
     """A plan of forty strategies has forty times the moves of one, and one preload: nothing is compared with everything else."""
     one = small(poses=({}, {"C": 30}))

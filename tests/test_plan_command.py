@@ -78,6 +78,7 @@ def test_a_facet_name_that_needs_quotes_survives_plan_csv(cell: Path) -> None:
     assert read_plan(cell / "program" / "plan.csv", known.machine).facet[1] == 'a "b", c'
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -183,6 +184,7 @@ def test_a_folder_in_the_place_of_one_file_keeps_the_others_as_they_were(tmp_pat
         assert contents(tmp_path) == before
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -52,6 +52,7 @@ def test_one_indexation_is_drawn_alone() -> None:
     assert "2 touches, indexation 2: B-30 C-90 S0" in drawn.axes[0].get_title(loc="left")
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("ending", every(["png", "svg", "pdf"], 3))
 def test_the_picture_is_written_beside_the_program_or_alone(cell: Path, ending: str) -> None:
     file = cell / f"path.{ending}"

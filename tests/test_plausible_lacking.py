@@ -133,6 +133,7 @@ def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readin
     assert "a compensation of the control had been switched" in doubted(cell, switched)
 
 
+@pytest.mark.long
 def test_of_a_compensation_that_is_switched_on_no_parameter_is_trusted(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.4 * len(readings)
     z = readings.position[:, cell.machine.column("Z")]

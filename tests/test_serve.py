@@ -212,6 +212,7 @@ def test_the_engineers_part_has_the_date_of_the_first_screen() -> None:
     assert "14 Nov" not in first.partition("Who has it")[0] and "2026-11-14" not in engineer and "14 Nov" not in engineer
 
 
+@pytest.mark.long
 def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_path: Path) -> None:
     """A slow drift ends beyond a limit on a night without an alarm of its own."""
     limit = {"what": "volume", "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": "µm", "passed": False}
@@ -413,6 +414,7 @@ def test_an_alarm_is_acknowledged_and_has_an_owner(tmp_path: Path) -> None:
         assert not history.verify()
 
 
+@pytest.mark.long
 def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) -> None:
     """Every page says who has it and since when; only accepted and repaired close an alarm."""
     records = [night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])]

@@ -81,6 +81,7 @@ def test_a_weight_beside_the_axis_sags_and_winds_it_up() -> None:
     assert both == pytest.approx(later * (-0.005 * along(Z) + 1e-5 * turning(Y)), abs=1e-7)
 
 
+@pytest.mark.long
 def test_an_error_motion_has_its_size_at_its_span() -> None:
     # EYX lifts the table to +y; the travel of X ends at 400 mm
     second = read_early("error_motion", amplitude=1e-4)

@@ -202,6 +202,7 @@ def test_the_uncertainty_is_drawn_where_there_is_room(folder: Path) -> None:
         assert ("●" in line) == drawn and len(line) <= columns
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("encoding", every(["cp1252", "latin-1", "utf-8"], 3))
 def test_no_encoding_of_the_output_is_an_error(encoding: str, folder: Path) -> None:
     """A file on Windows has no blocks: other characters stand for them."""

@@ -146,6 +146,7 @@ def test_the_conversation_means_what_its_page_says(protocol, file):
         assert rest in shown(event)
 
 
+@pytest.mark.few(65)
 @every_conversation
 def test_byte_by_byte_equals_all_at_once(protocol, file):
     whole, _ = replay(protocol, file, lambda data: [data])
@@ -153,6 +154,7 @@ def test_byte_by_byte_equals_all_at_once(protocol, file):
     assert single == whole
 
 
+@pytest.mark.few(18)
 @every_conversation
 def test_any_cut_equals_all_at_once(protocol, file):
     whole, _ = replay(protocol, file, lambda data: [data])
