@@ -98,6 +98,7 @@ def test_parameters_lie_within_their_intervals() -> None:
     assert within >= 8
 
 
+@pytest.mark.long
 def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_does() -> None:
     _, result, sheet = next(machines(range(1)))
     with pytest.raises(InputError, match=r"parameter EX0Q.*EY0C"):

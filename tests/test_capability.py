@@ -177,6 +177,7 @@ def test_a_probe_test_with_a_touch_missing_is_refused(cell: Cell) -> None:
         capability.probing(touches.rows(np.arange(len(touches) - 1)))
 
 
+@pytest.mark.long
 def test_the_surroundings_move_a_facet_with_the_air() -> None:
     """ISO 230-3: the range of one facet, and how much of it a thermometer explains."""
     rng = np.random.default_rng(2)

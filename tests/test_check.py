@@ -284,6 +284,7 @@ POST = replace(FANUC, retract=retract)
 """
 
 
+@pytest.mark.few(0)
 def test_a_turn_of_the_spindle_that_a_run_would_refuse_is_refused_here(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = short / "strategy.yaml"
     strategy = yaml.safe_load(file.read_text(encoding="utf-8"))

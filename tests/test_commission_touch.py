@@ -88,6 +88,7 @@ def test_a_point_that_is_wrong_is_found_axis_by_axis(example: str) -> None:
         assert found["latched"].verdict == "PASS"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in sorted(EVERY)])
 def test_positions_after_the_stop_are_found(name: str) -> None:
     found = verdicts(name=name, latches=False)

@@ -66,6 +66,7 @@ def test_with_tcp_on_what_is_measured_is_added(tmp_path: Path) -> None:
     assert left[1] < left[0] + 0.3 and two.fit.rms_after.low < left[1] < two.fit.rms_after.high
 
 
+@pytest.mark.long
 def test_it_asks_how_the_readings_were_made() -> None:
     place = "setting 255 (MRZP X)"
     proposal = propose(first("trunnion"), "haas", poses=100)

@@ -55,6 +55,7 @@ def test_what_each_target_can_hold_is_gone_on_every_machine(target: str, tmp_pat
     assert done
 
 
+@pytest.mark.long
 def test_what_it_cannot_hold_is_said() -> None:
     """A COMP_FILE is a function of its own joint: squareness and reversal of another axis are beyond it."""
     words = {s.name: s.word for s in propose(first("three_axis_calibrated"), "linuxcnc", ["kinematics=trivkins"]).fit.shares}

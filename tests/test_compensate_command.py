@@ -81,7 +81,7 @@ def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> N
     assert not (mill / "compensations").exists()
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -131,6 +131,7 @@ def test_what_is_left_is_one_number(
     assert [left.value, left.low, left.high] == pytest.approx([now.value, now.low, now.high], rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_wrong_answer_decides_nothing(answers: dict[bool, Outcome]) -> None:
     """What the kinematics hold is gone and is taken off once more: a share of more than all is no news of the control."""
     assert answers[True].verdict == "kept" and answers[False].verdict == "not as promised"

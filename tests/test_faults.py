@@ -137,6 +137,7 @@ def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
     assert "NOBODY" in found["who"]
 
 
+@pytest.mark.long
 def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])
     run = Recorded(place, 393)

@@ -95,6 +95,7 @@ def test_the_slow_move_is_one_for_a_person() -> None:
     assert up.start == (golden().touches[0].enter or golden().touches[0].over)
 
 
+@pytest.mark.few(0)
 @settings(max_examples=20)
 @given(st.floats(-1, 60))
 def test_it_goes_where_there_is_room(room: float) -> None:

@@ -32,6 +32,7 @@ def sessions(seeds, behind=gateway.Gateway, computer=gateway.Run, others=OTHERS)
     return happened
 
 
+@pytest.mark.few(0)
 def test_a_few_sessions_behind_a_gateway():
     assert sum(sessions(range(1, 5)).values()) > 20
 

@@ -121,6 +121,7 @@ def test_what_sets_asks_and_waits_moves_nothing_whatever_becomes_of_it(firmware,
             assert one._modal == modal or RESET in data, data
 
 
+@pytest.mark.few(1)
 @THOROUGH
 @FIRMWARES
 def test_what_was_set_wrongly_is_not_confirmed(firmware, every):

@@ -163,6 +163,7 @@ def absent_minded(device):
     return True
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("does", "why", "given"),
     [

@@ -254,6 +254,7 @@ def ran(cell, port, person, monkeypatch, *more):
         return Result("run", "-C", cell, "--port", f"lsv2://127.0.0.1:{port}/TNC:/TANGO.TXT?program=TNC:/", *more)
 
 
+@pytest.mark.few(0)
 def test_a_whole_run_is_spoken_to_only_while_nothing_moves(control, port, cell, monkeypatch):
     control.files[RECORDS] = OLD
     person = Person(control, cell)

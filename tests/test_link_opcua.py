@@ -91,6 +91,7 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
     line.close()
 
 
+@pytest.mark.few(0)
 def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     server.put(R["record"], 65533)  # counted on from runs of before, and from 65535 to 0
     server.put(R["taken"], 65533)

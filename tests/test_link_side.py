@@ -245,6 +245,7 @@ def test_a_journal_that_takes_no_more_at_any_entry_leaves_a_run_to_be_resumed(ce
     assert sorted(readings(cell).touch) == [1, 2, 3, 4, 5, 6, 7]
 
 
+@pytest.mark.few(0)
 @POSIX
 def test_files_get_the_rights_that_the_umask_leaves(cell):
     usual = os.umask(0o027)
@@ -423,6 +424,7 @@ def test_the_records_that_the_documentation_shows_are_records():
 # tango journal
 
 
+@pytest.mark.few(0)
 def test_journals_are_listed_verified_and_salvaged(cell):
     assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
     assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0

@@ -139,7 +139,7 @@ def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_t
     assert locate.beside(locate.strategy(block, within=most))[0] == ()
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", names())
 def test_every_dialect_has_the_program(name: str) -> None:
     post = load(name)
@@ -197,7 +197,7 @@ def test_two_touches_that_met_the_same_wall_are_not_believed_against_one_that_is
     assert found_to(seed) is None
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("within", "advice"), [(20.0, "tango locate --within 5"), (5.0, "without --within")])
 def test_what_was_just_done_is_no_advice(within: float, advice: str) -> None:
     cycle = locate.strategy(CELL, within=within)

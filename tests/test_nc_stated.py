@@ -23,6 +23,7 @@ MOVES = {
 }
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("name", "head", "said"),
     [

@@ -125,6 +125,7 @@ class Warming(RealControl):
         return {}
 
 
+@pytest.mark.long
 def test_a_cold_machine_runs_its_program_until_it_is_warm_and_is_measured_then(cell: Path, agent: Agent) -> None:
     agent.bed = 17.0
     control = Warming(read_cell(cell), PATIENT, golden(), None, "now", "socket://127.0.0.1:9", agent=agent)
@@ -234,6 +235,7 @@ def test_a_control_that_is_busy_says_so_in_the_words_of_its_link(protocol: str, 
     assert client.busy(data, {}) == said
 
 
+@pytest.mark.long
 def test_what_the_first_move_may_meet_is_in_the_findings_as_nobody_brings_the_axes_near(root: Path) -> None:
     def program(cell: Cell) -> str:
         control = RealControl(replace(cell, folder=root / "examples" / "trunnion"), Nightly(), plan(cell), None, "now", "none:")

@@ -108,6 +108,7 @@ def test_what_the_history_refuses_is_added_by_the_next_night_though_nothing_had_
         assert "no database" in history.nights()[1].headline or "history.db" in history.nights()[1].headline
 
 
+@pytest.mark.long
 def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Path, tmp_path: Path) -> None:
     """Disk full and mail down at once: only the mark is left. Where a message waits, the night was just cut off."""
     disk = world.RealDisk(cell)
@@ -123,6 +124,7 @@ def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Pa
     assert not disk.unfinished()
 
 
+@pytest.mark.long
 def test_the_page_of_a_night_that_did_not_measure_knows_the_one_before(cell: Path) -> None:
     with opened(cell / "history.db") as history:
         name = read_cell(cell).machine.name

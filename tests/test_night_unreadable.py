@@ -42,6 +42,7 @@ def spoil(cell: Path, name: str, old: str, new: str) -> None:
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [("machine.yaml", "tip_radius", "tip_radios"), ("nightly.yaml", "owner: Ann Meier", "owner: Ann Meier\nlimit: 3")],

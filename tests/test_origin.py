@@ -57,6 +57,7 @@ def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixtu
     assert any("1 rows are not as they were written (lines 5)" in reason for reason in data["reasons"])
 
 
+@pytest.mark.long
 def test_what_was_changed_since_is_said_by_key(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "machine.yaml"
     file.write_text(file.read_text(encoding="utf-8").replace("tip_radius: 3.0", "tip_radius: 3.001"), encoding="utf-8")
@@ -123,6 +124,7 @@ def test_readings_before_are_kept(cell: Path) -> None:
     assert name is not None and (cell / name).read_text(encoding="utf-8") == text and not file.exists()
 
 
+@pytest.mark.long
 def test_readings_of_others_stay_readable(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "simulated.origin.json").unlink()
     assert read_origin(cell / "simulated.csv") is None

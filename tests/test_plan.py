@@ -52,6 +52,7 @@ def test_a_curved_facet_is_touched_at_its_own_nominal_point() -> None:
     assert flat.touches == curved.touches
 
 
+@pytest.mark.few(0)
 def test_contacts_agree_with_readings_of_an_independent_program(shared: Path) -> None:
     """Its machine is not nominal: contacts differ by its errors, some tenths of a millimetre, along the normals."""
     example = read_cell(shared / "contract" / "hu40t")

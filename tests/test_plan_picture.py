@@ -32,6 +32,7 @@ def lines(drawn: object) -> dict[str, np.ndarray]:
     return {line.get_label(): np.array(line.get_data_3d()).T for line in drawn.axes[0].lines}  # type: ignore[attr-defined]
 
 
+@pytest.mark.few(0)
 def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
     made = plan(read_cell(GOLDEN))
     found = lines(picture(made))[texts()("way.probe")]

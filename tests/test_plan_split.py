@@ -96,6 +96,7 @@ def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     assert "O7705.nc is an earlier program of this plan. It was left as it is: delete it" in whole.err
 
 
+@pytest.mark.few(0)
 def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resumed_run_too(tmp_path: Path) -> None:
     folder = tmp_path / "cell"
     shutil.copytree(GOLDEN / "cell", folder)

@@ -162,6 +162,7 @@ def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> No
     assert not found.untrusted
 
 
+@pytest.mark.long
 def test_a_chip_on_two_touches_is_a_note_and_on_three_a_reason_to_look(cell: Cell, readings: Readings) -> None:
     wrong = np.zeros(len(readings))
     wrong[[20, 90]] = 0.4

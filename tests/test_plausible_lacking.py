@@ -104,6 +104,7 @@ def test_a_column_that_gives_way_far_out_is_said(cell: Cell, readings: Readings)
     assert "gave way to the touch" in doubted(cell, pushed(cell, readings, -0.009 * toward**2 * over))
 
 
+@pytest.mark.long
 def test_a_scale_that_grows_during_the_run_is_said(cell: Cell, readings: Readings) -> None:
     x = readings.position[:, cell.machine.column("X")]
     assert "the scale of X had changed" in doubted(cell, along(cell, readings, "X", 6e-5 * x * np.linspace(0, 1, len(x))))

@@ -73,6 +73,7 @@ def test_late_touches_of_all_sizes_are_told_from_the_others(measured: Measured) 
     assert judge(cell, spoilt, result).suspicions[0].kind == "late_touches"
 
 
+@pytest.mark.long
 def test_a_dozen_touches_that_met_nothing_bend_no_parameter(measured: Measured) -> None:
     cell, world, readings = measured
     wrong = np.zeros(len(readings))
@@ -98,7 +99,7 @@ def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Mea
         assert judgement.suspicions[0].kind == "spindle_still"
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("runout", "stated", "verdict"), [(0.0, None, "doubtful"), (1e-3, None, "trustworthy"), (0.0, 1e-3, "trustworthy")]
 )
@@ -208,7 +209,7 @@ def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Confi
     assert any("backlashes of X, Y are alike" in reason for reason in judgement.reasons)
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("example", "axis", "sign", "size", "verdict", "named"),
     [

@@ -477,6 +477,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
             assert line.endswith(f"{low} … {high}")
 
 
+@pytest.mark.long
 def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page(facts: Facts, tmp_path: Path) -> None:
     from support.server import cell as with_nights
 

@@ -112,6 +112,7 @@ def test_table_6_1_as_an_independent_program_has_it() -> None:
     assert "434 touches" in made("6-1").compared
 
 
+@pytest.mark.long
 def test_table_4_6_as_an_independent_program_has_it() -> None:
     """Maxima hang on a single touch and on the stand-in table; means agree to 5 %, with the measured ones to 20 %."""
     reference = yaml.safe_load((REFERENCE / "table_4_6.yaml").read_text(encoding="utf-8"))
@@ -259,6 +260,7 @@ def test_strategies_s1_and_s2_have_the_thesis_numbers_of_touches() -> None:
     assert len(sets["S1"].indexations) == 23
 
 
+@pytest.mark.long
 def test_table_5_3_both_strategies_find_the_machine_again() -> None:
     for strategy in ("S1", "S2"):
         mean, spread = ours("5-3", f"{strategy} mean"), ours("5-3", f"{strategy} range of cycles")

@@ -58,6 +58,7 @@ def test_touches_without_contact_do_not_shift_where_the_segment_begins(interrupt
     assert "step[200,machine].x" in estimated(interrupted, "--segment-offset", "machine")["parameters"]
 
 
+@pytest.mark.few(0)
 def test_a_run_of_one_piece_has_no_offset(interrupted):
     text = (interrupted / "simulated.csv").read_text()
     (interrupted / "simulated.csv").write_text(

@@ -123,6 +123,7 @@ def test_sentences_are_told_in_inch(metric: str, inch: str) -> None:
     assert Units("inch").sentence(metric) == inch and Units().sentence(metric) == metric
 
 
+@pytest.mark.long
 def test_no_page_of_an_inch_shop_has_a_length_in_metric(folder: Path) -> None:
     app = create(Settings((folder,)))
     app.state.tango.units = Units("inch")
@@ -522,6 +523,7 @@ def test_a_cell_that_cannot_be_read_is_told_and_hides_no_other(tmp_path: Path) -
         assert site.get("/machine/bad").status_code == 200
 
 
+@pytest.mark.long
 def test_what_is_simulated_is_marked_on_every_page(tmp_path: Path) -> None:
     """Run, trend, nights, files, machines and alarms: no number of a simulated machine stands without its mark."""
     records = [{**night("HU40T-like", i, "changed" if i == 1 else "good"), "simulated": True} for i in range(3)]

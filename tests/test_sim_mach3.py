@@ -67,6 +67,7 @@ def test_positions_that_come_in_whole_thousandths_are_no_changed_work_offset(mad
     assert not ran.why and ran.flags(made) == [1] * len(made.touches)
 
 
+@pytest.mark.long
 def test_a_miss_and_an_early_contact_are_flagged(made: Plan) -> None:
     assert run(lines_of(made), made, World(facets={"4": -8.0})).flags(made)[-1] == 0
     assert run(lines_of(made), made, World(facets={"4": 7.0})).flags(made)[-1] == 2

@@ -144,6 +144,7 @@ def test_with_every_error_zero_any_chain_is_the_nominal_one(topology: str, seed:
     )
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 def test_the_table_frame_is_the_machine_frame_at_the_zero_pose_of_any_chain(topology: str, seed: int) -> None:
     machine = machine_of(topology, np.random.default_rng(seed))

@@ -118,7 +118,7 @@ print("Array API" in special.ndtr.__doc__)
 """
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoilt", "noted"),
     [("", False), ("del lean._Unwritten.__getitem__", True)],  # the second: a scipy that asks for more than it did

@@ -112,6 +112,7 @@ def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
     assert len(drawn) == 14 and line.startswith(MACHINE)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("verdict", "late", "open_alarms", "status"),
     [

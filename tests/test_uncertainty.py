@@ -291,6 +291,7 @@ def test_trials_that_the_chord_cannot_settle_are_solved_in_full(
     assert run.rescued == 4 and run.lost == 0
 
 
+@pytest.mark.long
 def test_any_number_of_workers_gives_the_same_trials(found: dict[str, Estimate]) -> None:
     s = study_of(found["S3"])
     backwards = trials.run(s, 2500, 7, mapper=lambda call, items: list(reversed([call(i) for i in reversed(list(items))])))

@@ -112,7 +112,7 @@ def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture
     assert "u of diff." in capsys.readouterr().out
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

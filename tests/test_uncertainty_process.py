@@ -53,6 +53,7 @@ def test_pooled_variances_are_those_of_hand_calculation() -> None:
     assert (float(np.sum(by_days**2)), dof) == (2.0 + 8.0, 2)
 
 
+@pytest.mark.long
 @given(st.integers(2, 5), st.integers(2, 5), st.integers(0, 1000))
 def test_pooling_by_cycles_forgets_what_every_day_does_alike_and_by_days_what_sets_days_apart(k: int, j: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -116,6 +117,7 @@ def test_a_touch_that_one_cycle_missed_is_left_out_of_all(cell: Cell, days: Read
 # Days and cycles
 
 
+@pytest.mark.long
 def test_change_through_the_day_is_seen_and_change_between_days_is_not_invented(analysed: Analysis) -> None:
     a = analysed
     assert a.repeated is not None
