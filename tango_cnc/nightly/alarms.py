@@ -100,7 +100,7 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
     """what is known, since when, prediction, test of the night, its best story → the alarm of the record."""
     alarm: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
     moved = np.zeros(len(k.followed.names))
-    if named is None or (named.remains < FAR and named.explained < 0.5 * tonight.statistic / tonight.scale):
+    if named is None or (named.remains < FAR and named.told < 0.5 * tonight.statistic / tonight.scale):
         if tonight.p_noise < tonight.p_machine:
             dof = max(tonight.noise[1], 1)
             size = float(np.sqrt(tonight.noise[0] / dof))
@@ -119,7 +119,10 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
         moved = h.directions @ named.size
         size, std, text = _said(k, before, named)
-        if named.remains < FAR and named.explained < MOSTLY * tonight.statistic / tonight.scale:
+        if (second := named.besides) is not None:
+            moved = moved + second.hypothesis.directions @ second.size
+            text = texts()("changed.besides", text=text, other=_said(k, before, second)[2])
+        if named.remains < FAR and named.told < MOSTLY * tonight.statistic / tonight.scale:
             text = texts()("changed.more", text=text)
         alarm["instead"] = others(k, parameter, named.instead)
     effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
@@ -214,7 +217,7 @@ def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
         return size, float(finite.max()) if len(finite) else 0.0, told
     size, std = float(named.size[0]), float(named.std[0])
     told = value(size, h.unit, std)
-    if h.cause in ("facet", "pretravel"):
+    if h.cause in ("facet", "pretravel", "scales"):
         name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
         return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
     return size, std, changed(h.parameter, told, before.words)
