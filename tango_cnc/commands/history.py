@@ -292,11 +292,9 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
 def decide(history: History, machine: str, alarm: str, action: str, owner: str, note: str, until: str | None) -> None:
     """What somebody decided about an alarm; it is kept with the nights.
 
-    accept: the machine is like this now, and that is good enough. The alarm is closed; later nights are compared with the
-    new state.
+    accept: the machine is like this now, and that is good enough. The alarm is closed.
 
-    acknowledge: somebody has it and looks into it. The alarm stays in the message of every morning,
-    with that name.
+    acknowledge: somebody has it and looks into it. The alarm stays in every morning's message, with that name.
 
     repaired: somebody put it right. The alarm is closed, and the next night measures everything.
 
