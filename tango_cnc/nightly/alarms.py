@@ -119,9 +119,8 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
         moved = h.directions @ named.size
         size, std, text = _said(k, before, named)
-        if (second := named.besides) is not None:
-            moved = moved + second.hypothesis.directions @ second.size
-            text = texts()("changed.besides", text=text, other=_said(k, before, second)[2])
+        if named.besides is not None:
+            text = texts()("changed.besides", text=text, other=_said(k, before, named.besides)[2])
         if named.remains < FAR and named.told < MOSTLY * tonight.statistic / tonight.scale:
             text = texts()("changed.more", text=text)
         alarm["instead"] = others(k, parameter, named.instead)
@@ -132,10 +131,19 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": f"{found.worst:.1f} µm", "since": before.date}
         effect, on_part, do = found.worst, texts()("part.pivot_since", **told), texts()("part.pivot_do", axis=axis)
         alarm["instead"] = [name, *(x for x in alarm["instead"] if x != name)]
+    if named is not None and named.besides is not None and cause == named.hypothesis.cause:
+        other = _effect_besides(k, before, named.besides)
+        effect, on_part, do = max(effect, other[0]), joined(" ", (on_part, other[1])), joined(" ", (do, other[2]))
     return alarm | {
         **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
         **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
     }
+
+
+def _effect_besides(k: Known, before: Since, second: Named) -> tuple[float, str, str]:
+    h = second.hypothesis
+    size = _said(k, before, second)[0]
+    return effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ second.size, before.date)
 
 
 def effect_of(
