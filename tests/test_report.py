@@ -524,3 +524,11 @@ def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(fa
             assert all(motion in rows[f.name]["note"] for motion in f.mixed)
     alone = [r for r in rows.values() if texts()("iso.alone") in r["note"]]
     assert {r["name"] for r in alone} >= {"C to B", "C to X"}
+
+
+def test_the_page_is_not_written_under_the_name_of_a_pdf(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="tango report --pdf"):
+        CliRunner().invoke(
+            tango, ["report", "-C", str(tmp_path), "-o", str(tmp_path / "x.pdf")], standalone_mode=False, catch_exceptions=False
+        )
+    assert not (tmp_path / "x.pdf").exists()
