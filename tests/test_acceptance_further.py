@@ -105,6 +105,7 @@ def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_do
         parameters(result, ["EX0Q"], sheet)
 
 
+@pytest.mark.long
 def test_a_scale_of_the_fit_is_at_20_degrees_and_marked_as_one_that_temperature_changes() -> None:
     _, result, sheet = next(machines(range(1)))
     warm = Thermal(Known(23.0, 0.5), Known(25.0, 0.5), USUAL, USUAL)

@@ -51,7 +51,7 @@ def box(part: str, air: float) -> Obstacle:
     return Obstacle("box", (-50.0, RADIUS[part] + air, low), (5.0, 200.0, high))
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("part", HELD)
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:

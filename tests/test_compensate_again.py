@@ -78,6 +78,7 @@ def test_it_asks_how_the_readings_were_made() -> None:
     assert not replaced.fit.change.any() and replaced.fit.rms_before.value == pytest.approx(proposal.fit.rms_after.value, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_proposal_that_makes_the_largest_errors_worse_says_so() -> None:
     proposal = propose(first("trunnion"), "haas", poses=100)
     assert "largest errors get worse" not in text(proposal) and "hardly any gain" not in text(proposal)

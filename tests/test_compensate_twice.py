@@ -140,6 +140,7 @@ def test_a_wrong_answer_decides_nothing(answers: dict[bool, Outcome]) -> None:
     assert asked_otherwise(answers[True], answers[False], tcp=True) is answers[True]
 
 
+@pytest.mark.long
 def test_with_it_on_the_verdict_stays_and_both_reasons_are_named(answers: dict[bool, Outcome]) -> None:
     asked = asked_otherwise(answers[False], answers[True], tcp=True)
     assert asked.verdict == answers[False].verdict

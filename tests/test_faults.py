@@ -153,6 +153,7 @@ def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path
     assert "15 min left" not in asked(place, "/") and "reported nothing for 60 min" in asked(place, "/machine/HU40T-like/run")
 
 
+@pytest.mark.long
 def test_a_night_that_stopped_has_no_green_sign_and_says_what_to_do_with_parts(tmp_path: Path) -> None:
     stopped = night("HU40T-like", 1, status="partial", touches=58, planned=84, why="the door was opened")
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0), stopped])
@@ -203,6 +204,7 @@ def test_parts_to_check_begin_with_the_earliest_open_fault_of_the_machine() -> N
     assert "Sat 24 Oct" in context(record | {"verdict": "changed"}, seen, None, texts())["suspect"]
 
 
+@pytest.mark.long
 def test_who_has_it_stands_right_below_the_answer_and_nobody_is_loud(tmp_path: Path) -> None:
     for owner, mark in ((None, '<dd class="loud">NOBODY'), ("Ann", "<dd>Call Ann")):
         records = [night("HU40T-like", 2, "changed", alarms=[step(2, 20.0, owner=owner)], owner=owner)]

@@ -32,6 +32,7 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links and devices of
 # 1. Modbus
 
 
+@pytest.mark.few(0)
 def test_two_runs_whose_numbers_agree_in_sixteen_bits_never_take_each_others_echo():
     """The same plan twice at one control; layout 2 could not tell these two apart."""
     for seed in range(8):
@@ -75,6 +76,7 @@ def test_a_file_of_the_cell_is_left_alone_by_whatever_name(cell, name):
     assert (cell / "artefact.yaml").read_bytes() == before
 
 
+@pytest.mark.few(5)
 @POSIX
 @pytest.mark.parametrize(
     ("url", "why"),
@@ -194,6 +196,7 @@ def test_a_disk_that_takes_nothing_from_any_write_on_leaves_a_run_to_be_resumed(
 # 7. A post named by path is code
 
 
+@pytest.mark.few(0)
 @POSIX
 @pytest.mark.untrusted
 def test_a_link_that_points_elsewhere_after_it_was_trusted_is_asked_about_again(cell):

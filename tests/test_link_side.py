@@ -447,6 +447,7 @@ def test_journals_are_listed_verified_and_salvaged(cell):
     assert (again.code, "never overwritten" in again.err) == (2, True)
 
 
+@pytest.mark.few(0)
 def test_a_line_that_was_taken_from_the_end_shows_beside_the_readings(cell):
     assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0
     file = cell / "readings.journal"

@@ -169,6 +169,7 @@ class Contradicts:
         return [self._spoils("?", line) for line in self._control.report()]
 
 
+@pytest.mark.few(0)
 def test_a_contact_that_is_none_when_it_is_asked_for_once_more_is_no_reading():
     """The same place with the other flag: the line has changed one of the two answers."""
     _, made, truth = scene(turning=False)

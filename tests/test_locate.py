@@ -86,6 +86,7 @@ def test_tables_are_found(draws: int) -> None:
     assert [seed for seed, off in enumerate(found, 2) if off is None or off > 0.1] == []
 
 
+@pytest.mark.long
 def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
     """On the three-axis example the touches of facets 3 and 7 alone tell Y: 7 mm wrong, either of them could be the one."""
     small = read_cell(Path(__file__).parent.parent / "examples" / "three_axis")
@@ -116,7 +117,7 @@ def test_it_takes_less_than_three_minutes() -> None:
     assert len(made().touches) == 9
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("example", "count"), every({"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items(), 2)
 )

@@ -121,6 +121,7 @@ def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
     assert asks_for_a_finger({"gate": "none"}) == {"gate": "none"}
 
 
+@pytest.mark.long
 def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     settings = cell.folder / "tango.yaml"
     settings.write_text(

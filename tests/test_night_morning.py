@@ -256,6 +256,7 @@ def test_an_alarm_stands_until_it_is_accepted_repaired_or_for_a_while_ignored(
         assert bool(standing(history, "M", day + 30, {}, "check")) == (stands or until is not None)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("then", "verdict", "measured"),
     [(3, "changed", True), (3, "doubtful", False), (2, "changed", True)],  # 2: that night itself was a full one

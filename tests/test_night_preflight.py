@@ -153,6 +153,7 @@ def test_a_night_on_a_simulated_control_says_so(cell: Path, simulated: bool) -> 
     )
 
 
+@pytest.mark.long
 def test_a_machine_that_stays_cold_is_not_measured(cell: Path, agent: Agent) -> None:
     agent.bed = 10.0
     short = Nightly(sensor="bed", temperature=(20.0, 24.0), warm_up_minutes=1e-6)
@@ -163,6 +164,7 @@ def test_a_machine_that_stays_cold_is_not_measured(cell: Path, agent: Agent) -> 
     assert control.runs == []
 
 
+@pytest.mark.long
 def test_a_dry_run_leaves_no_file(cell: Path) -> None:
     before = sorted(cell.rglob("*"))
     looked = Result("nightly", "-C", cell, "--dry-run", "--port", "socket://127.0.0.1:9")
@@ -191,6 +193,7 @@ class Answers(socketserver.BaseRequestHandler):
             pass
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("state", "passed", "said"),
     [("IDLE", True, "PROGRAM_STATUS IDLE"), ("RUNNING", False, "it says PROGRAM_STATUS RUNNING: a program is running")],

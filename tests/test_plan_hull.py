@@ -111,6 +111,7 @@ def test_what_is_written_again_needs_no_drawing(folder: Path, tmp_path: Path) ->
     assert sorted(read_artefact(tmp_path / "again.yaml").obstacles[0].points or ()) == sorted(box_points())
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [

@@ -40,6 +40,7 @@ def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
     np.testing.assert_allclose(ends, kinematics.tip(kinematics.chain(made.machine), np.array([t.contact for t in made.touches])))
 
 
+@pytest.mark.few(0)
 def test_travels_between_touches_are_told_from_those_to_where_axes_turn() -> None:
     found = lines(picture(plan(read_cell(GOLDEN))))
     count = {name: int(np.isnan(line[:, 0]).sum()) for name, line in found.items()}

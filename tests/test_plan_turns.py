@@ -139,7 +139,7 @@ def test_all_along_many_turns_the_probe_keeps_20_mm_from_everything(topology: st
         assert nearest(made) > clearance.MARGIN - FOUND
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("topology", every(TABLES + HEADS, 2, first=1))
 def test_the_ways_to_a_turn_and_from_it_are_free(topology: str) -> None:
     for made in random_plans(topology, 3, seed=2):

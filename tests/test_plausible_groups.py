@@ -136,6 +136,7 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
     assert {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
 
 
+@pytest.mark.long
 def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Readings) -> None:
     judgement = judged(cell, readings)
     said = "EXX1, EYY1, EZZ1 rest on the length of the scale bar as artefact.yaml states it: 200 mm ± 0.0005 mm"

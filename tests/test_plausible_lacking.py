@@ -51,6 +51,7 @@ def test_a_table_that_tilts_in_the_last_tenth_is_seen(cell: Cell, readings: Read
     assert found.verdict == "doubtful" and "the table, or what is on it, had moved or turned at touch 20" in " ".join(found.reasons)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [1.0, 0.3])
 def test_a_rotary_column_of_directions_that_contradicts_the_positions_is_said(cell: Cell, readings: Readings, share: float) -> None:
     direction = np.array(readings.direction)
@@ -127,6 +128,7 @@ def test_a_table_that_rings_after_a_turn_is_said(cell: Cell, readings: Readings)
     assert "right after a turn of A" in " ".join(found.reasons)
 
 
+@pytest.mark.long
 def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.6 * len(readings)
     x, y = (readings.position[:, cell.machine.column(a)] for a in "XY")
@@ -144,6 +146,7 @@ def test_of_a_compensation_that_is_switched_on_no_parameter_is_trusted(cell: Cel
     assert set(found.untrusted) >= {"EC0A", "EB0A", "EX0S"}
 
 
+@pytest.mark.long
 def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_in_doubt(root: Path) -> None:
     folder = root / "examples" / "hu40t"
     plain = read_cell(folder)

@@ -197,6 +197,7 @@ def test_a_tip_that_is_a_tenth_too_small_shows_on_the_balls(measured: Measured) 
     assert judgement.suspicions[0].kind == "tip_radius" and "radius of 3" in judgement.suspicions[0].text
 
 
+@pytest.mark.long
 def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Config) -> None:
     folder = pytestconfig.rootpath / "examples" / "fork_head"
     cell = read_cell(folder)
@@ -249,6 +250,7 @@ def test_late_or_early_one_way_and_backlash_cannot_be_told_apart_and_the_result_
     assert set(wrong) == set(named), "what is named is really wrong by many standard deviations"
 
 
+@pytest.mark.long
 def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_nothing_it_moves_is_trusted(
     pytestconfig: pytest.Config,
 ) -> None:
@@ -263,7 +265,7 @@ def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_no
     assert result.sigma < 2 * cell.machine.probe.repeatability, "the fit shows nothing of it"
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("stated", "trusted"), [(0.002, True), (0.05, False)])
 def test_backlash_beyond_what_a_calibrated_tip_can_make_is_trusted(measured: Measured, stated: float, trusted: bool) -> None:
     cell, world, _ = measured

@@ -133,7 +133,7 @@ def test_the_whole_catalogue_on_all_machines(root: Path) -> None:
     assert np.mean([1 <= c.rank <= 3 for _, c in rows]) >= 0.98
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("example", CELLS)
 def test_unspoilt_cells_are_trusted(example: str, root: Path) -> None:
     assert judged(*measured(root, example, 7)).verdict == "trustworthy"

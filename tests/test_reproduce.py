@@ -125,6 +125,7 @@ def test_table_4_6_as_an_independent_program_has_it() -> None:
         assert value == pytest.approx(printed, rel=0.2), subset
 
 
+@pytest.mark.long
 def test_with_the_disturbances_that_the_thesis_measured_most_of_its_residual_is_there() -> None:
     printed, quiet = column("4-6", "mean, 0.6 µm noise")["S4"]
     _, disturbed = column("4-6", "mean, with disturbances")["S4"]
@@ -270,6 +271,7 @@ def test_table_5_3_both_strategies_find_the_machine_again() -> None:
     assert min(wider) > 2  # without facets on top
 
 
+@pytest.mark.long
 def test_table_6_3_compensation_and_what_it_leaves() -> None:
     nominal, first, second = (ours("6-3", name) for name in made("6-3").columns)
     printed = {n: p for n, (p, _) in column("6-3", "compensated, I").items()}

@@ -59,6 +59,7 @@ def signed_in(app_folder: Path, users: Path, role: str = "operate") -> TestClien
     return client
 
 
+@pytest.mark.long
 def test_the_fleet_shows_every_machine_with_its_verdict(site: TestClient) -> None:
     text = site.get("/").text
     assert (

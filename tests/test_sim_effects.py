@@ -68,6 +68,7 @@ def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
     assert 0.0003 < np.abs(early(changed, plain)).max() < 0.06
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("cause", sorted(LEAST))
 @pytest.mark.parametrize("count", [1, 40, 200])
 def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> None:
@@ -79,6 +80,7 @@ def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> Non
     assert all(np.array_equal(whole.errors[name][:count], value) for name, value in part.errors.items())
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("cause", sorted(LEAST))
 def test_an_effect_is_decided_by_the_seed(cause: str) -> None:
     chosen = effects.checked(world(cause).effects)

@@ -265,6 +265,7 @@ def test_a_wrong_start_is_refused_in_one_sentence(arguments: list[str], complain
     assert said.out == ""
 
 
+@pytest.mark.long
 @given(st.lists(st.integers(1, 7), min_size=1, max_size=40))
 def test_a_tape_is_the_same_however_it_is_cut(pieces: list[int]) -> None:
     data = b"junk\n% TITLE\r\nO1\r\n\x00G0 X1.\r\n\nM30\n%after"

@@ -50,7 +50,7 @@ def study_of(e: Estimate, lines: tuple[Line, ...] = FULL) -> Study:
 # The gaps of many trials
 
 
-@pytest.mark.few(9)
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", sorted(examples()))
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-10), (np.float32, 3e-7)])
 def test_gaps_of_a_block_are_those_of_the_model(name: str, dtype: type, tolerance: float) -> None:

@@ -107,6 +107,7 @@ def test_incomplete_days_and_impossible_pools_are_refused(cell: Cell, days: Read
         analyse(cell.machine, cell.artefact, days, ("S3",), 3, NOISE, replace(QUICK, pool="none"))
 
 
+@pytest.mark.long
 def test_a_touch_that_one_cycle_missed_is_left_out_of_all(cell: Cell, days: Readings) -> None:
     status = list(days.status)
     status[5] = "miss"

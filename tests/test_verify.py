@@ -447,7 +447,7 @@ def test_verify_compares_the_subsets_side_by_side(folder: Path) -> None:
     assert found["S1"]["sd_um"] > 20 > 2 > found["S3"]["sd_um"]
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize(("limit", "status"), [("5", 0), ("1", 1)])
 def test_a_limit_that_is_exceeded_ends_with_status_1(folder: Path, limit: str, status: int) -> None:
     found = verify(folder, "--hold-out", "3", "--limit-um", limit, "--json", "-")
@@ -455,6 +455,7 @@ def test_a_limit_that_is_exceeded_ends_with_status_1(folder: Path, limit: str, s
     assert json.loads(found.stdout)["passed"] is (status == 0)
 
 
+@pytest.mark.long
 def test_before_and_after_over_the_volume(folder: Path) -> None:
     found = json.loads(verify(folder, "--volume", "--levels", "3", "--world", str(folder / "world.yaml"), "--json", "-").stdout)[
         "volume"
