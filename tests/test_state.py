@@ -236,6 +236,7 @@ def test_a_machine_quieter_than_the_first_idea_is_found_to_be_so(known: tuple[s.
     assert np.all(learned[points] < 0.3 * followed.wander[points])  # facets lie where they lay
 
 
+@pytest.mark.long
 def test_nights_to_come_are_as_far_from_learned_rates_as_learning_says(
     known: tuple[s.Frame, s.State], cell: Cell, truth: World
 ) -> None:
