@@ -28,7 +28,7 @@ check: .venv/test.stamp
 
 # Every module that the tests import, once, instead of in each worker.
 compiled: .venv/test.stamp
-	$(BIN)/python -m compileall -q tango_cnc sim_controller postprocessors
+	$(BIN)/python -m compileall -q -j 2 tango_cnc sim_controller postprocessors
 	-$(BIN)/python -m pytest --collect-only -m 'not campaign' >/dev/null
 
 campaign: .venv/test.stamp

@@ -3,9 +3,10 @@
     python benchmarks/mutants.py [--count 40] [--seed 7] [--part 1/4] [--minutes 3] [--area check] [--at FILE:LINE]
 
 Each mistake changes one operator, comparison or condition of a module in which a machine can be hit or a reading lost.
-The default tests run once with coverage, which says which tests reach which line. Then every mistake meets the tests that reach
-its line and, when none of them notices, the others of the test files that reach its module. One that no test notices is printed
-with its place: a test is missing there, or it changes nothing.
+The default tests run once with coverage, which says which tests reach which line, and with them all cases of those of which the
+default run has `few`. Then every mistake meets the tests that reach its line and, when none of them notices, the others of the
+test files that reach its module. One that no test notices is printed with its place: a test is missing there, or it changes
+nothing.
 The source is changed in a copy of the repository, never in the repository itself.
 
 What has been found is kept in build/mutants as long as no file changes: the same command goes on where it stopped (by Ctrl-C,
@@ -59,6 +60,7 @@ AREAS = {
         ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py", "contracts/test_posts.py"),
     ),
 }
+ASKED = "(few or not long) and not campaign"  # of what the default run has a few, all
 LONGEST = 60  # s for one test: what takes longer hangs, which somebody notices
 BUDGET = 30.0  # s of tests are asked about a mistake, the quick ones first; as many again when none of them notices
 OPERATORS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
@@ -190,7 +192,20 @@ def _run_once(copy: Path, settings: Path, times: Path, files: Sequence[str]) -> 
     database, unfinished = settings.with_suffix(".db"), times.with_suffix(".new")
     database.unlink(missing_ok=True)
     settings.write_text(f"[run]\ndynamic_context = test_function\nsource = tango_cnc,postprocessors\ndata_file = {database.name}\n")
-    command = [sys.executable, "-m", "coverage", "run", "--rcfile", str(settings), "-m", "pytest", "-q", f"--junitxml={unfinished}"]
+    command = [
+        sys.executable,
+        "-m",
+        "coverage",
+        "run",
+        "--rcfile",
+        str(settings),
+        "-m",
+        "pytest",
+        "-q",
+        "-m",
+        ASKED,
+        f"--junitxml={unfinished}",
+    ]
     done = subprocess.run([*command, *files], cwd=copy, env=_within(copy), capture_output=True, text=True, check=False)
     print(done.stdout.strip().splitlines()[-1] if done.stdout.strip() else done.stderr[-300:], flush=True)
     if done.returncode not in (0, 5):  # 5: all of them are long
@@ -209,7 +224,7 @@ def _fails(copy: Path, tests: list[str]) -> bool:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
         sys.dont_write_bytecode = True  # a mistake of the same length within the same second would be taken for the last one
         sys.path.insert(0, str(copy))
-        os._exit(int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "--timeout", str(LONGEST), *tests]) != 0))
+        os._exit(int(pytest.main(["-q", "-x", "-m", ASKED, "-p", "no:cacheprovider", "--timeout", str(LONGEST), *tests]) != 0))
     until = time.monotonic() + LONGEST + 3 * BUDGET
     while time.monotonic() < until:
         done, status = os.waitpid(child, os.WNOHANG)

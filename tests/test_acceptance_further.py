@@ -84,6 +84,7 @@ def test_features_of_ninety_parts_are_within_their_intervals_in_93_to_97_percent
     assert 0.93 <= within / stated <= 0.97
 
 
+@pytest.mark.long
 def test_parameters_lie_within_their_intervals() -> None:
     within = count = 0
     for world, result, sheet in machines(range(2)):
@@ -97,12 +98,14 @@ def test_parameters_lie_within_their_intervals() -> None:
     assert within >= 8
 
 
+@pytest.mark.long
 def test_a_parameter_that_the_fit_does_not_hold_is_refused_with_those_that_it_does() -> None:
     _, result, sheet = next(machines(range(1)))
     with pytest.raises(InputError, match=r"parameter EX0Q.*EY0C"):
         parameters(result, ["EX0Q"], sheet)
 
 
+@pytest.mark.long
 def test_a_scale_of_the_fit_is_at_20_degrees_and_marked_as_one_that_temperature_changes() -> None:
     _, result, sheet = next(machines(range(1)))
     warm = Thermal(Known(23.0, 0.5), Known(25.0, 0.5), USUAL, USUAL)
@@ -157,6 +160,7 @@ def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.C
     assert {f["verdict"] for f in data["figures"]} == {"not stated"}  # simulated readings
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("text", "words"),
     every(

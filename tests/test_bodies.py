@@ -71,6 +71,7 @@ def test_a_yoke_and_a_tool_setter_leave_all_touches_and_are_not_met() -> None:
     assert found.probe >= 0 and found.solids >= 0
 
 
+@pytest.mark.few(0)
 def test_what_is_far_away_changes_nothing() -> None:
     far = Obstacle("box", low=(5000.0, 5000.0, 0.0), high=(5100.0, 5100.0, 100.0), on="A")
     blind = plan(trunnion())

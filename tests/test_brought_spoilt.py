@@ -27,6 +27,7 @@ from tango_cnc.web.tls import checked
 ROOT = Path(__file__).parents[1]
 
 
+@pytest.mark.long
 def test_a_backup_that_cannot_be_restored_leaves_the_history_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, nights in {"history.db": 2, "backup.db": 1}.items():
         with opened(tmp_path / name) as history:

@@ -148,6 +148,7 @@ def test_lobing_needs_a_ball(cell: Cell) -> None:
         program("lobing", cell.machine, cell.artefact, replace(cell.strategy, indexations=tuple(plane[:2])))
 
 
+@pytest.mark.long
 def test_a_probe_with_three_lobes_has_a_form_of_twice_their_amplitude_and_a_round_one_none(cell: Cell) -> None:
     """Lobes are √(n_x² + n_y²) · amplitude · cos: whole at the equator, and 36 points see their peaks."""
     quiet = capability.probing(measured(cell, "probe", World()))
@@ -160,6 +161,7 @@ def test_a_probe_with_three_lobes_has_a_form_of_twice_their_amplitude_and_a_roun
     assert set(capability.changed(quiet, found).values()) == {"worse"}
 
 
+@pytest.mark.long
 def test_repeatability_alone_is_no_change_of_a_probe(cell: Cell) -> None:
     """In 97.5 of 100 tests the form stays below what is printed beside it; 12 tests, 24 forms."""
     noise = cell.machine.probe.repeatability
@@ -175,6 +177,7 @@ def test_a_probe_test_with_a_touch_missing_is_refused(cell: Cell) -> None:
         capability.probing(touches.rows(np.arange(len(touches) - 1)))
 
 
+@pytest.mark.long
 def test_the_surroundings_move_a_facet_with_the_air() -> None:
     """ISO 230-3: the range of one facet, and how much of it a thermometer explains."""
     rng = np.random.default_rng(2)
@@ -189,6 +192,7 @@ def test_the_surroundings_move_a_facet_with_the_air() -> None:
     assert still.etve < still.noise and still.temperature == 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_from_cell_to_budget_and_world_on_the_command_line(kind: Kind, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = examples()["hu40t"]

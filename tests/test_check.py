@@ -45,6 +45,7 @@ def checked(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
     return status, json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.few(0)
 def test_expected_standard_deviations_are_those_of_the_estimate(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     known = yaml.safe_load((cell / "tango.yaml").read_text(encoding="utf-8"))
     known.pop("controller")  # nothing is posted and read back: that is not what is asked here
@@ -64,6 +65,7 @@ def test_expected_standard_deviations_are_those_of_the_estimate(cell: Path, caps
     assert before["touches"] == sum(before["facets"].values()) == 393
 
 
+@pytest.mark.few(0)
 def test_condition_number_of_the_public_cell_is_the_published_one(shared: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, found = checked(capsys, "-C", shared / "contract" / "hu40t")
     assert found["condition_number"] == pytest.approx(1.7e4, rel=0.05)
@@ -82,6 +84,7 @@ def test_a_strategy_that_leaves_parameters_unseen_is_named_in_words(cell: Path, 
     assert "touched once only" in text
 
 
+@pytest.mark.few(0)
 def test_touches_that_a_straight_stylus_cannot_make_are_counted_and_listed_and_the_rest_is_without_them(
     shared: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,6 +144,7 @@ def test_what_cannot_be_seen_without_the_touches_that_are_left_out_is_named(cell
     assert "cannot be seen: EZt, EZZ1, EC0B cannot be separated from the positions of the facets" in said
 
 
+@pytest.mark.few(0)
 def test_what_plan_refuses_is_said_in_its_words_and_what_is_left_is_checked(
     short: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -169,6 +173,7 @@ def test_a_travel_that_is_exceeded_is_an_error_with_the_touch(cell: Path, capsys
     assert "touch" in error and "facet" in error and "-190" in error
 
 
+@pytest.mark.few(0)
 def test_predicted_time_is_the_sum_of_its_parts(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, found = checked(capsys, "-C", short)
     parts = found["predicted_time_s"]
@@ -219,6 +224,7 @@ def test_protected_moves_take_the_positioning_feed_of_the_post(short: Path, caps
     assert 1.5 * usual["retract and clear"] < slow["predicted_time_s"]["retract and clear"] < 2 * usual["retract and clear"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("controller", "words"),
     [
@@ -278,6 +284,7 @@ POST = replace(FANUC, retract=retract)
 """
 
 
+@pytest.mark.few(0)
 def test_a_turn_of_the_spindle_that_a_run_would_refuse_is_refused_here(short: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = short / "strategy.yaml"
     strategy = yaml.safe_load(file.read_text(encoding="utf-8"))
@@ -305,6 +312,7 @@ def test_the_whole_program_is_read_back(short: Path, capsys: pytest.CaptureFixtu
     assert f"the program ends before the retract move of touch {last}" in said.err and not said.out
 
 
+@pytest.mark.few(0)
 def test_numbers_that_are_words_need_no_quotes_and_terms_have_to_be_stated(short: Path) -> None:
     cell, unseen = short, 1  # four indexations do not tell everything, which is no refusal
     profile = (cell / "tango.yaml").read_text(encoding="utf-8")

@@ -51,6 +51,7 @@ def box(part: str, air: float) -> Obstacle:
     return Obstacle("box", (-50.0, RADIUS[part] + air, low), (5.0, 200.0, high))
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("part", HELD)
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
@@ -62,6 +63,7 @@ def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("part", HELD)
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
@@ -74,6 +76,7 @@ def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert (f"the {part} would hit ball b" in why) if beyond < 0 else not why
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("kind", ["obstacle 1", "ball b"])
 @pytest.mark.parametrize("end", [-5.0, 11.5])  # of the search; where a contact right behind the stand-off sends the probe
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])

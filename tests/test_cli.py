@@ -56,6 +56,7 @@ def test_misspelt_option_is_answered_with_the_nearest(cell: Path, capsys: pytest
     assert "--readings" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_exit_status_0_and_results_on_stdout(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     assert call("simulate", "-C", cell, "--json", "-") == 0
@@ -89,6 +90,7 @@ def test_exit_status_3_when_the_port_does_not_open(cell: Path, capsys: pytest.Ca
     assert not (cell / "readings.csv").exists()
 
 
+@pytest.mark.long
 def test_every_message_is_one_for_people_in_a_real_process(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tango_cnc", "check", "-C", str(tmp_path)], capture_output=True, text=True, check=False

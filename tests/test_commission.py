@@ -142,6 +142,7 @@ def test_a_dead_probe_beside_an_alarm_of_a_miss_is_found_first_or_right_after_it
     assert verdicts(what, "FAIL") == ["alive"]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_its_program_is_read_back(name: str) -> None:
     made, options = air(), profile(name, {})
@@ -173,6 +174,7 @@ def restated(case: Case, number: float, machine: Machine) -> Machine:
     return case.restated(machine, number)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "belief"), CASES)
 def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_it(name: str, belief: str) -> None:
     case = cases(name)[belief]

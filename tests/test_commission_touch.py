@@ -63,6 +63,7 @@ def verdicts(example: str = "hu40t", truly: Machine | None = None, **panel: Any)
     return {j.experiment.belief: j.verdict for j in commission.judge(seen) if j.experiment.touches}
 
 
+@pytest.mark.long
 def test_a_machine_on_which_all_is_right_passes() -> None:
     assert len(slow().touches) <= 10
     found = verdicts()
@@ -73,6 +74,7 @@ def test_a_machine_on_which_all_is_right_passes() -> None:
 LONG = [pytest.param(name, marks=pytest.mark.long) for name in ("trunnion", "split", "fork_head")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", ["hu40t", *LONG])
 def test_a_point_that_is_wrong_is_found_axis_by_axis(example: str) -> None:
     machine = slow(example).machine
@@ -86,6 +88,7 @@ def test_a_point_that_is_wrong_is_found_axis_by_axis(example: str) -> None:
         assert found["latched"].verdict == "PASS"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in sorted(EVERY)])
 def test_positions_after_the_stop_are_found(name: str) -> None:
     found = verdicts(name=name, latches=False)

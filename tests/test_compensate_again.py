@@ -66,6 +66,7 @@ def test_with_tcp_on_what_is_measured_is_added(tmp_path: Path) -> None:
     assert left[1] < left[0] + 0.3 and two.fit.rms_after.low < left[1] < two.fit.rms_after.high
 
 
+@pytest.mark.long
 def test_it_asks_how_the_readings_were_made() -> None:
     place = "setting 255 (MRZP X)"
     proposal = propose(first("trunnion"), "haas", poses=100)
@@ -77,6 +78,7 @@ def test_it_asks_how_the_readings_were_made() -> None:
     assert not replaced.fit.change.any() and replaced.fit.rms_before.value == pytest.approx(proposal.fit.rms_after.value, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_proposal_that_makes_the_largest_errors_worse_says_so() -> None:
     proposal = propose(first("trunnion"), "haas", poses=100)
     assert "largest errors get worse" not in text(proposal) and "hardly any gain" not in text(proposal)

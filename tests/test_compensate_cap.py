@@ -31,6 +31,7 @@ def test_a_coefficient_is_multiplied_by_its_own_axis(name: str, most: float) -> 
     assert reach(name) == pytest.approx(most, rel=0.1)
 
 
+@pytest.mark.long
 def test_a_gain_of_x_counts_over_the_way_of_x() -> None:
     proposal = proposed("trunnion", "iso230")
     change = next(abs(float(c)) for h, c in zip(proposal.held, proposal.fit.change, strict=True) if h.place == "EXX1")

@@ -33,6 +33,7 @@ def test_every_target_has_a_simulated_control() -> None:
     assert set(simulated()) == set(targets.names())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "target"), [("trunnion", "linuxcnc"), ("three_axis_calibrated", "siemens")])
 def test_what_it_can_hold_is_gone(name: str, target: str, tmp_path: Path) -> None:
     whole(name, target, tmp_path)
@@ -54,6 +55,7 @@ def test_what_each_target_can_hold_is_gone_on_every_machine(target: str, tmp_pat
     assert done
 
 
+@pytest.mark.long
 def test_what_it_cannot_hold_is_said() -> None:
     """A COMP_FILE is a function of its own joint: squareness and reversal of another axis are beyond it."""
     words = {s.name: s.word for s in propose(first("three_axis_calibrated"), "linuxcnc", ["kinematics=trivkins"]).fit.shares}

@@ -50,6 +50,7 @@ def test_it_writes_files_undo_steps_and_a_record(cell: Path, tmp_path: Path) -> 
     assert [e["event"] for e in loop.history(mill)] == ["proposed"]
 
 
+@pytest.mark.long
 def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     part, out = tmp_path / "part.ngc", tmp_path / "out.ngc"
@@ -80,6 +81,7 @@ def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> N
     assert not (mill / "compensations").exists()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -107,6 +109,7 @@ def test_simulated_readings_are_refused_before_anything_is_proposed(cell: Path) 
     assert not done.output.strip() and not (cell / "compensations").exists()
 
 
+@pytest.mark.long
 def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     assert run("compensate", "-C", mill, "--target", "siemens", "--simulated").exit_code == 0
@@ -156,6 +159,7 @@ def test_numbers_of_a_person_are_taken_with_a_note_and_another_file_is_named(cel
     assert "nobody knows whether" in run("compensate", "-C", cell, "--target", "siemens", "--present", own, "--dry-run").output
 
 
+@pytest.mark.long
 def test_a_history_that_cannot_be_written_gets_the_event_later(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     (mill / "nightly.yaml").write_text("nightly: 1\nhistory: away/history.db\n")

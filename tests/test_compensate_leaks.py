@@ -14,6 +14,7 @@ from tango_cnc.compensate.targets import Request
 NOTHING = 0.3  # µm in a table, of an error of 10 µm rms that the target does not hold
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["trunnion", "hu40t", "fork_head"])
 def test_a_target_writes_nothing_for_what_it_cannot_hold(name: str) -> None:
     result = first(name)

@@ -92,6 +92,7 @@ def fitting(name: str) -> list[str]:
     return result
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scatters", every([1.5, 2.5, 4.0, 8.0], 4, first=1))
 def test_one_direction_that_stays_is_not_drawn_to_zero(scatters: float) -> None:
     """An error of some scatters that a control leaves: however it was measured, more than promised is left once in forty times."""

@@ -150,6 +150,7 @@ def test_a_thousand_spoilt_tables_are_refused(tmp_path: Path) -> None:
     assert swallowed > 200, "the slips are to be such that nobody but the check notices"
 
 
+@pytest.mark.long
 def test_ends_of_lines_may_differ(tmp_path: Path) -> None:
     kept = loop.store(tmp_path, proposed("trunnion", "linuxcnc"), "2026-01-01T00:00:00Z")
     file = kept.folder / "joint_0.comp"

@@ -118,6 +118,7 @@ def test_readings_that_another_answer_explains_are_named(second: tuple[loop.Kept
         assert not contradicted(kept, replace(again, values=knocked), held, tcp=tcp)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("tcp", every([False, True], 2))
 def test_what_is_left_is_one_number(
     second: tuple[loop.Kept, Estimate, list[Held]], answers: dict[bool, Outcome], tcp: bool
@@ -130,6 +131,7 @@ def test_what_is_left_is_one_number(
     assert [left.value, left.low, left.high] == pytest.approx([now.value, now.low, now.high], rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_wrong_answer_decides_nothing(answers: dict[bool, Outcome]) -> None:
     """What the kinematics hold is gone and is taken off once more: a share of more than all is no news of the control."""
     assert answers[True].verdict == "kept" and answers[False].verdict == "not as promised"
@@ -138,6 +140,7 @@ def test_a_wrong_answer_decides_nothing(answers: dict[bool, Outcome]) -> None:
     assert asked_otherwise(answers[True], answers[False], tcp=True) is answers[True]
 
 
+@pytest.mark.long
 def test_with_it_on_the_verdict_stays_and_both_reasons_are_named(answers: dict[bool, Outcome]) -> None:
     asked = asked_otherwise(answers[False], answers[True], tcp=True)
     assert asked.verdict == answers[False].verdict
@@ -174,6 +177,7 @@ def test_only_evidence_against_it_is_no_help(
     assert judged(Figure(*before), Figure(*promised), Figure(*left), Figure(*share)) == word
 
 
+@pytest.mark.long
 def test_a_sign_trial_asks_for_no_sign_trial(cell: Path) -> None:
     proposal = proposed("trunnion", "siemens")
     assert SIGN_TRIAL in steps(proposal.request)

@@ -31,6 +31,7 @@ def test_the_three_zones_of_one_limit(value: float, verdict: str) -> None:
     assert decide("x", value, 2.0, ONE_SIDED).verdict == verdict
 
 
+@pytest.mark.long
 @given(st.floats(-30, 30), st.floats(0.01, 20))
 def test_better_measurement_never_turns_a_proof_into_its_opposite(value: float, u: float) -> None:
     wide, narrow = (decide("x", value, scale * u, Limits(-10, 10)).verdict for scale in (1.0, 0.5))

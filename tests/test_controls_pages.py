@@ -75,6 +75,7 @@ def stated(name: str) -> dict[str, object]:
     return found
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_the_example_of_a_page_is_accepted(name: str) -> None:
     given = stated(name)

@@ -105,6 +105,7 @@ def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any]
 # On the simulated control
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -123,6 +124,7 @@ def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, 
     assert_as_planned(ran.records(made), made, "heidenhain", CYCLE | options)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ends", ["pole", "centre"])
 def test_the_cycle_goes_nowhere_by_itself_before_it_probes(made: Plan, ends: str) -> None:
     """What it does besides probing and coming back are ways of nothing."""
@@ -133,6 +135,7 @@ def test_the_cycle_goes_nowhere_by_itself_before_it_probes(made: Plan, ends: str
             assert max(abs(after[name] - before[name]) for name in "XYZ") < 1e-3
 
 
+@pytest.mark.few(0)
 def test_the_readings_are_those_of_tch_probe_4() -> None:
     """On a machine with errors, to the last digit of a record or two."""
     whole = read_cell(EXAMPLE)
@@ -155,6 +158,7 @@ def test_a_facet_that_is_not_found_is_a_miss_without_a_second_touch(made: Plan) 
     assert len(measuring) == 5
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("program", ["pole", "centre"])
 @pytest.mark.parametrize("facets", [{}, {"1": 4.9, "top": 4.9}, {"1": -4.9, "top": -4.9}])
 def test_a_ball_one_radius_from_where_it_should_be_stops_without_meeting_anything(
@@ -245,6 +249,7 @@ def test_what_the_post_writes_passes(made: Plan) -> None:
         assert read_back(lines_of("heidenhain", made, **options), made, "heidenhain", **options)
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

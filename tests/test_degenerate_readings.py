@@ -39,6 +39,7 @@ def missed(rows: list[Row]) -> list[Row]:
     return [row | {"status": "miss"} for row in rows]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("spoil", [one_place, one_facet, three, missed])
 def test_a_sentence_and_no_traceback(

@@ -89,6 +89,7 @@ def test_the_relaxed_design_of_a_parabola_is_that_of_the_textbooks() -> None:
     assert found.bound <= best and efficiency(Criterion("D"), best, found.bound, 3) > 0.99
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
 def test_no_plan_there_is_gets_below_the_bound_and_the_chosen_one_is_near_the_best(criterion: Criterion) -> None:
     # Four indexations of three touches: all plans of the same time are looked at.
@@ -108,6 +109,7 @@ def test_no_plan_there_is_gets_below_the_bound_and_the_chosen_one_is_near_the_be
     assert efficiency(criterion, value(criterion, information(rows[chosen])), best, P) > 0.9
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("criterion", [*CRITERIA, Criterion("worst", None, SPREAD[:4])], ids=lambda c: c.name)
 def test_no_choice_of_touches_at_the_visits_of_a_plan_gets_below_its_bound(criterion: Criterion, seed: int) -> None:
@@ -164,6 +166,7 @@ def test_after_exchanges_by_the_worst_no_swap_makes_the_worst_better() -> None:
         assert value(many, information(TOUCHES[other])) > after * (1 - 1e-3)
 
 
+@pytest.mark.long
 def test_rows_of_an_order_are_those_of_its_plan_where_backlash_of_rotary_axes_is_concerned() -> None:
     cell = read_cell(Path(__file__).parents[1] / "examples" / "trunnion")
     choice = candidates(cell, ("S3",), cell.strategy.approach)
@@ -305,6 +308,7 @@ def test_a_table_that_no_axis_reaches_is_refused_with_the_axis_and_what_it_lacks
     assert re.search(r"lacks least is beyond a travel: [XYZ] -?\d+\.\d+ mm, travel -", said) and "obstacles" in said
 
 
+@pytest.mark.long
 def test_a_check_of_a_cell_that_nobody_has_measured_says_what_comes_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,6 +49,7 @@ def test_a_walk_makes_every_turn_that_is_possible_in_a_possible_direction(seed: 
         assert not open_ways or open_ways & walked
 
 
+@pytest.mark.long
 def test_what_is_in_the_way_is_a_fault_of_one_turn_and_the_rest_of_the_plan_is_made() -> None:
     cell = trunnion(COLUMN)
     with pytest.raises(InputError, match=r"A -60 C 90 S 0\): the table would come within 5 mm of obstacle 1"):
@@ -67,6 +68,7 @@ def test_a_turn_past_a_column_is_closed_and_the_others_are_timed() -> None:
     assert not none and again[0, 1] != again[0, 1]  # looked at before: NaN
 
 
+@pytest.mark.long
 def test_a_time_for_fewer_touches_than_unknowns_is_refused_before_anything_is_searched(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

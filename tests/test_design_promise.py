@@ -77,6 +77,7 @@ def test_a_plan_that_loses_a_ball_is_worth_what_the_estimate_makes_of_it() -> No
     assert propose.std_of(ready, lost.information)["EXX1"][0] > 5 * propose.std_of(ready, kept.information)["EXX1"][0]
 
 
+@pytest.mark.long
 def test_touches_that_would_lose_a_ball_are_completed() -> None:
     _, ready = given("trunnion", "locations", 5)
     choice = ready.problem.choice
@@ -107,6 +108,7 @@ def test_seconds_that_are_left_over_go_into_touches_in_a_row() -> None:
     assert used_up(replace(own, problem=replace(ready.problem, seconds=own.seconds + 0.1)), again).rows is own.rows
 
 
+@pytest.mark.long
 def test_where_a_facet_proves_the_probe_one_is_touched_from_above() -> None:
     _, ready = given("trunnion", "locations", 5)
     problem = replace(ready.problem, gate="facet")

@@ -50,6 +50,7 @@ def two(bench: blind.Bench) -> Diagnosis:
     return told(bench, [DRIFT, LOBES])
 
 
+@pytest.mark.long
 def test_a_sound_machine_is_adequate_and_nothing_is_named(bench: blind.Bench) -> None:
     d = told(bench, [])
     assert (d.verdict, d.findings, d.unexplained) == ("adequate", (), ())
@@ -57,6 +58,7 @@ def test_a_sound_machine_is_adequate_and_nothing_is_named(bench: blind.Bench) ->
     assert d.noise == pytest.approx(blind.NOISE, rel=0.15)
 
 
+@pytest.mark.long
 def test_two_hidden_causes_are_named_with_their_sizes(two: Diagnosis) -> None:
     assert two.verdict == "explained"
     found = {f.cause: f for f in two.findings}
@@ -71,6 +73,7 @@ def test_two_hidden_causes_are_named_with_their_sizes(two: Diagnosis) -> None:
         assert f.gain.heldout_after < f.gain.heldout_before
 
 
+@pytest.mark.long
 def test_before_any_cause_the_residuals_are_shown_to_depend_on_something(two: Diagnosis) -> None:
     assert two.tests[0].p_value < 1e-4 and two.tests[0].variance_share > 0.05
     covariates = {t.covariate for t in two.tests}
@@ -79,6 +82,7 @@ def test_before_any_cause_the_residuals_are_shown_to_depend_on_something(two: Di
     assert two.tests_after[0].p_value > 1e-4
 
 
+@pytest.mark.long
 def test_the_extended_model_is_a_list_of_terms_that_an_estimate_takes(bench: blind.Bench, two: Diagnosis) -> None:
     again = estimate(bench.cell.machine, bench.cell.artefact, readings(bench, [DRIFT, LOBES]), read_terms(two.terms_text, None))
     assert again.sigma == pytest.approx(two.after.sigma, rel=1e-3)
@@ -95,6 +99,7 @@ def test_the_effects_that_were_found_are_effects_of_the_simulated_machine(bench:
     assert d.verdict == "adequate"
 
 
+@pytest.mark.long
 def test_the_world_that_was_found_gives_the_same_touches(bench: blind.Bench, two: Diagnosis) -> None:
     found, missing = world(two)
     exact = simulate(bench.cell.machine, bench.cell.artefact, bench.cell.strategy, replace(found, noise=0.0))
@@ -104,6 +109,7 @@ def test_the_world_that_was_found_gives_the_same_touches(bench: blind.Bench, two
     assert np.sqrt(np.mean(apart**2)) == pytest.approx(np.sqrt(np.mean(two.after.residuals**2)), rel=0.05)
 
 
+@pytest.mark.long
 def test_the_answer_is_the_public_format_and_plain_words(two: Diagnosis) -> None:
     data = json.loads(json.dumps(as_json(two), allow_nan=False))
     assert data["format"] == "tango-diagnosis/1" and data["verdict"] == "explained"
@@ -140,6 +146,7 @@ def test_a_size_knows_what_its_time_constant_leaves_open(bench: blind.Bench) -> 
     assert drift.size.amplitude_std > 2 * np.linalg.norm(drift.size.std) / np.sqrt(3) > 0.0005
 
 
+@pytest.mark.long
 def test_the_unit_of_a_shape_parameter_does_not_change_what_is_known_of_a_size(two: Diagnosis) -> None:
     e = two.explanation
     count = sum(c.columns.shape[1] for c in e.chosen)
@@ -290,6 +297,7 @@ def test_what_the_model_reaches_is_not_in_the_space() -> None:
     assert np.trace(place.kernels[0]) == pytest.approx(44)
 
 
+@pytest.mark.long
 def test_quicker_ways_to_a_likelihood_lead_to_the_same(two: Diagnosis) -> None:
     e = two.explanation
     first, second = e.chosen[0].columns, e.chosen[1].columns
@@ -309,24 +317,29 @@ def cell(tmp_path_factory: pytest.TempPathFactory, bench: blind.Bench) -> Path:
     return folder
 
 
-@pytest.mark.long
-def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> None:
+@pytest.fixture(scope="module")
+def answered(cell: Path) -> Path:
+    """→ the cell with all that the command writes: page, JSON and world, of one diagnosis."""
     pytest.importorskip("matplotlib")
-    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), "--html", str(cell / "d.html"), "--json", str(cell / "d.json")])
+    files = ["--html", cell / "d.html", "--json", cell / "d.json", "--world", cell / "found.yaml"]
+    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), *map(str, files)])
     assert run.exit_code == 0, run.output
-    assert json.loads((cell / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
-    page = (cell / "d.html").read_text()
+    return cell
+
+
+@pytest.mark.long
+def test_the_command_writes_json_words_and_a_page_with_pictures(answered: Path) -> None:
+    assert json.loads((answered / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
+    page = (answered / "d.html").read_text()
     assert page.count("data:image/png;base64,") == 4 and "warms up" in page
 
 
 @pytest.mark.long
-def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(cell: Path) -> None:
-    target = cell / "found.yaml"
-    arguments = ["diagnose", "-C", str(cell), "--world", str(target)]
-    assert CliRunner().invoke(tango, arguments).exit_code == 0
-    again = ["simulate", "-C", str(cell), "--world", str(target), "-o", str(cell / "again.csv")]
+def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(answered: Path) -> None:
+    target = answered / "found.yaml"
+    again = ["simulate", "-C", str(answered), "--world", str(target), "-o", str(answered / "again.csv")]
     assert CliRunner().invoke(tango, again).exit_code == 0
-    refused = CliRunner().invoke(tango, arguments)
+    refused = CliRunner().invoke(tango, ["diagnose", "-C", str(answered), "--world", str(target)])
     assert refused.exit_code != 0 and "which exists" in str(refused.exception)
 
 

@@ -32,6 +32,7 @@ def drawn(kind: str, rng: np.random.Generator, members: dict[str, np.ndarray]) -
     return np.where(loud[member], 3.0, 1.0) * white
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["white", "heavy", "facet", "direction", "indexation", "time"])
 def test_what_the_scatter_depends_on_is_told_and_nothing_else(kind: str) -> None:
     told = []

@@ -33,6 +33,7 @@ def written(file: Path, **columns: Any) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_enso_has_two_periods_beside_the_year(published: Path) -> None:
     found = diagnose_table(published / "enso.csv", ["pressure"], [], ["month:time"])["findings"]
     periods = sorted(f["detail"]["period"] for f in found if f["cause"] == "periodic")
@@ -49,11 +50,13 @@ def test_lew_hides_a_sine(published: Path) -> None:
     assert found[0]["amplitude"] == pytest.approx(361.8, rel=0.05)
 
 
+@pytest.mark.long
 def test_random_numbers_hide_nothing(published: Path) -> None:
     data = diagnose_table(published / "randn.csv", ["value"], [], ["order"])
     assert data["verdict"] == "adequate" and not data["findings"]
 
 
+@pytest.mark.long
 def test_a_series_that_wanders_hides_no_pattern(tmp_path: Path) -> None:
     """At most 3 false names in 12: a search that keeps to 5 % gives more once in 450 tries."""
     named = 0

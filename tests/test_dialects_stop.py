@@ -29,6 +29,7 @@ def test_a_probe_that_is_deflected_at_the_start_ends_it_before_anything_comes_do
     assert min(heights, default=999.0) > max(touch.over[2] for touch in made.touches)
 
 
+@pytest.mark.few(6)
 @every_dialect
 def test_contact_on_the_way_ends_it_with_a_text(made: Plan, name: str) -> None:
     """The top is 40 mm higher than everybody thinks, so the stylus meets it between the first touch and the second."""
@@ -36,6 +37,7 @@ def test_contact_on_the_way_ends_it_with_a_text(made: Plan, name: str) -> None:
     assert touched == ["ok"] and len(text) > 10
 
 
+@pytest.mark.few(5)
 @every_dialect
 def test_contact_on_the_way_back_ends_it_with_a_text_and_the_touch_on_record(
     made: Plan, name: str, monkeypatch: pytest.MonkeyPatch
@@ -63,11 +65,13 @@ def test_contact_on_the_way_back_ends_it_with_a_text_and_the_touch_on_record(
     assert not unguarded or name == "linuxcnc"  # which guards a plain move itself
 
 
+@pytest.mark.few(2)
 @every_dialect
 def test_a_miss_and_an_early_contact_are_on_record_as_such(made: Plan, name: str) -> None:
     assert ran(made, name, World(facets={"3": 7.0, "4": -8.0}))[0] == ["ok"] * 4 + ["early", "miss"]
 
 
+@pytest.mark.few(5)
 @every_dialect
 def test_a_probe_that_never_answers_ends_it_at_the_third_touch(made: Plan, name: str) -> None:
     away = {key: replace(facet, point=(0.0, 0.0, -500.0), ball=None) for key, facet in made.artefact.facets.items()}

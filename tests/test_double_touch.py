@@ -206,6 +206,7 @@ WRONG = {
 }
 
 
+@pytest.mark.few(0)
 @quick_and_long
 def test_what_the_posts_write_passes_and_what_is_missing_is_refused(name: str, golden: Plan) -> None:
     post = load(name)
@@ -307,6 +308,7 @@ def test_what_it_cannot_be_is_refused(folder: Path, find: str, said: str) -> Non
         read_cell(folder)
 
 
+@pytest.mark.few(0)
 def test_check_tells_the_time_by_part_and_what_is_saved(folder: Path) -> None:
     told = Result("check", "-C", folder).out
     assert re.search(r"find and back \d+ s, probe \d+ s", told), told
@@ -340,6 +342,7 @@ def test_the_driver_of_grbl_takes_no_reading_from_finding(golden: Plan) -> None:
     assert ran(golden, "grbl", World(facets={"4": -8.0}))[0] == ["ok"] * 5 + ["miss"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("protocol", ["modbus", "grbl"])
 @pytest.mark.parametrize("kind", ["find", "near", "probe"])
 def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -> None:

@@ -86,6 +86,7 @@ def truth_of(world: World, artefact: Artefact) -> dict[str, float]:
     return {**world.errors, **world.stylus, **offsets}
 
 
+@pytest.mark.long
 def test_polynomials_to_degree_six_still_come_back(hu40t):
     """Powers of 700 mm to the sixth: the columns are scaled, so that only the shape of a power counts, not its size."""
     rng = np.random.default_rng(6)
@@ -115,6 +116,7 @@ def thesis_readings(shared: Path, hu40t: Cell, seed: int = 1) -> Readings:
     return simulate(hu40t.machine, hu40t.artefact, strategy, world)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("subset", "mean"), [("S1", 25.8), ("S2", 25.7), ("S3", 2.4)])
 def test_unexplained_distances_of_the_thesis_machine(shared, hu40t, subset, mean):
     """Table 4-4 made true, Table 4-2 touched with 0.6 µm: Table 4-6 within a tenth of what an independent program gets."""
@@ -239,6 +241,7 @@ def test_a_ball_touched_from_one_side_only_is_a_facet_of_its_own(hu40t):
     assert max(abs(result.value(n) - world.errors[n]) for n in ("EX0C", "EX0S", "EC0Y", "EA0B")) < 1e-9
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(12))
 def test_whatever_part_of_the_readings_is_left_there_is_an_answer_or_a_sentence(hu40t, seed):
     rng = np.random.default_rng(seed)
@@ -288,6 +291,7 @@ def round_artefact(cell: Cell, kind: str, inside: bool) -> Artefact:
     return replace(cell.artefact, facets=facets)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("inside", [False, True], ids=["outside", "inside"])
 @pytest.mark.parametrize("kind", ["cylinder", "sphere"])
 def test_curved_facets_touched_beside_their_point_are_no_form_error(hu40t, kind, inside):
@@ -317,6 +321,7 @@ def test_a_ball_on_the_centre_of_a_round_facet_has_the_gradient_of_the_touch_tha
     assert value[touches.curved.rows] == pytest.approx(-touches.curved.radius - touches.radius[touches.curved.rows])
 
 
+@pytest.mark.long
 def test_a_hundred_times_nearer_than_finite_differences(hu40t):
     """The same residual, scaled alike, given to scipy with its own derivatives; the reference is iterated by singular values."""
     world = replace(read_world(EXAMPLES / "hu40t" / "world.yaml"), noise=0.0006)

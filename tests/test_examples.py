@@ -42,6 +42,7 @@ some_now_all_in_long = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.long
 @some_now_all_in_long
 def test_check_counts_every_touch_and_names_what_cannot_be_seen(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, found = result(capsys, "check", "-C", cell)
@@ -58,6 +59,7 @@ def test_plan_writes_a_program(cell: Path, capsys: pytest.CaptureFixture[str]) -
     assert len((cell / "program" / "plan.csv").read_text(encoding="utf-8").splitlines()) == found["touches"] + 1
 
 
+@pytest.mark.few(1)
 @some_now_all_in_long
 def test_estimate_finds_the_true_machine(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, _ = result(capsys, "simulate", "-C", cell)

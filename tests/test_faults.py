@@ -60,6 +60,7 @@ def test_of_a_stylus_that_moved_twice_the_newest_is_told_first() -> None:
     assert one["text"].index("Z −16 µm") < one["text"].index("Before that: The tip") < one["text"].index("Z +15 µm")
 
 
+@pytest.mark.long
 def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page(tmp_path: Path) -> None:
     """3.6 and 3.9 µm by alarm, 11.2 µm in all: what stands now counts, and nobody enters a location that is wrong tomorrow."""
     limit = {"what": "volume", "value": 66.0, "low": 65.0, "high": 67.0, "limit": 60.0, "unit": "µm", "passed": False}
@@ -136,6 +137,7 @@ def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
     assert "NOBODY" in found["who"]
 
 
+@pytest.mark.long
 def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])
     run = Recorded(place, 393)
@@ -151,6 +153,7 @@ def test_a_machine_that_is_being_measured_says_neither_yes_nor_no(tmp_path: Path
     assert "15 min left" not in asked(place, "/") and "reported nothing for 60 min" in asked(place, "/machine/HU40T-like/run")
 
 
+@pytest.mark.long
 def test_a_night_that_stopped_has_no_green_sign_and_says_what_to_do_with_parts(tmp_path: Path) -> None:
     stopped = night("HU40T-like", 1, status="partial", touches=58, planned=84, why="the door was opened")
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0), stopped])
@@ -201,6 +204,7 @@ def test_parts_to_check_begin_with_the_earliest_open_fault_of_the_machine() -> N
     assert "Sat 24 Oct" in context(record | {"verdict": "changed"}, seen, None, texts())["suspect"]
 
 
+@pytest.mark.long
 def test_who_has_it_stands_right_below_the_answer_and_nobody_is_loud(tmp_path: Path) -> None:
     for owner, mark in ((None, '<dd class="loud">NOBODY'), ("Ann", "<dd>Call Ann")):
         records = [night("HU40T-like", 2, "changed", alarms=[step(2, 20.0, owner=owner)], owner=owner)]

@@ -169,6 +169,7 @@ BAD_CELLS = {
 }  # fmt: skip
 
 
+@pytest.mark.few(19)
 @pytest.mark.parametrize("case", BAD_CELLS)
 def test_bad_cell_is_refused_in_words_and_nothing_is_written(case: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name, old, new, line, key, words = BAD_CELLS[case]
@@ -444,6 +445,7 @@ def same(a: object, b: object) -> bool:
     return a == b
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(cells())
 def test_cell_round_trip(tmp_path_factory: pytest.TempPathFactory, cell: tuple[Machine, Artefact, Strategy]) -> None:
@@ -474,6 +476,7 @@ worlds = st.builds(
 )
 
 
+@pytest.mark.long
 @given(worlds)
 def test_world_round_trip(tmp_path_factory: pytest.TempPathFactory, world: World) -> None:
     file = tmp_path_factory.getbasetemp() / "world.yaml"
@@ -509,6 +512,7 @@ def measured(draw: st.DrawFn) -> tuple[Machine, Artefact, Readings]:
     )
 
 
+@pytest.mark.long
 @settings(max_examples=30)
 @given(measured(), st.sampled_from([6, None]))
 def test_readings_round_trip(
@@ -528,6 +532,7 @@ def test_readings_round_trip(
             assert one == other
 
 
+@pytest.mark.long
 @given(st.sampled_from(sorted(CELL)), st.integers(0, 400), st.text(st.characters(exclude_categories=["Cs"]), max_size=6))
 def test_whatever_is_typed_into_a_file_it_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, name: str, at: int, typed: str

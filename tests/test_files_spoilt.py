@@ -51,6 +51,7 @@ MANY = int(os.environ.get("TANGO_MUTANTS", "100000"))
 FIRST = int(os.environ.get("TANGO_SEED") or "1000000")
 
 
+@pytest.mark.few(5)
 @pytest.mark.untrusted
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", FEW_OF)

@@ -95,6 +95,7 @@ def test_the_slow_move_is_one_for_a_person() -> None:
     assert up.start == (golden().touches[0].enter or golden().touches[0].over)
 
 
+@pytest.mark.few(0)
 @settings(max_examples=20)
 @given(st.floats(-1, 60))
 def test_it_goes_where_there_is_room(room: float) -> None:
@@ -120,6 +121,7 @@ def bent(found: Ran) -> float:
     return max((data["depth"] for event, data in found.events if event == "bent"), default=0.0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_facet_from_above_proves_the_probe_where_nobody_is_there(name: str) -> None:
     made = golden()

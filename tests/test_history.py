@@ -72,6 +72,7 @@ SPOILT = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("what", SPOILT)
 def test_who_removes_the_triggers_and_changes_something_is_found(tmp_path: Path, what: str) -> None:
     file = tmp_path / "history.db"

@@ -58,6 +58,7 @@ def nights(
     return np.asarray(true)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("follows", "size", "cause"),
     [
@@ -75,6 +76,7 @@ def test_what_a_parameter_follows_is_named_with_its_size(tmp_path: Path, follows
     assert abs(found.size - size) < 4 * found.std < 2 * size
 
 
+@pytest.mark.long
 def test_a_machine_that_only_wanders_follows_nothing(tmp_path: Path) -> None:
     for seed in range(6):
         (tmp_path / str(seed)).mkdir()
@@ -83,6 +85,7 @@ def test_a_machine_that_only_wanders_follows_nothing(tmp_path: Path) -> None:
             assert looked_back(history, "M") == (), f"seed {seed}"
 
 
+@pytest.mark.long
 def test_the_past_is_known_better_today_and_nothing_is_carried_back_over_a_knock(tmp_path: Path) -> None:
     true = nights(tmp_path, 240, 4)
     with opened(tmp_path / "history.db") as history:

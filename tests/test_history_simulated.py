@@ -37,6 +37,7 @@ def newest(cell: Path) -> Night:
         return history.nights("trunnion", last=1)[0]
 
 
+@pytest.mark.long
 def test_nights_of_a_machine_without_a_b_axis_are_measured_and_know_its_limits(cell: Path) -> None:
     with opened(cell / "history.db") as history:
         records = history.records("trunnion")

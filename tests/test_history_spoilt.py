@@ -44,6 +44,7 @@ def read(history: History) -> None:
         history.night(night.entry)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_changed_night_is_refused_and_named_by_verify(what: str, tmp_path: Path) -> None:
     change, said = CHANGES[what]
@@ -56,6 +57,7 @@ def test_a_changed_night_is_refused_and_named_by_verify(what: str, tmp_path: Pat
             assert "tango history restore" in str(error)
 
 
+@pytest.mark.long
 def test_readings_that_unpack_to_gigabytes_are_not_unpacked(tmp_path: Path) -> None:
     packed = zlib.compress(bytes(100 << 20))
     with (

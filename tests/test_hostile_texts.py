@@ -53,6 +53,7 @@ def code(name: str, made: Plan) -> list[str]:
     return [re.sub(r"\([A-Z0-9 .+-]*\)|;[A-Z0-9 .+-]*$", "", line) for line in text.split("\n")]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", names())
 @settings(max_examples=10, deadline=None)
 @given(machine=TEXTS, artefact=TEXTS, strategy=TEXTS, facet=TEXTS)
@@ -65,6 +66,7 @@ def plain(name: str) -> list[str]:
     return code(name, renamed("M", "A", "S", "top"))
 
 
+@pytest.mark.long
 @settings(max_examples=300, deadline=None)
 @given(text=TEXTS)
 def test_a_remark_is_capitals_digits_blanks_and_signs(text: str) -> None:

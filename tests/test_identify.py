@@ -68,6 +68,7 @@ def test_a_slope_and_the_squarenesses_it_mimics_are_told_with_signs(hu40t):
     )
 
 
+@pytest.mark.long
 def test_what_is_said_to_be_known_is_known(hu40t):
     """Moving along the named combination changes no touch; weights are in the units of the unknowns."""
     for combination in selected(hu40t, ["S3", "EYX1", "EYY0", "EZX0"]).unseen:
@@ -114,6 +115,7 @@ def test_touches_too_noisy_for_a_power_leave_it_out_and_say_by_how_much(hu40t):
     assert len(machine_names(selected(finer, ["S4"], 6))) > len(machine_names(selection))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("name", "degree"), [("hu40t", 4), ("hu40t", 6), ("huron", 6), ("trunnion", 5), ("fork_head", 6), ("split", 4)]
 )

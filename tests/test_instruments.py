@@ -27,6 +27,7 @@ def machine(example: str, seed: int) -> tuple[Truth, Estimate]:
     return machine_and_estimate(example, seed)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["laser-X", "circle-XY", "rotary-C"])
 def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str) -> None:
     truth, result = machine("hu40t", 5)
@@ -39,6 +40,7 @@ def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str)
         assert f.interval[0] - 1e-3 <= real[f.name] <= f.interval[1] + 1e-3, f.name
 
 
+@pytest.mark.long
 def test_a_large_error_of_location_is_predicted_with_its_size() -> None:
     """C stands 60 µm from where it should: an R-test goes round twice that."""
     truth, result = machine("hu40t", 5)
@@ -63,6 +65,7 @@ def file_of(truth: Truth, told: Predicted, file: Path, wrong: float = 0.0) -> Pa
     return file
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "wrong"),
     [

@@ -101,6 +101,7 @@ def direction_of(machine: Machine, errors: dict[str, float], axis: str) -> np.nd
     return way
 
 
+@pytest.mark.long
 @given(
     errors=st.dictionaries(
         st.sampled_from(["EB0Z", "EA0Y", "EC0Y", "EC0X", "EB0X", "EA0Z", "EXZ1", "EYX1", "ECZ0"]),
@@ -195,6 +196,7 @@ def test_a_two_lobed_spindle_of_1_um_runs_out_by_its_lobes() -> None:
     assert len(rest[0]) == POINTS
 
 
+@pytest.mark.long
 def test_figures_come_with_their_standard_deviation(hu40t: Machine) -> None:
     """By hand for one coefficient, and by drawing from the covariance for a figure of many."""
     rng = np.random.default_rng(3)
@@ -210,6 +212,7 @@ def test_figures_come_with_their_standard_deviation(hu40t: Machine) -> None:
         assert np.std([d[key] for d in drawn]) == pytest.approx(told[key].std, rel=0.25), key
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("size", [0, 1, 4, 20])
 def test_the_interval_of_a_range_holds_the_range_and_never_goes_below_zero(size: float) -> None:
     """A bent axis, from straight to 20 standard deviations: 95 of 100 intervals hold the true range."""
@@ -241,6 +244,7 @@ def test_figures_of_an_estimate_lie_about_those_of_the_true_machine() -> None:
     assert 0.3 < np.sqrt(np.mean(np.square(deviation))) < 1.8
 
 
+@pytest.mark.long
 def test_curves_are_the_figures_drawn() -> None:
     cell = read_cell(ROOT / "examples" / "hu40t")
     world = read_world(ROOT / "examples" / "hu40t" / "world.yaml")

@@ -40,6 +40,7 @@ def test_squareness_has_the_sign_that_it_has_on_the_part() -> None:
         assert interval[0] <= truth <= interval[1]
 
 
+@pytest.mark.long
 def test_tilts_that_no_plan_sees_with_one_stylus_are_withheld() -> None:
     found = rows("hu40t", 1)
     for name in ("EAY", "EBY", "ECY", "EBZ"):
@@ -105,6 +106,7 @@ def test_sizes_are_learned_from_the_touches_and_touches_are_not_counted_twice() 
     assert 2.0 < found[1] / found[0] < 4.0
 
 
+@pytest.mark.long
 def test_each_degree_of_a_tilt_has_a_size_of_its_own() -> None:
     """Every tilt is a line of ± 30 µrad. What the touches do not see may be as large in degree 1, and is small in degree 3."""
     truth = Truth(EXAMPLES / "hu40t", 7, size=0.0)
@@ -116,6 +118,7 @@ def test_each_degree_of_a_tilt_has_a_size_of_its_own() -> None:
         assert std[f"{name}.P1"] > 1.6 * std[f"{name}.P3"], name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", every(["three_axis", "huron"], 2))
 def test_where_nothing_is_decided_it_is_said_what_to_do(example: str, tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"

@@ -78,6 +78,7 @@ def test_degrees_fahrenheit_are_refused_and_said_in_celsius(tmp_path: Path) -> N
         read_thermal(file)
 
 
+@pytest.mark.long
 def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
     runner, cell = CliRunner(), tmp_path / "cell"
     assert runner.invoke(tango, ["init", str(cell)]).exit_code == 0

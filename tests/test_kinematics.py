@@ -78,6 +78,7 @@ def touches_near(machine: Machine, rng: np.random.Generator, count: int) -> Touc
     return replace(nominal, position=nominal.position + shake)
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 @settings(max_examples=60, deadline=None)
 def test_tip_of_any_chain_is_where_multiplied_transforms_put_it(topology, seed):
@@ -95,6 +96,7 @@ def test_tip_of_any_chain_is_where_multiplied_transforms_put_it(topology, seed):
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cell", EXAMPLES, ids=lambda folder: folder.name)
 def test_model_and_simulator_agree_over_ten_thousand_poses_and_errors(cell):
     machine, rng = read_cell(cell).machine, np.random.default_rng(1)
@@ -118,6 +120,7 @@ def one_facet() -> Artefact:
     return Artefact("one facet", {"1": Facet("1", (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))})
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 @settings(max_examples=20, deadline=None)
 def test_sensitivity_is_the_derivative_by_complex_step(topology, seed):
@@ -135,6 +138,7 @@ def test_sensitivity_is_the_derivative_by_complex_step(topology, seed):
         np.testing.assert_allclose(found[slot], expected, rtol=1e-8, atol=1e-9)
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 @settings(max_examples=12, deadline=None)
 def test_jacobian_of_every_unknown_is_the_derivative_by_complex_step(topology, seed):

@@ -156,6 +156,7 @@ def test_whoever_asks_for_them_gets_them_with_a_warning(folder: Path) -> None:
     assert "(10 TOUCHES OF" in text and "UNVERIFIED 3 TOUCHES ARE ON FACETS THAT FACE AWAY" in text and "LEFT OUT" not in text
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", names())
 def test_the_head_of_a_program_says_how_many_touches_are_left_out(name: str, folder: Path) -> None:
     made, post = plan(read_cell(folder)), load(name)
@@ -199,6 +200,7 @@ def test_no_touch_of_the_public_cell_is_beyond_what_a_straight_stylus_reaches(co
     assert (len(contract.touches), len(contract.left_out)) == (358, 35)
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICKEST else pytest.mark.long) for n in names()])
 def test_the_program_of_the_public_cell_is_read_back_in_every_dialect_whole_and_in_parts(name: str, contract: Plan) -> None:
     post = load(name)
@@ -208,6 +210,7 @@ def test_the_program_of_the_public_cell_is_read_back_in_every_dialect_whole_and_
         assert sum(len(program.plan.touches) for program in written) == 358
 
 
+@pytest.mark.few(0)
 def test_what_measures_the_probe_touches_facets_that_can_be_touched(folder: Path) -> None:
     """One facet is chosen for every direction that the strategy offers; in Z it offers only one that faces away."""
     result = Result("plan", "-C", folder, "--capability", "drift", "--post", "linuxcnc")

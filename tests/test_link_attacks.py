@@ -32,6 +32,7 @@ POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links and devices of
 # 1. Modbus
 
 
+@pytest.mark.few(0)
 def test_two_runs_whose_numbers_agree_in_sixteen_bits_never_take_each_others_echo():
     """The same plan twice at one control; layout 2 could not tell these two apart."""
     for seed in range(8):
@@ -75,6 +76,7 @@ def test_a_file_of_the_cell_is_left_alone_by_whatever_name(cell, name):
     assert (cell / "artefact.yaml").read_bytes() == before
 
 
+@pytest.mark.few(5)
 @POSIX
 @pytest.mark.parametrize(
     ("url", "why"),
@@ -194,6 +196,7 @@ def test_a_disk_that_takes_nothing_from_any_write_on_leaves_a_run_to_be_resumed(
 # 7. A post named by path is code
 
 
+@pytest.mark.few(0)
 @POSIX
 @pytest.mark.untrusted
 def test_a_link_that_points_elsewhere_after_it_was_trusted_is_asked_about_again(cell):
@@ -244,6 +247,7 @@ def test_a_password_in_the_address_of_a_sensor_is_refused_and_not_shown(tmp_path
     assert "geheim8" not in str(refused.value)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", ["password", "%70assword", "pass%77ord", "%70%61%73%73%77%6F%72%64", "passphrase", "p%61ssphrase"])
 def test_a_password_under_a_coded_name_is_shown_nowhere(cell, name, monkeypatch):
     monkeypatch.setenv("CELL_WORD", "geheim9")

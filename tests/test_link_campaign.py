@@ -36,6 +36,7 @@ def sessions(kind, seeds, tmp_path, monkeypatch):
     return resumed
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("kind", SESSIONS)
 def test_a_few_sessions_with_faults(kind, tmp_path, monkeypatch):
     assert sessions(kind, (1, 6) if kind == "modbus" else (1,), tmp_path, monkeypatch) > 0  # 6: the control runs the program

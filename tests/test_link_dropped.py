@@ -93,6 +93,7 @@ def words(cell, control):
     ]
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("shell", [False, pytest.param(True, marks=pytest.mark.long)], ids=["alone", "of a shell"])
 def test_a_terminal_that_is_closed_ends_the_run_as_ctrl_c_does(cell, tmp_path, shell):
     """The kernel sends SIGHUP and takes the screen away; nothing of the run is lost with it."""

@@ -43,6 +43,7 @@ def stated(cell, post):
     return program
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("post", ["haas", pytest.param("fanuc", marks=pytest.mark.long)])
 def test_a_control_that_prints_into_tcp_is_read_and_nothing_is_sent(cell, tmp_path, post):
     program = stated(cell, post)

@@ -89,6 +89,7 @@ def test_a_fault_of_the_line(cell, kind):
 SEVEN = "serial://{}?bits=7&parity=even&tv=even"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "url", "alarm"),
     [

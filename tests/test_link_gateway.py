@@ -32,6 +32,7 @@ def sessions(seeds, behind=gateway.Gateway, computer=gateway.Run, others=OTHERS)
     return happened
 
 
+@pytest.mark.few(0)
 def test_a_few_sessions_behind_a_gateway():
     assert sum(sessions(range(1, 5)).values()) > 20
 
@@ -57,6 +58,7 @@ def wired(monkeypatch, kind, seeds):
     return happened
 
 
+@pytest.mark.few(1)
 @linux
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_a_few_sessions_over_frames(monkeypatch, kind):

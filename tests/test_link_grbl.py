@@ -38,6 +38,7 @@ def control(cell):
     return lambda **options: switched_on(Motion(rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))), **options)
 
 
+@pytest.mark.few(0)
 def test_a_whole_run_over_tcp(cell):
     with controller(cell, "--protocol", "grbl", "--tcp", "127.0.0.1:0") as url:
         result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")
@@ -54,6 +55,7 @@ def test_a_whole_run_over_a_serial_line(cell):
     assert agree(cell)
 
 
+@pytest.mark.few(0)
 def test_a_run_that_an_alarm_stops_leaves_what_was_measured(cell):
     with controller(cell, "--protocol", "grbl", "--tcp", "127.0.0.1:0", "--fault", "alarm-after=4") as url:
         result = Result("run", "-C", cell, "--port", f"{url}?orient=m19", "--timeout", "20")

@@ -107,6 +107,7 @@ FIRMWARES = pytest.mark.parametrize("firmware", ["grblHAL", "FluidNC"])
 THOROUGH = pytest.mark.parametrize("every", [13, pytest.param(1, marks=pytest.mark.campaign)])
 
 
+@pytest.mark.few(1)
 @THOROUGH
 @FIRMWARES
 @pytest.mark.parametrize("modal", [0.0, 38.3])
@@ -120,6 +121,7 @@ def test_what_sets_asks_and_waits_moves_nothing_whatever_becomes_of_it(firmware,
             assert one._modal == modal or RESET in data, data
 
 
+@pytest.mark.few(1)
 @THOROUGH
 @FIRMWARES
 def test_what_was_set_wrongly_is_not_confirmed(firmware, every):

@@ -163,6 +163,7 @@ def absent_minded(device):
     return True
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("does", "why", "given"),
     [
@@ -326,6 +327,7 @@ def test_a_program_that_the_control_has_already_is_not_sent(tmp_path):
     assert "start the program there" in said[0].why
 
 
+@pytest.mark.few(0)
 def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatch):
     """run=program: the control has what was brought last; it is said which file, before the question whether to go on."""
     clock, ledger, order = FakeClock(), Ledger(), []

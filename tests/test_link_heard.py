@@ -196,6 +196,7 @@ def test_what_keeps_a_modbus_device_from_working_is_said(answers, said):
     assert re.search(said, " ".join(sentences))
 
 
+@pytest.mark.few(0)
 def test_a_modbus_device_says_who_it_is_and_that_its_registers_fit(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
         result = Result("link-test", "-C", cell, "--port", url, "--seconds", "5", "--json", "-")

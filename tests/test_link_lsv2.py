@@ -254,6 +254,7 @@ def ran(cell, port, person, monkeypatch, *more):
         return Result("run", "-C", cell, "--port", f"lsv2://127.0.0.1:{port}/TNC:/TANGO.TXT?program=TNC:/", *more)
 
 
+@pytest.mark.few(0)
 def test_a_whole_run_is_spoken_to_only_while_nothing_moves(control, port, cell, monkeypatch):
     control.files[RECORDS] = OLD
     person = Person(control, cell)
@@ -286,6 +287,7 @@ def test_a_run_that_was_stopped_is_resumed_and_nothing_is_lost(control, port, ce
     assert agree(cell) and control.while_moving() == 0 and again.pressed == 2
 
 
+@pytest.mark.few(0)
 def test_a_password_is_in_no_file_and_no_output_of_a_run(control, port, cell, monkeypatch):
     control.users = {"FILE": "geheim807667"}
     monkeypatch.setenv("CELL_WORD", "geheim807667")
@@ -320,6 +322,7 @@ def test_enter_on_a_pipe_counts_as_often_as_it_was_pressed(control, port, cell):
     assert "standard input has ended" in text and "Traceback" not in text
 
 
+@pytest.mark.few(0)
 def test_no_temperature_is_written_to_touches_that_were_made_long_before(control, port, cell, monkeypatch):
     (cell / "sensors.yaml").write_text('sensors:\n  bed: {mqtt: "mqtt://127.0.0.1:1/bed"}\n')
     monkeypatch.setattr("tango_cnc.link._measure.Watch.values", lambda self: {"bed": 21.0})

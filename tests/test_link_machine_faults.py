@@ -82,6 +82,7 @@ def attempt(kind, folder, monkeypatch, ledger, faults, resume):
     return ""
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", WORDS)
 @pytest.mark.parametrize("kind", PORTS)
 def test_a_fault_of_the_machine(kind, name, tmp_path, monkeypatch):

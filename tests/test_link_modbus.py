@@ -82,6 +82,7 @@ def test_a_port_without_device_or_device_number_is_refused(url):
         parse(url, {})
 
 
+@pytest.mark.few(0)
 def test_a_whole_run_over_tcp(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "20")
@@ -98,6 +99,7 @@ def test_a_whole_run_over_rtu_on_a_serial_line(cell):
     assert agree(cell)
 
 
+@pytest.mark.few(0)
 def test_a_run_is_resumed_after_an_alarm(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0", "--fault", "alarm-after=4") as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "20")
@@ -109,6 +111,7 @@ def test_a_run_is_resumed_after_an_alarm(cell):
     assert agree(cell)
 
 
+@pytest.mark.few(0)
 def test_a_control_that_runs_the_program_hands_its_records_over(cell):
     """The program is at the control; the command starts it, and it waits after each record until that is on disk here."""
     start = ["--start", str(cell / "program" / "O7700.nc")]
@@ -239,6 +242,7 @@ def test_an_exception_of_the_device_is_passed_on():
         port.close()
 
 
+@pytest.mark.few(0)
 def test_a_device_that_hangs_up_and_stays_away_is_lost(cell):
     with controller(cell, "--protocol", "modbus", "--tcp", "127.0.0.1:0") as url:
         port = open_port(parse(url, {}))

@@ -114,6 +114,7 @@ def sessions(kind, seeds, tmp_path, monkeypatch):
     return injected
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["ftp", "lsv2"])
 def test_a_few_sessions_over_a_real_server(kind, tmp_path, monkeypatch):
     sessions(kind, range(2), tmp_path, monkeypatch)

@@ -65,6 +65,7 @@ def cell(tmp_path):
     return folder
 
 
+@pytest.mark.few(0)
 def test_a_program_is_put_read_back_and_replaced_only_when_it_is_ours(server):
     line = opened(server, f"?program={FOLDER}&name=TANGO.MPF")
     put = b"put " + PROGRAM.hex().encode()
@@ -90,6 +91,7 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
     line.close()
 
 
+@pytest.mark.few(0)
 def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     server.put(R["record"], 65533)  # counted on from runs of before, and from 65535 to 0
     server.put(R["taken"], 65533)
@@ -101,6 +103,7 @@ def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     assert "FreeOpcUa" in json.loads((cell / "readings.json").read_text())["controller"]["identity"]
 
 
+@pytest.mark.few(0)
 def test_a_siemens_program_gives_its_records_through_r_parameters(server, cell):
     """The program of the post, executed by a control of its language; nothing prints."""
     text = (cell / "tango.yaml").read_text()
@@ -136,6 +139,7 @@ def test_another_program_is_not_taken(server, cell, looked):
     assert server.read(R["taken"]) == 0
 
 
+@pytest.mark.few(0)
 def test_a_start_mark_that_a_reset_control_has_left_is_none_of_this_start(server, cell):
     """The control was reset while it waited with its start mark, and is started again with the same program."""
     assert Result("plan", "-C", cell).code == 0
@@ -204,6 +208,7 @@ def test_nobody_there_is_said_at_once():
         open_port(parse(f"opcua://127.0.0.1:{free_port()}", opcua.OPTIONS))
 
 
+@pytest.mark.few(0)
 def test_who_has_the_password_is_let_in_and_nobody_else_and_it_is_shown_to_nobody(cell, tmp_path, monkeypatch):
     monkeypatch.setenv("CELL_WORD", "geheim9")
     monkeypatch.setenv("OTHER_WORD", "falsch7")

@@ -60,6 +60,7 @@ def controls(kind, ledger, clock, text):
     return bus, takes if turns else lambda data: data.startswith(b"16 %d " % REQUEST)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", PORTS)
 def test_no_motion_is_asked_for_before_the_last_reading_is_on_disk(kind, tmp_path, monkeypatch):
     clock, ledger, order = FakeClock(), Ledger(), []

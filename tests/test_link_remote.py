@@ -42,6 +42,7 @@ def looked(line):
     return line.read(1.0)
 
 
+@pytest.mark.few(1)
 def test_a_record_file_is_followed_as_it_grows(server):
     file = server.folder / "TANGO.TXT"
     file.write_bytes(b"TANGO START 0A 1\nP1 H1 X1\nTANGO END 1\n")
@@ -60,6 +61,7 @@ def test_a_record_file_is_followed_as_it_grows(server):
     assert opened(server).read(0.0) == b""  # a file that is not there yet
 
 
+@pytest.mark.few(1)
 def test_a_folder_that_does_not_exist_is_refused_before_a_program_is_put(server):
     """Else the person starts the program, which writes nowhere, and the run waits for a file that never comes."""
     (server.folder / "records").mkdir()
@@ -72,6 +74,7 @@ def test_a_folder_that_does_not_exist_is_refused_before_a_program_is_put(server)
     assert [file.name for file in server.folder.iterdir()] == ["records"]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("text", [b"my measurements of last year\n", b"x" * 9000, b"P1\nTANGO\n"])
 def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(text, server):
     (server.folder / "TANGO.TXT").write_bytes(text)
@@ -80,17 +83,20 @@ def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(text,
     assert (server.folder / "TANGO.TXT").read_bytes() == text and not (server.folder / "O8700.NC").exists()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("text", [b"", b"\0\0\0", b"TANGO ST", b"x" * 9000 + b"\r\nTANGO END 0A 1\r\n", b"\x12P12 H1 X 3.5\r\n"])
 def test_a_record_file_that_is_empty_or_has_records_is_taken(text, server):
     (server.folder / "TANGO.TXT").write_bytes(text)
     opened(server).close()
 
 
+@pytest.mark.few(1)
 def test_who_started_the_control_first_reads_from_the_last_start_mark(server):
     (server.folder / "TANGO.TXT").write_bytes(b"TANGO START 0A 1\nTANGO END 1\nTANGO START 0B 1\nP1 H1 X2\n")
     assert opened(server, **{"from": "last"}).read(0.0) == b"TANGO START 0B 1\nP1 H1 X2\n"
 
 
+@pytest.mark.few(1)
 def test_a_program_is_put_and_read_back(server):
     line = opened(server, program=place(server, "O8700.NC"))
     assert line.write(b"put " + PROGRAM.hex().encode() + b"\n") > 0
@@ -100,6 +106,7 @@ def test_a_program_is_put_and_read_back(server):
     assert b"M02" in (server.folder / "O8700.NC").read_bytes()
 
 
+@pytest.mark.few(1)
 def test_a_program_of_somebody_else_is_left_alone(server):
     (server.folder / "O8700.NC").write_bytes(b"%\nO8700 (PART 17)\nM30\n%\n")
     line = opened(server, program=place(server, "O8700.NC"))
@@ -220,6 +227,7 @@ def test_a_url_without_host_or_file_is_refused(url):
         parse(url, remote.OPTIONS)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("scheme", ["ftp", "sftp", "smb"])
 def test_nobody_there_is_said_in_the_same_words_whatever_the_library(scheme):
     with pytest.raises(LinkError, match=rf"^port {scheme}://anna@127.0.0.1:1/S/TANGO.TXT does not open: Connection refused\. Is"):

@@ -44,6 +44,7 @@ def sessions(seeds, tmp_path, monkeypatch):
     return injected
 
 
+@pytest.mark.few(0)
 def test_a_few_sessions_over_a_bad_network(tmp_path, monkeypatch):
     assert sessions(range(1), tmp_path, monkeypatch).total() > 0
 

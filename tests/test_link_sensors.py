@@ -241,6 +241,7 @@ def test_a_file_of_sensors_that_is_wrong_ends_a_run_before_anything_is_written(c
     assert sorted(cell.rglob("*")) == before
 
 
+@pytest.mark.few(0)
 def test_diagnose_says_which_sensor_has_gaps(cell):
     made = Result("simulate", "-C", cell, "-o", cell / "simulated.csv")
     assert made.code == 0, made.err

@@ -82,6 +82,7 @@ def test_a_device_is_no_file_that_a_control_writes(tmp_path, name):
 # Outputs that end
 
 
+@pytest.mark.few(0)
 @POSIX
 @pytest.mark.parametrize("closed", ["both", *(pytest.param(name, marks=pytest.mark.long) for name in ("stdout", "stderr"))])
 def test_a_run_started_without_screen_comes_to_its_end(cell, closed):
@@ -94,6 +95,7 @@ def test_a_run_started_without_screen_comes_to_its_end(cell, closed):
     assert Result("journal", "verify", "-C", cell).code == 0
 
 
+@pytest.mark.few(0)
 @POSIX
 def test_a_pipe_that_nobody_reads_any_more_ends_nothing(cell):
     process = started(cell, Control(cell, delay=0.05), "--json", "-", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -104,6 +106,7 @@ def test_a_pipe_that_nobody_reads_any_more_ends_nothing(cell):
     assert len(readings(cell).touch) == 7
 
 
+@pytest.mark.few(0)
 @POSIX
 def test_outputs_on_a_full_device_are_refused_before_the_run_and_streams_on_one_end_nothing(cell):
     """/dev/full takes no byte: by its name it is no file; as stdout and stderr it is noticed while the machine moves."""
@@ -142,6 +145,7 @@ def test_a_transcript_that_cannot_go_on_is_said_once_and_the_run_goes_on(tmp_pat
     ]
 
 
+@pytest.mark.few(0)
 @POSIX
 def test_a_session_that_is_dropped_ends_the_run_as_ctrl_c_does(cell):
     process = started(cell, Control(cell, stop=3), stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
@@ -179,6 +183,7 @@ WRITES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("what", WRITES)
 def test_a_disk_without_room_at_any_write_of_a_run_is_said_and_the_run_resumed(cell, monkeypatch, what):
     said, when = WRITES[what]
@@ -213,6 +218,7 @@ def test_the_journal_of_before_that_cannot_be_renamed_stops_the_run_before_it_be
     assert (cell / "readings.journal").read_text() == "of before"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("at", [2, 5, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4, 6, 7, 8, 9, 10, 11))])
 def test_a_journal_that_takes_no_more_at_any_entry_leaves_a_run_to_be_resumed(cell, monkeypatch, at):
     calls = []
@@ -239,6 +245,7 @@ def test_a_journal_that_takes_no_more_at_any_entry_leaves_a_run_to_be_resumed(ce
     assert sorted(readings(cell).touch) == [1, 2, 3, 4, 5, 6, 7]
 
 
+@pytest.mark.few(0)
 @POSIX
 def test_files_get_the_rights_that_the_umask_leaves(cell):
     usual = os.umask(0o027)
@@ -342,6 +349,7 @@ def test_who_has_looked_need_not_wait():
     assert resumed(listen="no").bytes_to_send(100)[:1] == b"%"
 
 
+@pytest.mark.few(0)
 def test_a_run_over_a_line_is_not_resumed_into_the_old_program(cell):
     result = Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4")
     assert result.code == 3
@@ -416,6 +424,7 @@ def test_the_records_that_the_documentation_shows_are_records():
 # tango journal
 
 
+@pytest.mark.few(0)
 def test_journals_are_listed_verified_and_salvaged(cell):
     assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
     assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0
@@ -438,6 +447,7 @@ def test_journals_are_listed_verified_and_salvaged(cell):
     assert (again.code, "never overwritten" in again.err) == (2, True)
 
 
+@pytest.mark.few(0)
 def test_a_line_that_was_taken_from_the_end_shows_beside_the_readings(cell):
     assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0
     file = cell / "readings.journal"

@@ -68,6 +68,7 @@ def interrupted(tmp_path, protocol, wishes):
     return str(error.value), remarks, made, motion, read_journal(tmp_path / "run.journal")[0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("protocol", ["grbl", "modbus"])
 def test_the_first_ctrl_c_draws_the_probe_clear_and_the_second_ends_at_once(tmp_path, protocol, monkeypatch):
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
@@ -168,6 +169,7 @@ class Contradicts:
         return [self._spoils("?", line) for line in self._control.report()]
 
 
+@pytest.mark.few(0)
 def test_a_contact_that_is_none_when_it_is_asked_for_once_more_is_no_reading():
     """The same place with the other flag: the line has changed one of the two answers."""
     _, made, truth = scene(turning=False)

@@ -271,6 +271,7 @@ class Echo:
         pass
 
 
+@pytest.mark.few(0)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning:serial")
 def test_rfc2217_sets_the_line_of_the_converter(listener):
     from serial import rfc2217

@@ -138,6 +138,7 @@ def test_marks():
     assert isinstance(record("TANGO START 393", LETTERS), Refused)
 
 
+@pytest.mark.few(0)
 @given(st.dictionaries(st.sampled_from("XYZABC"), st.decimals(-9999, 9999, places=4), min_size=1))
 def test_words_come_back_as_printed(values):
     line = " ".join(f"{letter}{value}" for letter, value in values.items())

@@ -86,6 +86,7 @@ def test_tables_are_found(draws: int) -> None:
     assert [seed for seed, off in enumerate(found, 2) if off is None or off > 0.1] == []
 
 
+@pytest.mark.long
 def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
     """On the three-axis example the touches of facets 3 and 7 alone tell Y: 7 mm wrong, either of them could be the one."""
     small = read_cell(Path(__file__).parent.parent / "examples" / "three_axis")
@@ -103,6 +104,7 @@ def test_where_one_touch_or_another_may_be_wrong_neither_is_believed() -> None:
         locate.locate(planned, wrong)
 
 
+@pytest.mark.long
 def test_a_table_whose_place_is_known_better_is_searched_over_less() -> None:
     near, far = locate.strategy(CELL, within=5.0), made()
     assert near.strategy.approach.search < 0.6 * far.strategy.approach.search
@@ -115,6 +117,7 @@ def test_it_takes_less_than_three_minutes() -> None:
     assert len(made().touches) == 9
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("example", "count"), every({"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items(), 2)
 )
@@ -137,6 +140,7 @@ def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_t
     assert locate.beside(locate.strategy(block, within=most))[0] == ()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", names())
 def test_every_dialect_has_the_program(name: str) -> None:
     post = load(name)
@@ -144,6 +148,7 @@ def test_every_dialect_has_the_program(name: str) -> None:
     assert not readback.check(lines, made(), settings(post, {}), companions(post, made(), {}), written_in=post.language)
 
 
+@pytest.mark.long
 def test_touches_that_do_not_agree_are_refused() -> None:
     ran = touched(CELL.artefact)
     wrong = readings(ran)
@@ -193,6 +198,7 @@ def test_two_touches_that_met_the_same_wall_are_not_believed_against_one_that_is
     assert found_to(seed) is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("within", "advice"), [(20.0, "tango locate --within 5"), (5.0, "without --within")])
 def test_what_was_just_done_is_no_advice(within: float, advice: str) -> None:
     cycle = locate.strategy(CELL, within=within)

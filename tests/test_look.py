@@ -51,6 +51,7 @@ def test_every_text_belongs_to_a_reason_of_the_program() -> None:
     assert len(keys) > 25 and [k for k in keys if k not in t] == []
 
 
+@pytest.mark.long
 def test_the_page_the_mail_and_the_record_say_it(tmp_path: Path) -> None:
     """Also after a way through the history, where a sentence is kept with its key."""
     record = night("HU40T-like", 1, "doubtful", plausible={"verdict": "implausible", "reasons": [FEW, CHIP]}, owner="Ann")

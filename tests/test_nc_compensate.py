@@ -69,6 +69,7 @@ def _same(line: str, source: str) -> bool:
 LIMIT = CHORD + 3**0.5 * 0.5 * 10**-DECIMALS + 0.15 * np.radians(0.5 * 10**-DECIMALS) * 1e3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(6))
 def test_random_programs_go_where_they_mean_to(seed: int, knowledge: Known) -> None:
     before, after = judged(seed, knowledge)
@@ -151,6 +152,7 @@ def test_every_language_leads_to_the_same_places(name: str, knowledge: Known) ->
     assert numbers == list(range(len(numbers)))
 
 
+@pytest.mark.long
 def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> None:
     cell = tmp_path / "cell"
     import shutil

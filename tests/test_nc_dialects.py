@@ -57,6 +57,7 @@ def worst(seed: int, name: str, found: Known) -> tuple[float, float, float]:
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", LANGUAGES)
 def test_every_part_of_every_block_goes_where_it_is_meant_to(name: str, knowledge: Known) -> None:
     before, after, between = worst(0, name, knowledge)

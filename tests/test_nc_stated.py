@@ -23,6 +23,7 @@ MOVES = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "head", "said"),
     [

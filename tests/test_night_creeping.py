@@ -37,12 +37,14 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Any:
     return of
 
 
+@pytest.mark.long
 def test_what_wanders_is_no_drift(said: Any) -> None:
     rng = np.random.default_rng(3)
     walks = np.cumsum(rng.normal(0, 6e-4, (120, 21, 20)), axis=1)
     assert sum(said(walk) is not None for walk in walks) <= 2  # 1 in 1000 is stated
 
 
+@pytest.mark.long
 def test_four_tenths_of_a_micrometre_a_night_are_told_within_ten_nights(said: Any) -> None:
     rng = np.random.default_rng(4)
     found = 0

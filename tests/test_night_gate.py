@@ -121,6 +121,7 @@ def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
     assert asks_for_a_finger({"gate": "none"}) == {"gate": "none"}
 
 
+@pytest.mark.long
 def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     settings = cell.folder / "tango.yaml"
     settings.write_text(
@@ -153,6 +154,7 @@ def off_by(by: float) -> tuple[Plan, Artefact]:
     return replace(made, met={one.number: by}, met_in="readings.csv"), artefact
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name", ["fanuc", pytest.param("grbl", marks=pytest.mark.long), pytest.param("okuma", marks=pytest.mark.long)]
 )
@@ -186,6 +188,7 @@ def test_the_place_is_that_of_the_last_run_and_of_none_before_the_table_was_move
     assert as_found(cell, golden(), post).met == {} and not proves(cell, golden()).passed
 
 
+@pytest.mark.long
 def test_the_plan_says_which_place_it_is(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell.folder / "tango.yaml"
     file.write_text(file.read_text().replace("post: fanuc", "post: fanuc, gate: facet, probe_state: 1004"))

@@ -256,6 +256,7 @@ def test_an_alarm_stands_until_it_is_accepted_repaired_or_for_a_while_ignored(
         assert bool(standing(history, "M", day + 30, {}, "check")) == (stands or until is not None)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("then", "verdict", "measured"),
     [(3, "changed", True), (3, "doubtful", False), (2, "changed", True)],  # 2: that night itself was a full one
@@ -332,6 +333,7 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
     assert text.count("BEYOND") == 1
 
 
+@pytest.mark.long
 def test_a_night_that_is_as_predicted_has_not_wandered(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By chance, the readings of a quiet run look like a drift that the machine's errors could make as well."""
     folder = root / "examples" / "trunnion"
@@ -345,6 +347,7 @@ def test_a_night_that_is_as_predicted_has_not_wandered(root: Path, monkeypatch: 
     assert agreed.verdict == "trustworthy" and not agreed.wandered and agreed.walk == 0
 
 
+@pytest.mark.long
 def test_a_first_night_is_not_in_doubt_by_a_drift_that_nobody_can_tell_from_none(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

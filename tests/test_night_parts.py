@@ -54,6 +54,7 @@ def test_a_tilt_of_the_table_grows_with_the_part(root: Path) -> None:
     assert 20e-3 * 50 < um <= 2 * 20e-3 * arm + 0.01 and "C axis" in text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("machine", ["trunnion", "hu40t", "fork_head"])
 def test_what_a_change_does_is_in_proportion_to_its_size(root: Path, machine: str) -> None:
     cell = read_cell(root / "examples" / machine)

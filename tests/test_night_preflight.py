@@ -125,6 +125,7 @@ class Warming(RealControl):
         return {}
 
 
+@pytest.mark.long
 def test_a_cold_machine_runs_its_program_until_it_is_warm_and_is_measured_then(cell: Path, agent: Agent) -> None:
     agent.bed = 17.0
     control = Warming(read_cell(cell), PATIENT, golden(), None, "now", "socket://127.0.0.1:9", agent=agent)
@@ -152,6 +153,7 @@ def test_a_night_on_a_simulated_control_says_so(cell: Path, simulated: bool) -> 
     )
 
 
+@pytest.mark.long
 def test_a_machine_that_stays_cold_is_not_measured(cell: Path, agent: Agent) -> None:
     agent.bed = 10.0
     short = Nightly(sensor="bed", temperature=(20.0, 24.0), warm_up_minutes=1e-6)
@@ -162,6 +164,7 @@ def test_a_machine_that_stays_cold_is_not_measured(cell: Path, agent: Agent) -> 
     assert control.runs == []
 
 
+@pytest.mark.long
 def test_a_dry_run_leaves_no_file(cell: Path) -> None:
     before = sorted(cell.rglob("*"))
     looked = Result("nightly", "-C", cell, "--dry-run", "--port", "socket://127.0.0.1:9")
@@ -190,6 +193,7 @@ class Answers(socketserver.BaseRequestHandler):
             pass
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("state", "passed", "said"),
     [("IDLE", True, "PROGRAM_STATUS IDLE"), ("RUNNING", False, "it says PROGRAM_STATUS RUNNING: a program is running")],
@@ -234,6 +238,7 @@ def test_a_control_that_is_busy_says_so_in_the_words_of_its_link(protocol: str, 
     assert client.busy(data, {}) == said
 
 
+@pytest.mark.long
 def test_what_the_first_move_may_meet_is_in_the_findings_as_nobody_brings_the_axes_near(root: Path) -> None:
     def program(cell: Cell) -> str:
         control = RealControl(replace(cell, folder=root / "examples" / "trunnion"), Nightly(), plan(cell), None, "now", "none:")

@@ -61,6 +61,7 @@ def held(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
             process.kill()
 
 
+@pytest.mark.long
 def test_the_second_night_is_refused_on_record_and_told(cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "RealClock", lambda: SimpleNamespace(now=lambda: TWO))
     own = world.RealDisk(cell)  # that of the night at work, which began in the same second
@@ -107,6 +108,7 @@ def test_what_the_history_refuses_is_added_by_the_next_night_though_nothing_had_
         assert "no database" in history.nights()[1].headline or "history.db" in history.nights()[1].headline
 
 
+@pytest.mark.long
 def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Path, tmp_path: Path) -> None:
     """Disk full and mail down at once: only the mark is left. Where a message waits, the night was just cut off."""
     disk = world.RealDisk(cell)
@@ -122,6 +124,7 @@ def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Pa
     assert not disk.unfinished()
 
 
+@pytest.mark.long
 def test_the_page_of_a_night_that_did_not_measure_knows_the_one_before(cell: Path) -> None:
     with opened(cell / "history.db") as history:
         name = read_cell(cell).machine.name

@@ -167,6 +167,7 @@ def test_nights_that_cannot_be_compared_say_why(tmp_path: Path) -> None:
     assert isinstance(found.exception, InputError) and f"{record(2)['night']} is in doubt" in str(found.exception)
 
 
+@pytest.mark.long
 def test_a_limit_in_the_wrong_unit_asks_whether_that_is_meant(root: Path) -> None:
     cell = read_cell(root / "examples" / "hu40t")
     for name, limit, meant in (("volume", 0.030, "30"), ("EC0Y", 0.02, "20")):

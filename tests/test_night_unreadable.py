@@ -42,6 +42,7 @@ def spoil(cell: Path, name: str, old: str, new: str) -> None:
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [("machine.yaml", "tip_radius", "tip_radios"), ("nightly.yaml", "owner: Ann Meier", "owner: Ann Meier\nlimit: 3")],
@@ -159,6 +160,7 @@ class Lost(Four):
         raise ZeroDivisionError("division by zero")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("four", "verdict", "touches"), [(Mistaken(), "doubtful", 4), (Lost(), "not_measured", 0)])
 def test_a_mistake_of_the_program_loses_no_readings_and_no_message(tmp_path: Path, four: Four, verdict: str, touches: int) -> None:
     disk, board = RealDisk(tmp_path), tmp_path / "board.txt"

@@ -43,6 +43,7 @@ def warm_up(size: float, *direction: float) -> dict[str, Any]:
     return {"cause": "thermal_drift", "amplitude": size, "direction": list(direction), "tau": 1500}
 
 
+@pytest.mark.long
 def test_white_noise_is_left_as_it_was(cell: Cell, world: World) -> None:
     plain = estimate(cell.machine, cell.artefact, read(cell, world, 3), cell.terms)
     found = honest(plain)
@@ -51,6 +52,7 @@ def test_white_noise_is_left_as_it_was(cell: Cell, world: World) -> None:
     assert len(found.outliers) == 0
 
 
+@pytest.mark.long
 def test_a_warm_up_is_no_backlash(cell: Cell, world: World) -> None:
     readings = read(cell, world, 5, warm_up(0.03, 0.0, 1.0, 0.0))
     plain = estimate(cell.machine, cell.artefact, readings, cell.terms)
@@ -61,6 +63,7 @@ def test_a_warm_up_is_no_backlash(cell: Cell, world: World) -> None:
     assert judge(cell, readings, found, search=False).verdict == "doubtful"
 
 
+@pytest.mark.long
 def test_a_third_of_wrong_touches_moves_nothing(cell: Cell, world: World) -> None:
     readings = read(cell, world, 7)
     wrong = np.random.default_rng(1).random(len(readings)) < 0.3
@@ -72,6 +75,7 @@ def test_a_third_of_wrong_touches_moves_nothing(cell: Cell, world: World) -> Non
     assert np.mean(flagged[~wrong]) < 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [9, 10])
 def test_a_ball_of_which_some_touches_are_wrong_says_nothing_of_the_scale(cell: Cell, world: World, seed: int) -> None:
     readings = read(cell, world, seed)
@@ -98,6 +102,7 @@ def test_a_short_plan_has_no_outliers_of_its_own(root: Path) -> None:
     assert np.std(apart) < 1.3
 
 
+@pytest.mark.long
 def test_one_wrong_touch_does_not_accuse_its_facet(cell: Cell, world: World) -> None:
     readings = read(cell, world, 8)
     way = np.zeros(len(readings))
@@ -107,6 +112,7 @@ def test_one_wrong_touch_does_not_accuse_its_facet(cell: Cell, world: World) -> 
     assert abs(found.facets[readings.facet[100]].value - world.facets.get(readings.facet[100], 0.0)) < 0.003
 
 
+@pytest.mark.long
 def test_what_is_mostly_drift_is_not_trusted(cell: Cell, world: World) -> None:
     wandering = read(cell, world, 9, {"cause": "random_walk", "amplitude": 0.1})
     wild = honest(estimate(cell.machine, cell.artefact, wandering, cell.terms))

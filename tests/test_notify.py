@@ -157,6 +157,7 @@ def test_a_password_goes_over_tls_only_and_comes_from_the_environment(tmp_path: 
     assert shown(url) == "mailto:ann@shop.example"
 
 
+@pytest.mark.long
 def test_hooks_apprise_and_a_file(tmp_path: Path) -> None:
     pytest.importorskip("apprise")
     with web() as (host, got):
@@ -167,6 +168,7 @@ def test_hooks_apprise_and_a_file(tmp_path: Path) -> None:
     assert board.read_text(encoding="utf-8") == f"{SUBJECT}\n\n{TEXT}"
 
 
+@pytest.mark.long
 def test_what_is_not_delivered_says_why() -> None:
     with web(500) as (host, _):
         found = sent(f"http://{host}/", f"apprise:json://{host}/", f"http://127.0.0.1:{free_port()}/", "apprise:nonsense://x")
@@ -227,6 +229,7 @@ def slow(letter: bytes) -> Iterator[int]:
             thread.join()
 
 
+@pytest.mark.long
 def test_a_server_that_never_comes_to_an_end_keeps_neither_the_night_nor_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

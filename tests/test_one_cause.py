@@ -62,6 +62,7 @@ def test_the_largest_open_alarm_comes_first_though_somebody_has_it(tmp_path: Pat
         assert "Nobody has answered the alarm of Tue 27 Oct 2026." in seen[path], path
 
 
+@pytest.mark.long
 def test_what_stands_behind_a_crossed_limit_is_the_cause_on_every_page_and_is_no_alarm(tmp_path: Path) -> None:
     """It is asked of whoever is asked about the alarm of the same axis, with since when."""
     limit = {"what": "volume", "value": 142.0, "low": 140.0, "high": 144.0, "limit": 120.0, "unit": "µm", "passed": False}
@@ -79,6 +80,7 @@ def test_what_stands_behind_a_crossed_limit_is_the_cause_on_every_page_and_is_no
     assert "Open alarms: 1" in seen[f"/machine/{NAME}"] and "Open alarms: 1. Without an answer: 1." in seen["/alarms"]
 
 
+@pytest.mark.long
 def test_what_was_accepted_is_named_in_the_list_as_on_the_page_and_counts_no_more(tmp_path: Path) -> None:
     knock = moved(2, "EX0C", 20.0)
     records = [night(NAME, i) for i in (0, 1)] + [night(NAME, 2, "changed", alarms=[knock])]
@@ -92,6 +94,7 @@ def test_what_was_accepted_is_named_in_the_list_as_on_the_page_and_counts_no_mor
     assert "No alarm is open." in seen["/alarms"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("owner", ["", "Ann, 4711"])
 def test_every_row_that_needs_somebody_names_him(owner: str, tmp_path: Path) -> None:
     """Also a night that is not believed, one that did not measure, and a machine that was never measured."""
@@ -109,6 +112,7 @@ def test_every_row_that_needs_somebody_names_him(owner: str, tmp_path: Path) -> 
     assert "Make no parts with tight limits on it." in seen[f"/machine/{NAME}"]
 
 
+@pytest.mark.long
 def test_every_sentence_of_a_row_ends(tmp_path: Path) -> None:
     """A sentence without its full stop reads as if it were cut off."""
     records = [night(NAME, i) for i in (0, 1)] + [night(NAME, 2, "changed", alarms=[moved(2, "EX0C", 20.0)])]
@@ -119,6 +123,7 @@ def test_every_sentence_of_a_row_ends(tmp_path: Path) -> None:
     assert "9 of 74 touches do not fit. " in pages(cell(tmp_path / "two", records=[night(NAME, 0), doubt]))["/"]
 
 
+@pytest.mark.long
 def test_an_error_just_within_its_limit_does_not_look_like_the_limit(tmp_path: Path) -> None:
     """59.7 µm beside 60 µm would both be 60; a sentence on the first screen ends."""
     limit = {"what": "volume", "value": 59.7, "low": 59.0, "high": 59.9, "limit": 60.0, "unit": "µm", "passed": True}
@@ -129,6 +134,7 @@ def test_an_error_just_within_its_limit_does_not_look_like_the_limit(tmp_path: P
     assert "The door was opened. " in seen[f"/machine/{NAME}"]
 
 
+@pytest.mark.long
 def test_what_another_program_adds_is_shown_after_five_seconds(tmp_path: Path) -> None:
     """A decision at the computer, and a night: what is kept of the machine before is not shown again."""
     knock, now = moved(2, "EX0C", 20.0), [0.0]

@@ -57,6 +57,7 @@ def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixtu
     assert any("1 rows are not as they were written (lines 5)" in reason for reason in data["reasons"])
 
 
+@pytest.mark.long
 def test_what_was_changed_since_is_said_by_key(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "machine.yaml"
     file.write_text(file.read_text(encoding="utf-8").replace("tip_radius: 3.0", "tip_radius: 3.001"), encoding="utf-8")
@@ -91,6 +92,7 @@ def test_the_simulator_never_writes_readings_csv(cell: Path, capsys: pytest.Capt
     assert current(cell) == cell / "readings.csv"
 
 
+@pytest.mark.long
 def test_what_was_simulated_is_said_in_every_command(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for command in ("estimate", "iso230"):
         assert "note: readings of the simulated machine" in called(capsys, command, "-C", cell)[1], command
@@ -122,6 +124,7 @@ def test_readings_before_are_kept(cell: Path) -> None:
     assert name is not None and (cell / name).read_text(encoding="utf-8") == text and not file.exists()
 
 
+@pytest.mark.long
 def test_readings_of_others_stay_readable(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "simulated.origin.json").unlink()
     assert read_origin(cell / "simulated.csv") is None
@@ -135,6 +138,7 @@ def test_an_interrupted_run_says_how_to_go_on(cell: Path, capsys: pytest.Capture
     assert code == 2 and "the run was interrupted, and readings.partial.csv has its 96 touches" in err and "--resume" in err
 
 
+@pytest.mark.long
 def test_the_machine_is_drawn_before_a_measurement(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "machine.svg"
     assert called(capsys, "check", "-C", cell, "--picture", file)[0] == 0
@@ -175,6 +179,7 @@ def test_readings_out_of_a_spreadsheet_are_read_or_explained(cell: Path, capsys:
     assert code == 2 and "save the sheet as CSV" in err
 
 
+@pytest.mark.long
 def test_readings_that_are_all_alike_get_a_sentence(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = [line.split(",") for line in (cell / "simulated.csv").read_text(encoding="utf-8").splitlines()]
     alike = [rows[0], *([*row[:3], *rows[1][3:7], *row[7:]] for row in rows[1:])]

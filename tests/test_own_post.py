@@ -100,6 +100,7 @@ def test_a_dry_run_looks_at_it_and_at_its_options(cell: Path, capsys: pytest.Cap
     assert "acme.py: cannot be read: SystemExit: 0" in capsys.readouterr().err
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

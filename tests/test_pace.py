@@ -50,6 +50,7 @@ def test_in_how_many_nights_the_limit_is_reached(rate: float, last: float, night
     assert (found is None) if nights is None else (found is not None and found.nights == pytest.approx(nights, abs=0.01))
 
 
+@pytest.mark.long
 def test_a_knock_is_no_pace_and_a_machine_that_stands_still_is_not_said_to_rise() -> None:
     """Of 300 machines a hair below their limit that only scatter by what they are known to, at most 2 % are said to rise."""
     knocked = np.r_[np.full(13, 22.0), np.full(7, 44.0)] + np.random.default_rng(1).normal(0, 0.3, 20)
@@ -91,6 +92,7 @@ def test_a_yes_that_may_not_last_until_the_next_night_is_a_yes_but(last: float, 
     assert answer(beyond, Units(), texts(), ahead=ahead(record, volumes)).soon == ""  # a no needs no warning
 
 
+@pytest.mark.long
 def test_the_list_the_page_and_the_old_night_say_it(tmp_path: Path) -> None:
     """An old night says what was known then; who has to see to it stands beside it, though the answer is yes."""
     records = [at("HU40T-like", i, 20.0 + 1.0 * i) for i in range(20)]

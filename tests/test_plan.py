@@ -52,6 +52,7 @@ def test_a_curved_facet_is_touched_at_its_own_nominal_point() -> None:
     assert flat.touches == curved.touches
 
 
+@pytest.mark.few(0)
 def test_contacts_agree_with_readings_of_an_independent_program(shared: Path) -> None:
     """Its machine is not nominal: contacts differ by its errors, some tenths of a millimetre, along the normals."""
     example = read_cell(shared / "contract" / "hu40t")
@@ -447,6 +448,7 @@ def test_the_way_is_clear_at_the_example_of_the_thesis(shared: Path) -> None:
         assert (height > spindle @ np.array(ball.centre) + ball.radius + 20 - 1e-6).all()
 
 
+@pytest.mark.few(0)
 def test_time_and_memory_grow_with_the_number_of_touches_only() -> None:
     """A plan of forty strategies has forty times the moves of one, and one preload: nothing is compared with everything else."""
     one = small(poses=({}, {"C": 30}))

@@ -70,6 +70,7 @@ def test_plan_csv_is_in_degrees_and_comes_back_as_it_went(cell: Path) -> None:
     assert float(row[2 + 3]) == -30.0 and math.degrees(back.contact[3, 3]) == pytest.approx(-30.0)
 
 
+@pytest.mark.few(0)
 def test_a_facet_name_that_needs_quotes_survives_plan_csv(cell: Path) -> None:
     for file in ("artefact.yaml", "strategy.yaml"):
         edit(cell / file, "top", "'a \"b\", c'")
@@ -78,6 +79,7 @@ def test_a_facet_name_that_needs_quotes_survives_plan_csv(cell: Path) -> None:
     assert read_plan(cell / "program" / "plan.csv", known.machine).facet[1] == 'a "b", c'
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -146,6 +148,7 @@ def test_what_is_wrong_is_said_and_nothing_is_written(
     assert {f: f.read_bytes() for f in cell.rglob("*")} == before
 
 
+@pytest.mark.few(0)
 def test_an_earlier_program_stays_when_the_new_one_is_refused(cell: Path) -> None:
     assert call("plan", "-C", cell) == 0
     before = {f.name: f.read_bytes() for f in (cell / "program").iterdir()}
@@ -183,6 +186,7 @@ def test_a_folder_in_the_place_of_one_file_keeps_the_others_as_they_were(tmp_pat
         assert contents(tmp_path) == before
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -249,6 +253,7 @@ def test_a_cell_without_control_has_a_dry_run(cell: Path, capsys: pytest.Capture
     assert "retract" in capsys.readouterr().out
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("command", "words"),
     [
@@ -276,6 +281,7 @@ def test_other_commands_keep_what_they_read_too(
     assert contents(cell.parent) == before
 
 
+@pytest.mark.few(0)
 def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """macros: is a word of the Fanuc post; another post is not asked to know it."""
     edit(cell / "tango.yaml", "post: fanuc", "post: fanuc, macros: called, probe_on: G65 P9832")
@@ -293,6 +299,7 @@ POST = replace(load("linuxcnc"), title="Ours", extension="txt", stem=lambda job:
 """
 
 
+@pytest.mark.few(0)
 def test_a_post_of_ones_own_works_by_path(cell: Path) -> None:
     (cell / "mypost.py").write_text(OWN)
     assert call("plan", "-C", cell, "--post", cell / "mypost.py") == 0

@@ -111,6 +111,7 @@ def test_what_is_written_again_needs_no_drawing(folder: Path, tmp_path: Path) ->
     assert sorted(read_artefact(tmp_path / "again.yaml").obstacles[0].points or ()) == sorted(box_points())
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [
@@ -172,6 +173,7 @@ def test_a_name_in_another_encoding_does_not_matter(kind: str, tmp_path: Path) -
     assert sorted(read_hull(file)) == [(x, y, z) for x in (-12.5, 12.5) for y in (-30.0, 30.0) for z in (-20.0, 20.0)]
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("command", ["check", "plan"])
 def test_the_size_of_every_drawing_is_told(command: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In inches it is neither too small nor too large, and only a person can see that it is wrong."""

@@ -31,6 +31,7 @@ def test_a_plan_takes_little_more_than_the_list_of_its_touches() -> None:
     assert 1000 < of_records < 9000
 
 
+@pytest.mark.few(0)
 def test_a_strategy_is_read_into_little_more_than_its_words() -> None:
     """yaml's own nodes take so much that this measures it."""
     bytes_a_touch, of_nodes = growth("strategy", "strategy as nodes")

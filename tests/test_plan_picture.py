@@ -32,6 +32,7 @@ def lines(drawn: object) -> dict[str, np.ndarray]:
     return {line.get_label(): np.array(line.get_data_3d()).T for line in drawn.axes[0].lines}  # type: ignore[attr-defined]
 
 
+@pytest.mark.few(0)
 def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
     made = plan(read_cell(GOLDEN))
     found = lines(picture(made))[texts()("way.probe")]
@@ -39,6 +40,7 @@ def test_every_touch_is_drawn_once_and_where_it_is_made() -> None:
     np.testing.assert_allclose(ends, kinematics.tip(kinematics.chain(made.machine), np.array([t.contact for t in made.touches])))
 
 
+@pytest.mark.few(0)
 def test_travels_between_touches_are_told_from_those_to_where_axes_turn() -> None:
     found = lines(picture(plan(read_cell(GOLDEN))))
     count = {name: int(np.isnan(line[:, 0]).sum()) for name, line in found.items()}
@@ -52,6 +54,7 @@ def test_one_indexation_is_drawn_alone() -> None:
     assert "2 touches, indexation 2: B-30 C-90 S0" in drawn.axes[0].get_title(loc="left")
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("ending", every(["png", "svg", "pdf"], 3))
 def test_the_picture_is_written_beside_the_program_or_alone(cell: Path, ending: str) -> None:
     file = cell / f"path.{ending}"

@@ -22,6 +22,7 @@ def folder(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
     return tmp_path / "cell"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("folder", ["hu40t", "fork_head", "three_axis"], indirect=True)
 def test_every_last_motion_is_that_of_the_plan(folder: Path) -> None:
     result = Result("simulate", "-C", folder, "--cycles", 2, "--json", "-")

@@ -66,6 +66,7 @@ def test_every_part_begins_with_one_axis_upwards_and_ends_where_it_may_turn() ->
         assert moves[-1].target["Z"] >= turning[:, 2].min() - 1e-6
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("post", names())
 def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None:
     dialect, whole = load(post), golden()
@@ -95,6 +96,7 @@ def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     assert "O7705.nc is an earlier program of this plan. It was left as it is: delete it" in whole.err
 
 
+@pytest.mark.few(0)
 def test_programs_of_another_plan_are_named_whatever_their_ending_and_of_a_resumed_run_too(tmp_path: Path) -> None:
     folder = tmp_path / "cell"
     shutil.copytree(GOLDEN / "cell", folder)
@@ -120,6 +122,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 SMALL = [name for name in names() if "memory" in settings(load(name), {})]
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("post", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in SMALL])
 def test_a_program_too_long_for_the_control_is_split_unless_the_profile_says_none(post: str, whole: Plan) -> None:
     dialect = load(post)
@@ -131,6 +134,7 @@ def test_a_program_too_long_for_the_control_is_split_unless_the_profile_says_non
     assert parts(dialect, whole, {"memory": "none"}) == (whole,)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("post", [name for name in names() if name not in SMALL])
 def test_where_no_memory_is_small_nothing_is_split_and_a_short_program_stays_whole(post: str, whole: Plan) -> None:
     assert post not in SMALL and parts(load(post), whole, {}) == (whole,)
@@ -187,6 +191,7 @@ def cell(tmp_path: Path) -> Path:
     return tmp_path / "cell"
 
 
+@pytest.mark.few(0)
 def test_parts_are_run_one_after_the_other_into_the_same_readings(cell: Path) -> None:
     with controller(cell, "--tcp", "127.0.0.1:0", once=False) as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "10", "--split", "3")

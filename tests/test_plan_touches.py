@@ -66,6 +66,7 @@ def test_a_plan_of_records_made_by_hand_is_split_and_resumed_like_the_planner_s_
     assert part(by_hand, some) == part(made(3), some)
 
 
+@pytest.mark.few(0)
 def test_one_of_many_is_the_same_as_when_they_are_walked_through(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tango_cnc.plan.touches.BLOCK", 64)
     touches, some = made(100).touches, [599, 0, 63, 64, 300, 1, 127, 128, -1]

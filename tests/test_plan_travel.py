@@ -77,6 +77,7 @@ def wanted(bodies: Solid, travel: tuple[Array, Array, Array]) -> tuple[float, fl
     return (slanted, slanted) if 2 * slanted < 2 * level - low - high else (level - low, level - high)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_retract_is_the_lowest_that_keeps_the_margin(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -111,6 +112,7 @@ def _gap(obstacle: Obstacle, points: Array) -> Array:
     return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_no_part_of_the_probe_comes_within_the_margin(seed: int) -> None:
     """Stylus, body and nose as rings of points, walked along every travel and up and down at its ends."""

@@ -125,6 +125,7 @@ def nearest(made: Plan) -> float:
     return min((apart(made, way) for start, end in turned(made) for way in ways(made.machine, start, end)), default=math.inf)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("topology", every(TABLES + HEADS, 2))
 def test_all_along_a_turn_the_probe_keeps_20_mm_from_everything(topology: str) -> None:
     for made in random_plans(topology, 3):
@@ -138,6 +139,7 @@ def test_all_along_many_turns_the_probe_keeps_20_mm_from_everything(topology: st
         assert nearest(made) > clearance.MARGIN - FOUND
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("topology", every(TABLES + HEADS, 2, first=1))
 def test_the_ways_to_a_turn_and_from_it_are_free(topology: str) -> None:
     for made in random_plans(topology, 3, seed=2):
@@ -155,6 +157,7 @@ def spheres(monkeypatch: pytest.MonkeyPatch, work: Callable[[], Plan]) -> Plan:
         return work()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("topology", every(TABLES, 2))
 def test_no_table_turns_higher_than_above_the_sphere_that_it_sweeps(topology: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lower = []
@@ -173,6 +176,7 @@ def _above(made: Plan, turn: int) -> float:
     return float(np.vdot(kinematics.tip(chain, at), kinematics.spindle_axis(chain, at)))
 
 
+@pytest.mark.few(0)
 def test_a_head_goes_no_longer_way_than_around_spheres(monkeypatch: pytest.MonkeyPatch) -> None:
     for topology in HEADS:
         for made in random_plans(topology, 3, seed=4):
@@ -221,6 +225,7 @@ def test_an_axis_with_room_for_a_whole_turn_may_go_either_way_round() -> None:
     assert high > low + 100
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("blind", ["A", "B", "C"])
 def test_a_planner_that_forgot_an_axis_would_be_found(blind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def forgetful(m: Machine, *places: Array) -> sweep.Spans:

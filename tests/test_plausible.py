@@ -82,6 +82,7 @@ def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[s
     assert sound_words(doubted).startswith("trustworthy but for EX0C:")
 
 
+@pytest.mark.long
 def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     turned_round(cell)
     code, data = estimated(capsys, cell)
@@ -91,6 +92,7 @@ def test_an_axis_that_turns_the_other_way_is_implausible(cell: Path, capsys: pyt
     assert (first["text"], first["file"], first["line"]) == ("the readings fit if B turns the other way", "machine.yaml", 7)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "command",
     [
@@ -178,6 +180,7 @@ def test_nothing_is_green_beside_what_the_diagnosis_cannot_explain() -> None:
     assert not worst_of([good, replace(unexplained, undermines=False)]).checks[0].open
 
 
+@pytest.mark.long
 def test_touches_that_are_not_predicted_make_an_estimate_doubtful(
     cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ def normals(cell: Cell, readings: Readings) -> Array:
     return np.array([cell.artefact.facets[f].normal for f in readings.facet])
 
 
+@pytest.mark.long
 def test_a_table_knocked_by_3_micrometers_is_not_taken_for_a_drift(run: Run) -> None:
     cell, world, readings = run
     late = np.arange(len(readings)) >= 0.88 * len(readings)
@@ -45,6 +46,7 @@ def test_a_screw_that_errs_once_a_turn_is_said(run: Run) -> None:
     assert found.verdict == "doubtful" and "the screw or scale of Z erred once a turn" in " ".join(found.reasons)
 
 
+@pytest.mark.long
 def test_a_center_of_rotation_that_drifts_is_said(run: Run) -> None:
     cell, world, readings = run
     elsewhere = replace(world, errors={**world.errors, "EY0C": world.errors["EY0C"] + 0.008})

@@ -117,6 +117,7 @@ def test_a_renumbering_gives_no_number_twice(sound: tuple[Cell, Readings]) -> No
         assert len(places) == len(set(places))
 
 
+@pytest.mark.long
 def test_a_stylus_that_is_clearly_not_as_long_as_stated_gets_one_remark(sound: tuple[Cell, Readings]) -> None:
     cell, readings = sound
     assert not any("length of the stylus" in text for text in judged(cell, readings).remarks)
@@ -126,6 +127,7 @@ def test_a_stylus_that_is_clearly_not_as_long_as_stated_gets_one_remark(sound: t
     assert found.verdict == "trustworthy" and "height of a pivot (axes.A.point), is off by 0.7" in said
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pair", ["XY", pytest.param("YZ", marks=pytest.mark.long)])
 def test_two_axes_that_are_exchanged_in_a_third_of_the_rows_are_named(sound: tuple[Cell, Readings], pair: str) -> None:
     cell, readings = sound

@@ -41,6 +41,7 @@ def moved(cell: Cell, readings: Readings, share: float, *by: float) -> Readings:
     return pushed(cell, readings, late * (normal @ np.array(by)))
 
 
+@pytest.mark.long
 def test_a_table_that_moves_late_or_half_way_is_a_step(cell: Cell, readings: Readings) -> None:
     late = judged(cell, moved(cell, readings, 0.9, 0.035, 0.035, 0.0))
     assert re.search("something moved between touches 20[123] and 20[456]", only(late, "doubtful"))
@@ -72,12 +73,14 @@ def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Reading
     assert f"artefact.yaml states {bar.length + 0.5:g} mm: 0.50" in reason or f"{bar.length + 0.5:g} mm: 0.49" in reason
 
 
+@pytest.mark.long
 def test_a_tip_radius_that_only_the_balls_see_is_not_lulled(cell: Cell, readings: Readings) -> None:
     probe = replace(cell.machine.probe, tip_radius=cell.machine.probe.tip_radius + 0.25)
     reason = only(judged(replace(cell, machine=replace(cell.machine, probe=probe)), readings), "doubtful")
     assert "touches on ball 1 do not fit the others" in reason
 
 
+@pytest.mark.long
 def test_a_chip_and_an_angle_of_one_indexation_are_named(cell: Cell, readings: Readings) -> None:
     own = np.array([f == "5" for f in readings.facet]) & (np.arange(len(readings)) >= 110)
     assert "facet 5 is 30 µm elsewhere" in only(judged(cell, pushed(cell, readings, 0.03 * own)), "doubtful")
@@ -104,6 +107,7 @@ def test_directions_that_lead_away_from_the_facets_turn_every_backlash(cell: Cel
     assert {"EXXb", "EYYb"} <= set(judgement.untrusted)
 
 
+@pytest.mark.long
 def test_residuals_that_follow_the_feed_are_named(cell: Cell, readings: Readings) -> None:
     fast = np.arange(len(readings)) % 3 == 0
     late = pushed(cell, readings, np.where(fast, -0.030, -0.003))  # 1 ms at 1800 and at 180 mm/min
@@ -132,6 +136,7 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
     assert {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
 
 
+@pytest.mark.long
 def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Readings) -> None:
     judgement = judged(cell, readings)
     said = "EXX1, EYY1, EZZ1 rest on the length of the scale bar as artefact.yaml states it: 200 mm ± 0.0005 mm"
@@ -139,6 +144,7 @@ def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Read
     assert not judged(replace(cell, artefact=replace(cell.artefact, scale_bar=None)), readings).remarks
 
 
+@pytest.mark.long
 def test_an_axis_that_bends_and_rolls_is_no_angle_of_an_indexation(root: Path) -> None:
     """Two touches of an indexation that an error motion has thrown out are no reason to name an angle."""
     whole = read_cell(root / "examples" / "hu40t")
@@ -157,6 +163,7 @@ def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> No
     assert not found.untrusted
 
 
+@pytest.mark.long
 def test_a_chip_on_two_touches_is_a_note_and_on_three_a_reason_to_look(cell: Cell, readings: Readings) -> None:
     wrong = np.zeros(len(readings))
     wrong[[20, 90]] = 0.4

@@ -51,6 +51,7 @@ def test_a_table_that_tilts_in_the_last_tenth_is_seen(cell: Cell, readings: Read
     assert found.verdict == "doubtful" and "the table, or what is on it, had moved or turned at touch 20" in " ".join(found.reasons)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("share", [1.0, 0.3])
 def test_a_rotary_column_of_directions_that_contradicts_the_positions_is_said(cell: Cell, readings: Readings, share: float) -> None:
     direction = np.array(readings.direction)
@@ -104,6 +105,7 @@ def test_a_column_that_gives_way_far_out_is_said(cell: Cell, readings: Readings)
     assert "gave way to the touch" in doubted(cell, pushed(cell, readings, -0.009 * toward**2 * over))
 
 
+@pytest.mark.long
 def test_a_scale_that_grows_during_the_run_is_said(cell: Cell, readings: Readings) -> None:
     x = readings.position[:, cell.machine.column("X")]
     assert "the scale of X had changed" in doubted(cell, along(cell, readings, "X", 6e-5 * x * np.linspace(0, 1, len(x))))
@@ -126,6 +128,7 @@ def test_a_table_that_rings_after_a_turn_is_said(cell: Cell, readings: Readings)
     assert "right after a turn of A" in " ".join(found.reasons)
 
 
+@pytest.mark.long
 def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.6 * len(readings)
     x, y = (readings.position[:, cell.machine.column(a)] for a in "XY")
@@ -133,6 +136,7 @@ def test_a_compensation_that_is_switched_on_is_said(cell: Cell, readings: Readin
     assert "a compensation of the control had been switched" in doubted(cell, switched)
 
 
+@pytest.mark.long
 def test_of_a_compensation_that_is_switched_on_no_parameter_is_trusted(cell: Cell, readings: Readings) -> None:
     on = np.arange(len(readings)) >= 0.4 * len(readings)
     z = readings.position[:, cell.machine.column("Z")]
@@ -142,6 +146,7 @@ def test_of_a_compensation_that_is_switched_on_no_parameter_is_trusted(cell: Cel
     assert set(found.untrusted) >= {"EC0A", "EB0A", "EX0S"}
 
 
+@pytest.mark.long
 def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_in_doubt(root: Path) -> None:
     folder = root / "examples" / "hu40t"
     plain = read_cell(folder)

@@ -43,6 +43,7 @@ def farthest(result: Estimate, world: World) -> float:
     return max(abs(p.value - world.errors.get(name, 0.0)) / p.std for name, p in result.parameters.items())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("share", "size"), [(0.4, 0.1), pytest.param(0.4, 0.01, marks=pytest.mark.long), pytest.param(0.5, 0.1, marks=pytest.mark.long)]
 )
@@ -72,6 +73,7 @@ def test_late_touches_of_all_sizes_are_told_from_the_others(measured: Measured) 
     assert judge(cell, spoilt, result).suspicions[0].kind == "late_touches"
 
 
+@pytest.mark.long
 def test_a_dozen_touches_that_met_nothing_bend_no_parameter(measured: Measured) -> None:
     cell, world, readings = measured
     wrong = np.zeros(len(readings))
@@ -82,6 +84,7 @@ def test_a_dozen_touches_that_met_nothing_bend_no_parameter(measured: Measured) 
     assert set(np.flatnonzero(wrong) + 1) <= set(honest(plain).outliers.tolist())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("turns", [True, False])
 def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Measured, turns: bool) -> None:
     cell, world, readings = measured
@@ -96,6 +99,7 @@ def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Mea
         assert judgement.suspicions[0].kind == "spindle_still"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("runout", "stated", "verdict"), [(0.0, None, "doubtful"), (1e-3, None, "trustworthy"), (0.0, 1e-3, "trustworthy")]
 )
@@ -164,6 +168,7 @@ def _tool_centre(cell: Cell, p: Array) -> None:
     p[:, :3] = tip(chain(cell.machine), p)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("change", "kind", "word"),
     [
@@ -192,6 +197,7 @@ def test_a_tip_that_is_a_tenth_too_small_shows_on_the_balls(measured: Measured) 
     assert judgement.suspicions[0].kind == "tip_radius" and "radius of 3" in judgement.suspicions[0].text
 
 
+@pytest.mark.long
 def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Config) -> None:
     folder = pytestconfig.rootpath / "examples" / "fork_head"
     cell = read_cell(folder)
@@ -204,6 +210,7 @@ def test_backlashes_that_are_all_alike_may_be_the_tip(pytestconfig: pytest.Confi
     assert any("backlashes of X, Y are alike" in reason for reason in judgement.reasons)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("example", "axis", "sign", "size", "verdict", "named"),
     [
@@ -243,6 +250,7 @@ def test_late_or_early_one_way_and_backlash_cannot_be_told_apart_and_the_result_
     assert set(wrong) == set(named), "what is named is really wrong by many standard deviations"
 
 
+@pytest.mark.long
 def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_nothing_it_moves_is_trusted(
     pytestconfig: pytest.Config,
 ) -> None:
@@ -257,6 +265,7 @@ def test_a_tip_calibrated_too_small_on_one_side_is_not_told_from_backlash_and_no
     assert result.sigma < 2 * cell.machine.probe.repeatability, "the fit shows nothing of it"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("stated", "trusted"), [(0.002, True), (0.05, False)])
 def test_backlash_beyond_what_a_calibrated_tip_can_make_is_trusted(measured: Measured, stated: float, trusted: bool) -> None:
     cell, world, _ = measured

@@ -56,6 +56,7 @@ def test_the_catalogue_is_large_enough() -> None:
     assert len(SLIPS) >= 40
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("slip", every(["one_normal_inward", "half_of_the_rows_missing", "normal_along_another_axis"], 3))
 def test_a_slip_is_named(slip: str, root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), slip, 1)
@@ -103,6 +104,7 @@ def test_mistakes_that_were_not_named_are_named_first(example: str, slip: str, s
     assert found is not None and found.judgement.verdict != "trustworthy" and found.rank == 1
 
 
+@pytest.mark.long
 def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     found = case(*measured(root, "trunnion", 101), "sense of first rotary axis", 1)
     assert found is not None
@@ -131,6 +133,7 @@ def test_the_whole_catalogue_on_all_machines(root: Path) -> None:
     assert np.mean([1 <= c.rank <= 3 for _, c in rows]) >= 0.98
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("example", CELLS)
 def test_unspoilt_cells_are_trusted(example: str, root: Path) -> None:
     assert judged(*measured(root, example, 7)).verdict == "trustworthy"

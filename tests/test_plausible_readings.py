@@ -40,6 +40,7 @@ def found(cell: Cell, readings: Readings) -> list[Remark]:
     return [r for r in remarks(cell, readings) if r.verdict == "implausible"]
 
 
+@pytest.mark.long
 def test_honest_cycles_are_no_copies(cell: Cell, twice: Readings) -> None:
     assert found(cell, twice) == []
     # A display of 1 µm shows the same digits in many honest touches of a probe that repeats to 0.3 µm.
@@ -98,6 +99,7 @@ def test_a_control_that_counts_inches_says_so_or_has_it_stated(
     assert [("in steps of 0.00254 mm" in r.text, "others are not" in r.text) for r in found] == [(True, False)] * said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("digit", [1e-3, 1e-4])
 @pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head", "split"])
 def test_honest_digits_are_not_taken_for_rounded_ones(example: str, digit: float, root: Path) -> None:
@@ -130,6 +132,7 @@ def test_five_rounded_rows_of_a_short_plan_are_named_though_no_axis_has_many(roo
     assert set(said.touches) == set(readings.touch[some].tolist())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("step", [1 / 80, 5 / 2048, 0.0031])
 def test_positions_of_a_drive_that_counts_in_steps_are_named(cell: Cell, twice: Readings, step: float) -> None:
     """80 steps a millimetre, 2048 a turn of a screw of 5 mm; zero lies anywhere; six decimals, as in readings.csv."""
@@ -157,6 +160,7 @@ def test_a_cycle_that_was_pasted_and_shaken_a_little_is_named(cell: Cell, twice:
     assert doubts(cell, twice, "copied_positions") == []
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("axis", ["X", "C"])
 def test_an_axis_the_wrong_way_on_the_first_example_is_no_traceback(axis: str, root: Path) -> None:

@@ -63,6 +63,7 @@ def flags(events: list[Any]) -> list[int]:
     return [event.flag for event in events if isinstance(event, Touched)]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("options", "streamed", "profile"),
     [
@@ -160,6 +161,7 @@ def test_a_tool_length_that_is_on_is_an_alarm_before_anything_moves(made: Plan) 
     assert flags(run([line for line in lines if "#4008" not in line], made, tool_lengths={1: 250.0})) == [1] * 6, "without a move"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("group", "code"), [(11, 51), (17, 16), (22, 51.1)])
 def test_scaling_polar_coordinates_and_mirror_images_are_alarms_before_anything_moves(made: Plan, group: int, code: float) -> None:
     lines = lines_of(made)
@@ -222,6 +224,7 @@ def senses(made: Plan, rule: str, signed: bool) -> list[float]:
     return found
 
 
+@pytest.mark.few(0)
 def test_endless_axes_turn_in_the_sense_that_the_readings_will_say(made: Plan) -> None:
     """The short way, or where the sign is the direction the sense of the plan: backlash depends on it."""
     wanted = last_motion(made)[:, made.machine.column("C")].tolist()

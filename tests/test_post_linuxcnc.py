@@ -105,6 +105,7 @@ def test_records_are_machine_coordinates_in_order(made: Plan, shift: str, tmp_pa
             assert float(words[name]) == pytest.approx(shown, abs=1e-4), name
 
 
+@pytest.mark.few(1)
 @pytest.mark.system("rs274")
 @pytest.mark.parametrize("example", every(sorted(p.name for p in EXAMPLES.iterdir() if p.is_dir()), 3))
 def test_the_program_of_every_example_is_accepted(example: str, tmp_path: Path) -> None:
@@ -141,6 +142,7 @@ def test_rotary_axes_move_alone_and_wrap_only_when_told(made: Plan) -> None:
     assert "G53 G0 C-90." in turns() and "G53 G0 C-270." in turns(wrapped=True)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("example", ["hu40t", "trunnion", "golden"])
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_rotary_axes_come_to_every_touch_in_the_sense_that_the_readings_will_say(example: str, wrapped: bool) -> None:

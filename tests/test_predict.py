@@ -79,6 +79,7 @@ def shop(folder: Path) -> tuple[CliRunner, Path, Path, Path]:
     return run, cell, program, folder / "f.yaml"
 
 
+@pytest.mark.long
 def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None:
     run, cell, program, wanted = shop(tmp_path)
     wanted.write_text(
@@ -100,6 +101,7 @@ def test_the_command_tells_deviation_causes_and_features(tmp_path: Path) -> None
     assert isinstance(wrong.exception, InputError) and "circularity" in str(wrong.exception)
 
 
+@pytest.mark.long
 def test_a_circularity_is_told_with_and_without_the_scatter_of_its_points(tmp_path: Path) -> None:
     run, cell, program, wanted = shop(tmp_path)
     common = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=60", "--tool-length", "150", "--features", str(wanted)]

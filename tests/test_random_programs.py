@@ -239,6 +239,7 @@ def test_a_planner_that_did_not_know_the_obstacles_would_be_found() -> None:
     raise AssertionError("no obstacle stands in anybody's way")
 
 
+@pytest.mark.long
 def test_what_turns_low_is_seen() -> None:
     """The judge itself: the table turned under a probe that stands on it, and far above it."""
     made = next(drawn.plan for drawn in random_plans(1, 20) if "B" in drawn.plan.machine.names)
@@ -258,6 +259,7 @@ def test_nothing_is_known_of_what_is_far_below_a_pallet() -> None:
     assert gap(truth(pallet.machine, pallet.artefact), turned) > 150
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("body_length", [80.0, 210.0])
 @pytest.mark.parametrize("nose", [0.0, 60.0, 110.0])
 def test_how_low_a_probe_is_depends_on_where_it_points(nose: float, body_length: float) -> None:

@@ -26,11 +26,13 @@ READ = names()
 # What passes
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("post", READ)
 def test_what_the_posts_write_passes(post: str) -> None:
     assert read_back(lines_of(post, golden()), golden(), post)
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("post", "options"),
     [
@@ -54,6 +56,7 @@ def test_options_of_the_profile_pass(post: str, options: dict[str, Any]) -> None
     assert read_back(lines_of(post, golden(), **options), golden(), post, **options)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("post", READ)
 def test_the_rest_of_a_run_passes(post: str) -> None:
     rest = part(golden(), [3, 5, 6])
@@ -138,6 +141,7 @@ def random_plans_pass(seed: int, count: int) -> None:
         assert read_back(lines_of(post, made), made, post)
 
 
+@pytest.mark.few(0)
 def test_random_plans_pass() -> None:
     random_plans_pass(1, len(READ))
 
@@ -363,6 +367,7 @@ def test_a_dead_probe_stops_nothing_where_the_count_of_misses_is_forgotten_betwe
 SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720", "probe_off": "M721"}
 
 
+@pytest.mark.few(29)
 @pytest.mark.parametrize("post", READ)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
@@ -495,6 +500,7 @@ def _said_again(lines: list[str], at: int) -> bool:
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("post", "every"),
     [
@@ -538,6 +544,7 @@ def test_a_program_that_is_refused_is_not_written(tmp_path: Path, capsys: pytest
     assert not (tmp_path / "cell" / "program").exists()
 
 
+@pytest.mark.few(0)
 def test_every_post_is_read_back_or_said_to_be_unread(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for post in names():
         assert call("plan", "-C", GOLDEN / "cell", "--post", post, "--out", tmp_path / post) == 0, post

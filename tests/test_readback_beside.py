@@ -25,11 +25,13 @@ def made() -> Plan:
     return plan(trunnion(*YOKE, SETTER, indexations=2))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("gate", ["none", "finger", "facet"])
 def test_what_keeps_off_passes(made: Plan, gate: str) -> None:
     assert read_back(lines_of("fanuc", made, gate=gate), made, "fanuc", gate=gate)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("obstacle", "words"),
     [
@@ -81,6 +83,7 @@ def test_random_programs_are_refused_where_the_simulated_machine_meets_something
     assert planned and meets and seen == meets
 
 
+@pytest.mark.few(0)
 def test_a_door_at_its_place_is_kept_off_and_one_too_near_is_refused() -> None:
     """The closed door of docs/formats.md; half a meter nearer the table would run into it."""
     door = Obstacle("box", low=(-700.0, -760.0, -400.0), high=(700.0, -700.0, 900.0), on="f", title="closed door")

@@ -12,6 +12,7 @@ DEFLECTED = '$IF V.G.PRBST1!=0\n#CLOSE\n#ERROR ["TANGO PROBE IS DEFLECTED"]\nM30
 MET = "V.A.MEASOK.X+V.A.MEASOK.Y+V.A.MEASOK.Z"
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("post", "options"),
     [
@@ -137,6 +138,7 @@ MAY_BE_MISSING = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("post", "every"), [("okuma", 7), ("fagor", 23)])
 def test_no_line_that_moves_asks_stops_or_records_may_be_missing(post: str, every: int) -> None:
     lines = lines_of(post, golden())

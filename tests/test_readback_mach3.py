@@ -272,6 +272,7 @@ def judged(count: int, proven: int, seed: int = 7) -> tuple[int, list[tuple[str,
     return found, through
 
 
+@pytest.mark.few(0)
 def test_dangerous_mutants_of_macros_are_refused() -> None:
     found, through = judged(8, 1)
     assert not through and found >= 1

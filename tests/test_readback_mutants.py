@@ -96,6 +96,7 @@ def table(case: Case, count: int, dangers: Mapping[str, int], caught: Mapping[st
     return f"\n{case}: {count} mutants, all that are not refused were judged; {seen}"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("case", [case for case in CASES if str(case) in ("linuxcnc", "mach3")], ids=str)
 def test_dangerous_mutants_are_refused(case: Case) -> None:
     """Four of them, and four more until one is dangerous: a program of many questions has many that are not."""

@@ -181,6 +181,7 @@ def judged(count: int, proven: int) -> tuple[int, list[tuple[str, ...]]]:
     return found, through
 
 
+@pytest.mark.few(0)
 def test_dangerous_mutants_for_grbl_are_refused() -> None:
     found, through = judged(20, 3)
     assert not through and found >= 3

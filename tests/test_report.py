@@ -128,6 +128,7 @@ def test_the_command_writes_a_page_and_a_pdf_and_says_the_verdict(folder: Path) 
     assert "Make no parts on it before it is put right." in " ".join(outline(page_text).text)
 
 
+@pytest.mark.long
 def test_the_page_needs_no_network(facts: Facts) -> None:
     text = page.render(facts)
     read = outline(text)
@@ -188,6 +189,7 @@ def test_readings_say_whether_they_are_older_than_the_newest_night(measured: str
     assert said in text and todo in text
 
 
+@pytest.mark.long
 def test_a_report_says_what_the_page_of_the_machine_says(facts: Facts, tmp_path: Path) -> None:
     """One answer, one number and one cause for one state, whatever the readings of the report are."""
     from starlette.testclient import TestClient
@@ -220,6 +222,7 @@ def _answer(text: str) -> tuple[str, str]:
     return re.findall(r"<b>([^<]*)", box)[0].strip(), "".join(re.findall(r'class="numbers">([^<]*)', box))
 
 
+@pytest.mark.long
 def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts: Facts, tmp_path: Path) -> None:
     """Over every corner of the touched ranges; between touched positions there is another, smaller one, and it says so."""
     from tango_cnc.history import opened
@@ -241,6 +244,7 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
     assert [row["where"] for row in rows][:2] == [texts()("volume.corners"), texts()("volume.touched")]
 
 
+@pytest.mark.long
 def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
     """'Not known' above 'Nothing. Keep this report.' helps nobody."""
     assert facts.wishes.limit is None
@@ -271,6 +275,7 @@ def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts)
     assert verdict(replace(facts, nights=Nights("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:
     inch = replace(facts, wishes=replace(facts.wishes, units=Units("inch")))
     here, there = (page.context(f)["parameters"] for f in (facts, inch))
@@ -472,6 +477,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
             assert line.endswith(f"{low} … {high}")
 
 
+@pytest.mark.long
 def test_the_trend_of_a_history_and_what_a_compensation_promised_are_on_the_page(facts: Facts, tmp_path: Path) -> None:
     from support.server import cell as with_nights
 
@@ -518,3 +524,11 @@ def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(fa
             assert all(motion in rows[f.name]["note"] for motion in f.mixed)
     alone = [r for r in rows.values() if texts()("iso.alone") in r["note"]]
     assert {r["name"] for r in alone} >= {"C to B", "C to X"}
+
+
+def test_the_page_is_not_written_under_the_name_of_a_pdf(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="tango report --pdf"):
+        CliRunner().invoke(
+            tango, ["report", "-C", str(tmp_path), "-o", str(tmp_path / "x.pdf")], standalone_mode=False, catch_exceptions=False
+        )
+    assert not (tmp_path / "x.pdf").exists()

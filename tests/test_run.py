@@ -203,6 +203,7 @@ def test_ctrl_c_ends_with_a_sentence_and_a_partial_file(cell, number):
     assert list(readings(cell, "readings.partial.csv").touch) == [1, 2, 3, 4]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX")
 def test_a_killed_run_is_resumed_from_its_journal(cell):
     with a_process_that_has_recorded(4, cell, Control(cell, stop=4)) as process:

@@ -16,6 +16,7 @@ from support.simulated_runs import (
 )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("mode", "alarm"), [("memory", "tidy"), ("dnc", "at once")])
 def test_readings_over_tcp_are_those_of_the_true_machine(cell, mode, alarm):
     """A program that is drip-fed cannot jump to where an alarm leaves things in order."""
@@ -52,6 +53,7 @@ def test_a_control_that_stops_and_a_run_that_is_resumed(cell):
     assert all(again["moved_mm"] < 1e-3 for again in repeated)
 
 
+@pytest.mark.long
 def test_a_probe_that_stays_deflected_stops_the_run_and_nothing_false_is_recorded(cell):
     with controller(cell, "--tcp", "127.0.0.1:0", "--fault", "probe-stuck-after=3") as url:
         result = Result("run", "-C", cell, "--port", url, "--timeout", "1")

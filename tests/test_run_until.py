@@ -40,6 +40,7 @@ def test_a_run_ends_with_the_touch_that_reaches_the_goal_and_the_rest_can_be_mad
     assert len(whole) > first and len({row["touch"] for row in whole}) == len(whole)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("goal", ["volume", "check", "volume=3,EX0C=1", "nonsense", "EX0C=1", "volume=0"])
 def test_a_goal_that_says_no_limit_is_refused_before_anything_moves(
     goal: str, cell: Path, capsys: pytest.CaptureFixture[str]

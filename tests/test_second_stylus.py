@@ -107,6 +107,7 @@ def test_touches_keep_their_numbers_and_each_program_has_one_stylus(whole: Cell)
         plan(whole)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", [pytest.param(n, marks=() if n in QUICK[:2] else pytest.mark.long) for n in sorted(EVERY)])
 def test_the_program_of_the_second_stylus_runs_in_every_dialect(name: str) -> None:
     """Read back as every program, then executed by the simulated control with that stylus in its spindle."""

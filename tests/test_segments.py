@@ -40,6 +40,7 @@ def estimated(folder, *more):
     return json.loads(result.out)
 
 
+@pytest.mark.few(0)
 def test_the_offset_of_the_second_segment_is_found(interrupted):
     plain, carried = estimated(interrupted), estimated(interrupted, "--segment-offset", "machine")
     found = [carried["parameters"][f"step[201,machine].{axis}"] for axis in "xyz"]
@@ -49,6 +50,7 @@ def test_the_offset_of_the_second_segment_is_found(interrupted):
     assert carried["residual"]["rms_um"] < 0.5 * plain["residual"]["rms_um"]
 
 
+@pytest.mark.few(0)
 def test_touches_without_contact_do_not_shift_where_the_segment_begins(interrupted):
     text = (interrupted / "simulated.csv").read_text().splitlines()
     text[5] = text[5].replace(",ok,", ",miss,")
@@ -56,6 +58,7 @@ def test_touches_without_contact_do_not_shift_where_the_segment_begins(interrupt
     assert "step[200,machine].x" in estimated(interrupted, "--segment-offset", "machine")["parameters"]
 
 
+@pytest.mark.few(0)
 def test_a_run_of_one_piece_has_no_offset(interrupted):
     text = (interrupted / "simulated.csv").read_text()
     (interrupted / "simulated.csv").write_text(

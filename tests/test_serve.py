@@ -59,6 +59,7 @@ def signed_in(app_folder: Path, users: Path, role: str = "operate") -> TestClien
     return client
 
 
+@pytest.mark.long
 def test_the_fleet_shows_every_machine_with_its_verdict(site: TestClient) -> None:
     text = site.get("/").text
     assert (
@@ -123,6 +124,7 @@ def test_sentences_are_told_in_inch(metric: str, inch: str) -> None:
     assert Units("inch").sentence(metric) == inch and Units().sentence(metric) == metric
 
 
+@pytest.mark.long
 def test_no_page_of_an_inch_shop_has_a_length_in_metric(folder: Path) -> None:
     app = create(Settings((folder,)))
     app.state.tango.units = Units("inch")
@@ -212,6 +214,7 @@ def test_the_engineers_part_has_the_date_of_the_first_screen() -> None:
     assert "14 Nov" not in first.partition("Who has it")[0] and "2026-11-14" not in engineer and "14 Nov" not in engineer
 
 
+@pytest.mark.long
 def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_path: Path) -> None:
     """A slow drift ends beyond a limit on a night without an alarm of its own."""
     limit = {"what": "volume", "value": 75.9, "low": 74.0, "high": 77.8, "limit": 60.0, "unit": "µm", "passed": False}
@@ -413,6 +416,7 @@ def test_an_alarm_is_acknowledged_and_has_an_owner(tmp_path: Path) -> None:
         assert not history.verify()
 
 
+@pytest.mark.long
 def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) -> None:
     """Every page says who has it and since when; only accepted and repaired close an alarm."""
     records = [night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])]
@@ -520,6 +524,7 @@ def test_a_cell_that_cannot_be_read_is_told_and_hides_no_other(tmp_path: Path) -
         assert site.get("/machine/bad").status_code == 200
 
 
+@pytest.mark.long
 def test_what_is_simulated_is_marked_on_every_page(tmp_path: Path) -> None:
     """Run, trend, nights, files, machines and alarms: no number of a simulated machine stands without its mark."""
     records = [{**night("HU40T-like", i, "changed" if i == 1 else "good"), "simulated": True} for i in range(3)]

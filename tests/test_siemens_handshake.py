@@ -66,6 +66,7 @@ def ran(lines, computer, name="R700"):
     return run_on(build, lines, golden())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_record_is_that_of_the_printed_one(name):
     printed = [event for event in ran(lines_of("siemens", golden()), {}).records(golden()) if isinstance(event, Touched)]
@@ -104,6 +105,7 @@ def test_what_the_post_writes_passes(name):
     assert refused(lines_of("siemens", golden(), handshake=name), "siemens", handshake=name) == ""
 
 
+@pytest.mark.long
 def test_every_line_of_the_handshake_is_needed():
     """One line left out, or with another number in it: refused, but for what the two marks say beside their point."""
     lines = lines_of("siemens", golden(), handshake="R700")

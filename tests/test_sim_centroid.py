@@ -154,6 +154,7 @@ def test_its_settings_come_as_text_too(made: Plan) -> None:
     assert "M77" not in run(["M77"], made, macros=told.macros).why
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("on", "off"), [("M94 /1", "M95 /1"), ("M94/12", "M95/12")])
 def test_an_output_of_the_plc_switches_the_probe(on: str, off: str) -> None:
     """A slash is no word of other profiles: at the beginning of a block it skips the block."""

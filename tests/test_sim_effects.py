@@ -59,6 +59,7 @@ def test_every_key_is_documented(root: Path) -> None:
     assert not gone, f"docs/effects.md: a row of an effect that is gone: {gone}"
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("cause", sorted(set(LEAST) - {"swapped_facets"}))
 def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
     beside = World({"EX0C": -0.4}, STYLUS)  # a touch that misses its point, a stylus that is off its axis
@@ -67,6 +68,7 @@ def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
     assert 0.0003 < np.abs(early(changed, plain)).max() < 0.06
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("cause", sorted(LEAST))
 @pytest.mark.parametrize("count", [1, 40, 200])
 def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> None:
@@ -78,6 +80,7 @@ def test_an_effect_knows_nothing_of_later_touches(cause: str, count: int) -> Non
     assert all(np.array_equal(whole.errors[name][:count], value) for name, value in part.errors.items())
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("cause", sorted(LEAST))
 def test_an_effect_is_decided_by_the_seed(cause: str) -> None:
     chosen = effects.checked(world(cause).effects)
@@ -107,6 +110,7 @@ EVENTS = {
 AT_WHICH_TIME = {"ambient_cycle", "random_walk", "scale_drift", "table_drift", "table_growth", "thermal_drift"}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("cause", sorted(set(LEAST) - AT_WHICH_TIME - {"swapped_facets"}))
 def test_touch_by_touch_an_effect_is_the_same_as_all_at_once(cause: str) -> None:
     """A program that returns to a safe height takes its own time, so effects of time are left out."""
@@ -131,6 +135,7 @@ def test_touch_by_touch_an_effect_is_the_same_as_all_at_once(cause: str) -> None
         )
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("example", sorted(folder.name for folder in EXAMPLES.iterdir()))
 def test_effects_work_on_every_machine_that_has_the_axes_for_them(example: str) -> None:
     cell = read_cell(EXAMPLES / example)

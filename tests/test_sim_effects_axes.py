@@ -46,6 +46,7 @@ def test_an_eccentric_graduation_errs_once_a_turn() -> None:
     assert read_early("encoder_harmonic", axis="B", order=3, phase=40) == pytest.approx(thrice * turning(Y), abs=1e-7)
 
 
+@pytest.mark.long
 def test_radial_error_motion_displaces_the_table_across_the_axis() -> None:
     twice = 0.003 * np.cos(2 * at("C") + np.radians(30))
     fixed = read_early("rotary_radial", phase=30, frame="fixed")
@@ -81,6 +82,7 @@ def test_a_weight_beside_the_axis_sags_and_winds_it_up() -> None:
     assert both == pytest.approx(later * (-0.005 * along(Z) + 1e-5 * turning(Y)), abs=1e-7)
 
 
+@pytest.mark.long
 def test_an_error_motion_has_its_size_at_its_span() -> None:
     # EYX lifts the table to +y; the travel of X ends at 400 mm
     second = read_early("error_motion", amplitude=1e-4)

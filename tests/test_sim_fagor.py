@@ -41,6 +41,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -66,6 +67,7 @@ def test_positions_that_come_in_whole_thousandths_are_no_changed_work_offset(mad
     assert ran.alarm is None and ran.flags(made) == [1] * len(made.touches)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("status", ["tells", "never"])
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan, status: str) -> None:
     """MEASOK tells it, and the distance to the target besides."""

@@ -73,6 +73,7 @@ def test_a_line_longer_than_the_buffer_does_not_stop_the_tape():
     assert next(lines) == "(" + "A" * 60 + ")"
 
 
+@pytest.mark.long
 def test_the_faults_of_a_line_are_asked_for_on_the_command_line(tmp_path):
     from tango_cnc.commands.init import write_example
 

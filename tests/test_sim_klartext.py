@@ -56,6 +56,7 @@ def show(*parameters: str) -> list[str]:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [

@@ -57,6 +57,7 @@ def test_every_touch_is_recorded_where_it_happened(made: Plan) -> None:
     assert_as_it_happened(ran, made)
 
 
+@pytest.mark.long
 def test_records_are_machine_coordinates_whatever_the_offset(made: Plan) -> None:
     assert run(lines_of(made), made, g54={"X": 11.5, "Y": -3.25, "Z": 100.25}).lines == run(lines_of(made), made).lines
 
@@ -67,6 +68,7 @@ def test_positions_that_come_in_whole_thousandths_are_no_changed_work_offset(mad
     assert not ran.why and ran.flags(made) == [1] * len(made.touches)
 
 
+@pytest.mark.long
 def test_a_miss_and_an_early_contact_are_flagged(made: Plan) -> None:
     assert run(lines_of(made), made, World(facets={"4": -8.0})).flags(made)[-1] == 0
     assert run(lines_of(made), made, World(facets={"4": 7.0})).flags(made)[-1] == 2
@@ -111,6 +113,7 @@ def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
     assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("code", range(880, 886))
 def test_one_macro_that_is_missing_stops_at_the_next_call(made: Plan, code: int) -> None:
     """Mach3 skips its calls in silence; nothing moves then that its macros move, and nothing is put on record."""

@@ -93,6 +93,7 @@ def test_its_program_looks_at_the_probe_where_g31_ignores_a_deflected_one(looks:
     assert ("PROBE IS DEFLECTED" in found.why and not moved) == looks
 
 
+@pytest.mark.long
 def test_the_read_back_misses_a_look(made: Plan) -> None:
     post, lines = load("mach4"), lines_of(made)
     for at in [i for i, line in enumerate(lines) if line == "M884"]:

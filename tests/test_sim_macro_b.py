@@ -138,6 +138,7 @@ def test_fields_of_dprnt(number: float | None, form: tuple[int, int], text: str)
     assert printed_field(number, *form, "spaces") == text
 
 
+@pytest.mark.long
 @given(st.floats(-9999, 9999), st.integers(0, 4))
 def test_a_number_that_fits_is_printed_to_its_digits(number: float, decimals: int) -> None:
     text = printed_field(number, 4, decimals, "spaces")

@@ -200,6 +200,7 @@ def test_touch_by_touch_the_same_machine_is_met_as_all_at_once() -> None:
         assert hit.position == pytest.approx(wanted.position[i], abs=1e-9)
 
 
+@pytest.mark.long
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1))
 def test_the_first_contact_is_the_one_that_a_very_fine_search_finds(seed: int) -> None:

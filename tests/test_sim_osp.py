@@ -36,6 +36,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -55,6 +56,7 @@ def test_every_touch_is_made_where_it_is_planned(made: Plan, options: dict[str, 
     assert ran.files["MD1:TANGO.TXT"].splitlines() == ran.out.decode().splitlines()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("miss", ["keep", "end"])
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan, miss: str) -> None:
     """Whatever the contact variable holds after a move that met nothing."""

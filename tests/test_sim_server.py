@@ -113,6 +113,7 @@ def test_a_conversation_over_tcp(start: Start, tmp_path: Path) -> None:
     assert [entry["state"] for entry in ledger if entry["event"] == "program"] == ["storing", "ended"]
 
 
+@pytest.mark.long
 def test_a_compensation_is_in_the_control(start: Start, tmp_path: Path) -> None:
     (tmp_path / "compensation.json").write_text('{"target": "linuxcnc"}')
     (tmp_path / "compensation.ini").write_text("[JOINT_2]\nCOMP_FILE = z.comp\nCOMP_FILE_TYPE = 0\n")
@@ -127,6 +128,7 @@ def test_a_folder_that_is_no_compensation_is_refused(tmp_path: Path, capsys: pyt
     assert "a folder that 'tango compensate' has written" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_conversation_over_a_pseudo_terminal(start: Start) -> None:
     process, line = start("--pty", "--once")
     assert process.port.startswith("/dev/")
@@ -142,6 +144,7 @@ def test_the_control_asks_again_until_a_tape_comes(start: Start) -> None:
     line.until(DC1 + DC1)
 
 
+@pytest.mark.long
 def test_one_program_after_the_other_on_the_same_line(start: Start) -> None:
     _, line = start()
     line.send(HELLO)
@@ -158,6 +161,7 @@ def test_common_variables_survive_from_program_to_program(start: Start) -> None:
     assert b"V  7\n" in line.until(DC4)
 
 
+@pytest.mark.long
 def test_an_alarm_says_nothing_on_the_line_and_the_next_tape_is_taken(start: Start) -> None:
     process, line = start()
     line.until(DC1)
@@ -169,6 +173,7 @@ def test_an_alarm_says_nothing_on_the_line_and_the_next_tape_is_taken(start: Sta
     assert process.kill() == "PS0010 IMPROPER G-CODE (G12)\n"
 
 
+@pytest.mark.long
 def test_drip_feeding_is_held_and_released(start: Start) -> None:
     process, line = start("--mode", "dnc", "--speed", "200", "--buffer", "512", "--once")
     program = b"%\nPOPEN\n" + b"".join(b"G4 P100\nDPRNT[LINE*%d]\n" % i for i in range(400)) + b"PCLOS\nM30\n%\n"
@@ -191,6 +196,7 @@ def test_drip_feeding_is_held_and_released(start: Start) -> None:
     assert line.heard.index(b"LINE 5\n") < line.heard.rindex(DC1)  # it was at work while more arrived
 
 
+@pytest.mark.long
 def test_output_waits_while_the_other_side_holds_it(start: Start) -> None:
     _, line = start()
     line.until(DC1)
@@ -259,6 +265,7 @@ def test_a_wrong_start_is_refused_in_one_sentence(arguments: list[str], complain
     assert said.out == ""
 
 
+@pytest.mark.long
 @given(st.lists(st.integers(1, 7), min_size=1, max_size=40))
 def test_a_tape_is_the_same_however_it_is_cut(pieces: list[int]) -> None:
     data = b"junk\n% TITLE\r\nO1\r\n\x00G0 X1.\r\n\nM30\n%after"

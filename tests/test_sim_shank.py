@@ -141,6 +141,7 @@ def test_every_travel_that_is_planned_too_low_is_noticed(name: str) -> None:
     assert inside >= 3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_cylinder_and_body_have_a_point_in_common_when_a_cloud_of_points_says_so(seed: int) -> None:
     rng = np.random.default_rng(seed)

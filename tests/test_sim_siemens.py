@@ -38,6 +38,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -284,6 +285,7 @@ def test_write_ends_lines_of_files_and_none_of_devices(made: Plan) -> None:
     assert shown(made, *(f'WRITE(E_1,"_N_A_MPF","{c}")' for c in "AB")) == ["A", "B"]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("mirrored", [(), ("Z",), ("X", "Y")])
 @pytest.mark.parametrize("holds", [True, False])
 def test_where_supa_is_nothing_beside_meas_every_touch_is_where_it_is_planned(

@@ -166,6 +166,7 @@ def test_all_touches_of_the_example_take_less_than_a_second() -> None:
     assert time.process_time() - began < 1.0
 
 
+@pytest.mark.long
 def test_the_command_writes_readings_that_can_be_read_back(tmp_path: Path) -> None:
     cell = shutil.copytree(EXAMPLE, tmp_path / "cell")
     world = {"errors": {"EX0C": -0.1}, "noise": 0.0005, "seed": 7}

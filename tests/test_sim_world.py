@@ -131,6 +131,7 @@ def test_a_direction_against_the_base_vector_is_a_negative_sense_in_the_machine_
     assert np.array_equal(columns, np.eye(3))
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 def test_with_every_error_zero_any_chain_is_the_nominal_one(topology: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -143,6 +144,7 @@ def test_with_every_error_zero_any_chain_is_the_nominal_one(topology: str, seed:
     )
 
 
+@pytest.mark.long
 @given(topologies(), st.integers(0, 2**32 - 1))
 def test_the_table_frame_is_the_machine_frame_at_the_zero_pose_of_any_chain(topology: str, seed: int) -> None:
     machine = machine_of(topology, np.random.default_rng(seed))

@@ -44,6 +44,7 @@ assert not loaded, loaded
 """
 
 
+@pytest.mark.long
 def test_a_list_of_nights_loads_neither_the_diagnosis_nor_what_nights_compute_with(tmp_path: Path) -> None:
     with opened(tmp_path / "history.db") as history:
         history.add_night(record(2))
@@ -70,6 +71,7 @@ assert "numpy.testing._private.utils" in sys.modules
 """
 
 
+@pytest.mark.long
 def test_what_scipy_asks_of_numpy_and_nobody_uses_is_not_loaded(tmp_path: Path) -> None:
     """A Fortran compiler's front end and numpy's own tests are a third of the time in which scipy loads."""
     cell = tmp_path / "cell"
@@ -116,6 +118,7 @@ print("Array API" in special.ndtr.__doc__)
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("spoilt", "noted"),
     [("", False), ("del lean._Unwritten.__getitem__", True)],  # the second: a scipy that asks for more than it did

@@ -119,6 +119,30 @@ def test_a_table_that_was_knocked_is_told_from_a_machine_that_was(cell: Cell, tr
     assert np.allclose(found.size, moved, atol=0.0015)
 
 
+def test_two_changes_at_once_are_both_named_with_sizes_of_one_fit(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    change = {"EX0C": 0.012, "EA0B": 3e-5}
+    errors = {key: value + change.get(key, 0.0) for key, value in truth.errors.items()}
+    ahead = s.predicted(after, 1.0)
+    what = s.seen(followed, read(cell, replace(truth, errors=errors), 21, 3), ahead.mean, 20.0)
+    tonight = s.judge(ahead, what)
+    found = s.name_change(ahead, followed, tonight, s.hypotheses(followed, 0.0))
+    assert found is not None and found.besides is not None
+    named = {f.hypothesis.parameter: f for f in (found, found.besides)}
+    assert set(named) == set(change)
+    assert all(abs(f.size[0] - change[name]) < 4 * f.std[0] for name, f in named.items())
+
+
+def test_scales_that_change_alike_are_named_together(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
+    followed, after = known
+    errors = {key: value + (3e-5 if key in ("EXX1", "EYY1", "EZZ1") else 0.0) for key, value in truth.errors.items()}
+    ahead = s.predicted(after, 1.0)
+    what = s.seen(followed, read(cell, replace(truth, errors=errors), 22, 3), ahead.mean, 20.0)
+    found = s.name_change(ahead, followed, s.judge(ahead, what), s.hypotheses(followed, 0.0))
+    assert found is not None and found.hypothesis.cause == "scales"
+    assert abs(found.size[0] - 3e-5) < 4 * found.std[0]
+
+
 def test_a_chip_on_a_facet_is_no_alarm(cell: Cell, truth: World, known: tuple[s.Frame, s.State]) -> None:
     followed, after = known
     readings = read(cell, truth, 13, 3)
@@ -212,6 +236,7 @@ def test_a_machine_quieter_than_the_first_idea_is_found_to_be_so(known: tuple[s.
     assert np.all(learned[points] < 0.3 * followed.wander[points])  # facets lie where they lay
 
 
+@pytest.mark.long
 def test_nights_to_come_are_as_far_from_learned_rates_as_learning_says(
     known: tuple[s.Frame, s.State], cell: Cell, truth: World
 ) -> None:

@@ -115,6 +115,7 @@ def facing_away(cell: Path) -> Path:
     return cell
 
 
+@pytest.mark.long
 def test_what_a_strategy_leaves_out_is_left_out_by_check_plan_and_simulate(facing_away: Path) -> None:
     cell = facing_away
     whole = sum(len(i.facets) for i in read_cell(cell).strategy.indexations)

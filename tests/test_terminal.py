@@ -112,6 +112,7 @@ def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
     assert len(drawn) == 14 and line.startswith(MACHINE)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("verdict", "late", "open_alarms", "status"),
     [
@@ -148,6 +149,7 @@ def test_a_fleet_is_a_folder_of_cells_and_one_that_cannot_be_read_hides_no_other
     assert any(line.startswith(MACHINE) for line in found.stdout.splitlines())
 
 
+@pytest.mark.long
 def test_cells_that_were_copied_from_one_another_hide_no_alarm_of_each_other(tmp_path: Path) -> None:
     """Four equal machines have one name and four folders: one alarms, one has a broken history, one was never measured."""
     cells = {name: tmp_path / name for name in ("broken", "alarms", "never", "other")}
@@ -202,6 +204,7 @@ def test_the_uncertainty_is_drawn_where_there_is_room(folder: Path) -> None:
         assert ("●" in line) == drawn and len(line) <= columns
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("encoding", every(["cp1252", "latin-1", "utf-8"], 3))
 def test_no_encoding_of_the_output_is_an_error(encoding: str, folder: Path) -> None:
     """A file on Windows has no blocks: other characters stand for them."""
@@ -235,6 +238,7 @@ def test_what_every_night_repeats_is_said_once() -> None:
     assert found[3:] == ["written by hand", "written by hand"]  # what does not know its key stays as it is
 
 
+@pytest.mark.long
 def test_lists_of_a_simulated_machine_say_so(tmp_path: Path) -> None:
     for simulated in (True, False):
         with opened(tmp_path / f"{simulated}.db") as history:

@@ -52,6 +52,7 @@ def test_every_five_axis_cell_finds_its_own_eight(name):
     assert found == set(FIVE_AXES[machine.topology.replace("b", "f")].split())
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["huron", "trunnion", "fork_head", "split"])
 def test_noise_free_readings_of_every_five_axis_cell_return_the_whole_model(name):
     """S4 on other chains: 20 µm and 60 µrad of everything at the end of the travel, back to 1e-8 mm and 1e-11 rad."""

@@ -50,6 +50,7 @@ def study_of(e: Estimate, lines: tuple[Line, ...] = FULL) -> Study:
 # The gaps of many trials
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("name", sorted(examples()))
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-10), (np.float32, 3e-7)])
 def test_gaps_of_a_block_are_those_of_the_model(name: str, dtype: type, tolerance: float) -> None:
@@ -152,6 +153,7 @@ def test_warm_up_moves_the_readings_as_its_three_columns_say(cell: Cell, found: 
     assert change == pytest.approx(sign * expected, abs=2e-5)
 
 
+@pytest.mark.long
 def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(found: dict[str, Estimate]) -> None:
     """3 mm/s and 1 ms: positions on a grid of 3 µm, the next one behind the contact."""
     scene = Scene(found["S3"].model, found["S3"].values)
@@ -182,6 +184,7 @@ def test_random_walk_has_the_covariance_of_its_part(cell: Cell, found: dict[str,
     assert np.mean(np.sum(runs**2, axis=1)) == pytest.approx(wanted, rel=0.8)
 
 
+@pytest.mark.long
 def test_every_source_has_its_contract(found: dict[str, Estimate]) -> None:
     e = found["S3"]
     settings = {
@@ -288,6 +291,7 @@ def test_trials_that_the_chord_cannot_settle_are_solved_in_full(
     assert run.rescued == 4 and run.lost == 0
 
 
+@pytest.mark.long
 def test_any_number_of_workers_gives_the_same_trials(found: dict[str, Estimate]) -> None:
     s = study_of(found["S3"])
     backwards = trials.run(s, 2500, 7, mapper=lambda call, items: list(reversed([call(i) for i in reversed(list(items))])))

@@ -45,6 +45,7 @@ def as_json(capsys: pytest.CaptureFixture[str], *args: object) -> dict[str, Any]
     return result
 
 
+@pytest.mark.long
 def test_json_of_a_single_run(cell: Path, budget: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = as_json(capsys, "-C", cell, "--budget", budget, "--factor", 2.6)
     assert data["format"] == "tango-uncertainty/1" and data["pool"] == "none" and data["probability"] == 0.95
@@ -71,6 +72,7 @@ def test_json_of_repeated_days(cell: Path, capsys: pytest.CaptureFixture[str]) -
     assert as_json(capsys, "-C", cell, "--readings", cell / "repeated.csv", "--pool", "days")["pool"] == "days"
 
 
+@pytest.mark.long
 def test_text_for_people(cell: Path, budget: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("uncertainty", "-C", cell, "--budget", budget) == 0
     text = capsys.readouterr().out
@@ -110,6 +112,7 @@ def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture
     assert "u of diff." in capsys.readouterr().out
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

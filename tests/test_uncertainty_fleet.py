@@ -64,6 +64,7 @@ def _where(_: int) -> int:
     return os.getpid()
 
 
+@pytest.mark.long
 def test_nobody_answers() -> None:
     pytest.importorskip("distributed", reason=WANTED)
     with pytest.raises(LinkError, match="no scheduler answers"), cluster("tcp://127.0.0.1:9", timeout=0.3):

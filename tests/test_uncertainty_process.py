@@ -53,6 +53,7 @@ def test_pooled_variances_are_those_of_hand_calculation() -> None:
     assert (float(np.sum(by_days**2)), dof) == (2.0 + 8.0, 2)
 
 
+@pytest.mark.long
 @given(st.integers(2, 5), st.integers(2, 5), st.integers(0, 1000))
 def test_pooling_by_cycles_forgets_what_every_day_does_alike_and_by_days_what_sets_days_apart(k: int, j: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -84,6 +85,7 @@ def test_warm_up_widens_the_intervals_by_days_and_not_by_cycles(analysed: Analys
     assert a.study.dof[i] == pytest.approx(9, rel=0.02)  # three cycles, four days: 3 · (4 − 1), and the bar that is sure
 
 
+@pytest.mark.long
 def test_what_no_repetition_shows_is_added_from_the_budget(cell: Cell, days: Readings, analysed: Analysis) -> None:
     lines = (*NOISE, Line("lobing", {"amplitude": 0.003}), Line("form", {"std": 0.001}))
     with_them = analyse(cell.machine, cell.artefact, days, ("S3",), 3, lines, QUICK)
@@ -92,6 +94,7 @@ def test_what_no_repetition_shows_is_added_from_the_budget(cell: Cell, days: Rea
     assert np.all(with_them.std >= analysed.std) and with_them.std[3] > 2 * analysed.std[3]
 
 
+@pytest.mark.long
 def test_incomplete_days_and_impossible_pools_are_refused(cell: Cell, days: Readings) -> None:
     missing = days.rows(~((days.day == 2) & (days.cycle == 3)))
     with pytest.raises(InputError, match="no cycle 3 on day 2"):
@@ -104,6 +107,7 @@ def test_incomplete_days_and_impossible_pools_are_refused(cell: Cell, days: Read
         analyse(cell.machine, cell.artefact, days, ("S3",), 3, NOISE, replace(QUICK, pool="none"))
 
 
+@pytest.mark.long
 def test_a_touch_that_one_cycle_missed_is_left_out_of_all(cell: Cell, days: Readings) -> None:
     status = list(days.status)
     status[5] = "miss"
@@ -114,6 +118,7 @@ def test_a_touch_that_one_cycle_missed_is_left_out_of_all(cell: Cell, days: Read
 # Days and cycles
 
 
+@pytest.mark.long
 def test_change_through_the_day_is_seen_and_change_between_days_is_not_invented(analysed: Analysis) -> None:
     a = analysed
     assert a.repeated is not None
@@ -125,6 +130,7 @@ def test_change_through_the_day_is_seen_and_change_between_days_is_not_invented(
     assert np.ptp(table.cycle_means, axis=0)[table.names.index("EY0S")] > 0.002
 
 
+@pytest.mark.long
 def test_analysis_of_variance_errs_as_often_as_it_says() -> None:
     rng = np.random.default_rng(4)
     p = [process.day_and_cycle(["a"], rng.normal(size=(4, 5, 1))) for _ in range(2000)]

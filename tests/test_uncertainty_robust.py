@@ -53,6 +53,7 @@ def spoil(cell: Path, size: Any) -> None:
     (cell / "readings.csv").write_text(readings_text(moved), encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_few_wrong_touches_are_in_no_interval(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = np.zeros(226)
     wrong[[20, 61, 99, 150, 201]] = 0.4

@@ -427,6 +427,7 @@ def verify(folder: Path, *options: str) -> Result:
     return CliRunner().invoke(tango, ["verify", "-C", str(folder), *options], standalone_mode=False)
 
 
+@pytest.mark.long
 def test_verify_says_what_it_found_as_text_and_json(folder: Path) -> None:
     text = verify(folder, "--groups", "5")
     assert text.exit_code == 0, text.output
@@ -439,12 +440,14 @@ def test_verify_says_what_it_found_as_text_and_json(folder: Path) -> None:
     assert max(r["residual_um"] for r in own["residuals"]) == pytest.approx(own["max_um"])
 
 
+@pytest.mark.long
 def test_verify_compares_the_subsets_side_by_side(folder: Path) -> None:
     found = json.loads(verify(folder, "--subsets", "--hold-out", "3,7", "--json", "-").stdout)["held_out"]
     assert list(found) == ["S1", "S2", "S3", "S4"]
     assert found["S1"]["sd_um"] > 20 > 2 > found["S3"]["sd_um"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("limit", "status"), [("5", 0), ("1", 1)])
 def test_a_limit_that_is_exceeded_ends_with_status_1(folder: Path, limit: str, status: int) -> None:
     found = verify(folder, "--hold-out", "3", "--limit-um", limit, "--json", "-")
@@ -452,6 +455,7 @@ def test_a_limit_that_is_exceeded_ends_with_status_1(folder: Path, limit: str, s
     assert json.loads(found.stdout)["passed"] is (status == 0)
 
 
+@pytest.mark.long
 def test_before_and_after_over_the_volume(folder: Path) -> None:
     found = json.loads(verify(folder, "--volume", "--levels", "3", "--world", str(folder / "world.yaml"), "--json", "-").stdout)[
         "volume"
@@ -472,6 +476,7 @@ def test_the_map_is_written_pose_by_pose(folder: Path, tmp_path: Path) -> None:
     assert (corner["X"], corner["Z"], corner["B"], corner["extrapolated"]) == (-400, -100, -95, 1)
 
 
+@pytest.mark.long
 def test_after_compensation_the_second_estimate_is_the_map(folder: Path, tmp_path: Path) -> None:
     """Readings of a machine from which all axis locations were taken out."""
     better = replace(world(), errors={name: value for name, value in world().errors.items() if "0" not in name})
@@ -482,6 +487,7 @@ def test_after_compensation_the_second_estimate_is_the_map(folder: Path, tmp_pat
     assert touched["after"]["max_um"] < 0.2 * touched["before"]["max_um"]
 
 
+@pytest.mark.long
 def test_the_sphere_cell_goes_the_whole_way(folder: Path, tmp_path: Path) -> None:
     ball = tmp_path / "ball"
     assert verify(folder, "--write-sphere", str(ball)).exit_code == 0
@@ -496,6 +502,7 @@ def test_the_sphere_cell_goes_the_whole_way(folder: Path, tmp_path: Path) -> Non
     assert isinstance(again.exception, InputError)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -81,6 +81,7 @@ def test_at_every_alarm_the_probe_is_off_and_the_port_closed(name: str, wrong: s
     assert name not in PORTED or found.out.endswith(CLOSED)
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", PORTED)
 @pytest.mark.parametrize("options", [{}, {"macros": "called"}, {"probe_state": 1004}, {"macros": "called", "probe_state": 1004}])
 def test_each_alarm_has_a_way_out_that_closes_the_port(name: str, options: dict[str, Any]) -> None:
@@ -167,6 +168,7 @@ def test_override_and_dry_run_pass_the_probing_move_by(panel: dict[str, float]) 
     assert obeying[0] != pytest.approx(as_told[0], rel=0.5)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["fanuc", "linuxcnc"])
 def test_a_program_of_protected_moves_is_as_fast_as_ever_at_a_tenth_of_the_override(name: str) -> None:
     """On a Fanuc every move near the table is a G31; on a LinuxCNC most are G1, and override acts."""

@@ -17,7 +17,7 @@ from ..features import bar_left_out
 from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..files.checked import resumed
 from ..files.origin import current
-from ..identify import summary
+from ..identify import never_seen, summary
 from ..iso230.signed import withheld
 from ..judgement import Judgement
 from ..records import Cell, InputError, Parameter, Readings, TangoError, TermItem
@@ -186,7 +186,7 @@ def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | Non
         },
         "condition_number": _finite(result.condition_number),
         "scaled_condition_number": _finite(result.scaled_condition_number),
-        "not_identifiable": [c.text for c in result.selection.unseen],
+        "not_identifiable": [*(c.text for c in result.selection.unseen), *_never(result)],
         "not_identifiable_figures": list(figures),
         "outliers": [int(i) for i in result.outliers],
     }
@@ -195,6 +195,14 @@ def as_json(result: Estimate, figures: Sequence[str], judgement: Judgement | Non
         data["noise"]["facets_um"] = {name: size * 1e3 for name, size in noise.facets.items()}
     placement = {name: value(p) for name, p in setup.items() if name.endswith("w")}
     return data | ({"placement": placement} if placement else {})
+
+
+def _never(result: Estimate) -> list[str]:
+    return never_seen(result.model.touches.machine, list(result.parameters))
+
+
+def _unseen(result: Estimate) -> list[str]:
+    return [*summary([c.text for c in result.selection.unseen]), *_never(result)]
 
 
 def as_text(result: Estimate, figures: Sequence[str]) -> str:
@@ -215,7 +223,7 @@ def as_text(result: Estimate, figures: Sequence[str]) -> str:
     ]
     if offsets:
         lines.append(f"{len(offsets)} facet offsets from {min(offsets):.1f} to {max(offsets):.1f} µm (values: --json)")
-    lines += [f"cannot be seen: {text}" for text in summary([c.text for c in result.selection.unseen])]
+    lines += [f"cannot be seen: {text}" for text in _unseen(result)]
     if figures:
         one = len(figures) == 1
         count = "1 ISO figure is" if one else f"{len(figures)} ISO figures are"

@@ -290,7 +290,16 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
 @click.option("--note", default="", help="Why, for those who come later.")
 @click.option("--until", metavar="DATE", help="With ignore: to hear nothing of it until then.")
 def decide(history: History, machine: str, alarm: str, action: str, owner: str, note: str, until: str | None) -> None:
-    """What somebody decided about an alarm; it is kept with the nights."""
+    """What somebody decided about an alarm; it is kept with the nights.
+
+    accept: the machine is like this now, and that is good enough. The alarm is closed.
+
+    acknowledge: somebody has it and looks into it. The alarm stays in every morning's message, with that name.
+
+    repaired: somebody put it right. The alarm is closed, and the next night measures everything.
+
+    ignore: not now. Until the date of --until nothing is said of this cause and parameter.
+    """
     from ..history import Decision
     from ..nightly.words import decided
     from ..report.texts import code

@@ -96,6 +96,10 @@ def command(
     It needs no network and no other file. The verdict is the worst of plausibility, completeness, fit, prediction, diagnosis
     and limit. Exit status 1 where the numbers must not be used, and where the tool tip is beyond its limit.
     """
+    if output is not None and output.suffix.lower() == ".pdf":
+        raise InputError(
+            f"--output: found {output}; this is the page in HTML. 'tango report --pdf {output}' writes the PDF beside it"
+        )
     if pdf_file is not None and not pdf.available():
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
     template.environment(templates)

@@ -6,7 +6,7 @@ same way on a rich plan: random poses over the whole travel, every direction, a 
 """
 
 from .rank import CLEAR, columns, condition_number, independent, scaled_condition_number
-from .selection import SUBSETS, Selection, rich_plan, select, subset_terms
+from .selection import SUBSETS, Selection, never_seen, rich_plan, select, subset_terms
 from .words import describe, summary
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "condition_number",
     "describe",
     "independent",
+    "never_seen",
     "rich_plan",
     "scaled_condition_number",
     "select",

@@ -12,6 +12,7 @@ from .. import kinematics
 from ..model import PLACEMENT, STYLUS, Model, setup_coefficient, setup_names
 from ..records import Array, Artefact, Ball, Combination, Facet, Machine, ScaleBar, TermItem
 from ..terms import Coefficient, backlash, error_motion, find, inter_axis
+from ..texts import say
 from ..touches import Touches, of_facets
 from .rank import TOLERANCE, blurred, columns, independent
 from .words import describe
@@ -84,6 +85,18 @@ def subset_terms(machine: Machine, subset: int, degree: int) -> tuple[Coefficien
     kept = _visible(touches, setup, candidates)[0]
     names = {c.name for c in kept}
     return tuple(c for c in candidates if c.name in names)
+
+
+def never_seen(machine: Machine, fitted: Sequence[str]) -> list[str]:
+    """machine, names of the fitted coefficients → a sentence for every linear backlash that S3 leaves out on this topology, where
+    others are fitted.
+    """
+    backlashes = {a: f"E{a}{a}b" for a in machine.linear}
+    if not set(backlashes.values()) & set(fitted):
+        return []
+    told = {c.name for c in subset_terms(machine, 2, 3)}
+    left = {a: name for a, name in backlashes.items() if name not in fitted and name not in told}
+    return [say("unseen_said.backlash_of_no_plan", name=name, axis=axis) for axis, name in left.items()]
 
 
 def _visible(

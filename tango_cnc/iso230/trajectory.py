@@ -100,11 +100,14 @@ def relative(machine: Machine, coefficients: Sequence[Coefficient], position: Ar
     run = kinematics.trace(still.chain, position, {Slot("t", "stylus", i): offset[:, i] for i in range(3)})
     ways = np.broadcast_to(np.eye(3)[:, None, None], (3, 1, n, 3))
     lever = kinematics.sensitivity(still.chain, run, ways).slots
-    # (4, n, 3, p): where each of the four points goes
-    moved = np.stack([np.broadcast_to(lever[coefficients[j].slot], (3, 4, n)) for j in use], axis=-1).transpose(1, 2, 0, 3)
+    slots = list(dict.fromkeys(coefficients[j].slot for j in use))  # many coefficients act in one slot
+    of = np.array([slots.index(coefficients[j].slot) for j in use])
+    # (4, n, 3, slots): where each of the four points goes
+    moved = np.stack([np.broadcast_to(lever[slot], (3, 4, n)) for slot in slots], axis=-1).transpose(1, 2, 0, 3)
     spokes = (run.tip[1:] - run.tip[0]) / ARM  # three unit vectors at right angles
     around = np.cross(spokes[..., None], (moved[1:] - moved[0]) / ARM, axis=2).sum(axis=0) / 2
-    shift[:, :, use] = moved[0] * value.T[:, None, :]
-    turn[:, :, use] = around * value.T[:, None, :]
-    moves[:, :, use] = moved[0] * jump.T[:, None, :]
+    ahead = moved[0][..., of]
+    shift[:, :, use] = ahead * value.T[:, None, :]
+    turn[:, :, use] = around[..., of] * value.T[:, None, :]
+    moves[:, :, use] = ahead * jump.T[:, None, :]
     return Relative(nominal, shift, turn, moves)

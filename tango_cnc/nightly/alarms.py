@@ -100,7 +100,7 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
     """what is known, since when, prediction, test of the night, its best story → the alarm of the record."""
     alarm: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
     moved = np.zeros(len(k.followed.names))
-    if named is None or (named.remains < FAR and named.explained < 0.5 * tonight.statistic / tonight.scale):
+    if named is None or (named.remains < FAR and named.told < 0.5 * tonight.statistic / tonight.scale):
         if tonight.p_noise < tonight.p_machine:
             dof = max(tonight.noise[1], 1)
             size = float(np.sqrt(tonight.noise[0] / dof))
@@ -119,7 +119,9 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
         moved = h.directions @ named.size
         size, std, text = _said(k, before, named)
-        if named.remains < FAR and named.explained < MOSTLY * tonight.statistic / tonight.scale:
+        if named.besides is not None:
+            text = texts()("changed.besides", text=text, other=_said(k, before, named.besides)[2])
+        if named.remains < FAR and named.told < MOSTLY * tonight.statistic / tonight.scale:
             text = texts()("changed.more", text=text)
         alarm["instead"] = others(k, parameter, named.instead)
     effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
@@ -129,10 +131,19 @@ def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": f"{found.worst:.1f} µm", "since": before.date}
         effect, on_part, do = found.worst, texts()("part.pivot_since", **told), texts()("part.pivot_do", axis=axis)
         alarm["instead"] = [name, *(x for x in alarm["instead"] if x != name)]
+    if named is not None and named.besides is not None and cause == named.hypothesis.cause:
+        other = _effect_besides(k, before, named.besides)
+        effect, on_part, do = max(effect, other[0]), joined(" ", (on_part, other[1])), joined(" ", (do, other[2]))
     return alarm | {
         **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
         **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
     }
+
+
+def _effect_besides(k: Known, before: Since, second: Named) -> tuple[float, str, str]:
+    h = second.hypothesis
+    size = _said(k, before, second)[0]
+    return effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ second.size, before.date)
 
 
 def effect_of(
@@ -214,7 +225,7 @@ def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
         return size, float(finite.max()) if len(finite) else 0.0, told
     size, std = float(named.size[0]), float(named.std[0])
     told = value(size, h.unit, std)
-    if h.cause in ("facet", "pretravel"):
+    if h.cause in ("facet", "pretravel", "scales"):
         name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
         return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
     return size, std, changed(h.parameter, told, before.words)

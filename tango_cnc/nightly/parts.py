@@ -39,8 +39,13 @@ def opened(ahead: State, followed: Frame, named: Named | None) -> State:
         return reopened(wide, followed, None, True) if named is not None and named.hypothesis.cause == "temperature" else wide
     if named.hypothesis.cause == "temperature":
         return reopened(ahead, followed, None, True)
+    return reopened(ahead, followed, np.hstack([_wide(one) for one in (named, named.besides) if one is not None]))
+
+
+def _wide(named: Named) -> Array:
+    """a cause → (p, m) its directions, as long as it may have moved along them."""
     spread = np.maximum(np.abs(named.size), 3 * np.where(np.isfinite(named.std), named.std, 0.0))
-    return reopened(ahead, followed, named.hypothesis.directions * (3 * np.maximum(spread, 1e-9)))
+    return named.hypothesis.directions * (3 * np.maximum(spread, 1e-9))
 
 
 def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:

@@ -18,6 +18,7 @@ class Change:
 CHANGES = {
     "axis_location": Change(entered=True, family=("location", "angle")),
     "scale": Change(entered=True, family=("gain",)),
+    "scales": Change(entered=True, blurred=True),
     "backlash": Change(entered=True, family=("backlash",)),
     "stylus": Change(of_the_probe=True),
     "pretravel": Change(of_the_probe=True),

@@ -17,8 +17,11 @@ from .changes import change_of
 from .filter import State, Tonight
 from .frame import Frame
 
+FAR = 1e-6  # p-value of what a second cause explains, over all that are tried, below which it is named beside the first
+ALIKE = 0.05  # share of a direction that the first cause cannot make, below which a second one is no other
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
+SCALES = ("EXX1", "EYY1", "EZZ1")
 WARMER = 1.0  # K: a smaller change of temperature is no cause
 
 
@@ -44,11 +47,17 @@ class Named:
     score: float
     remains: float  # p-value of what it leaves
     instead: tuple[str, ...]  # other hypotheses that fit nearly as well
+    besides: Named | None = None  # a second cause that explains most of what this one leaves; both sizes are then of one fit
 
     @property
     def sigmas(self) -> float:
         """→ how many standard deviations its largest direction is from nothing."""
         return float(np.sqrt(self.explained))
+
+    @property
+    def told(self) -> float:
+        """→ how much of the statistic it explains together with the cause beside it."""
+        return self.explained + (self.besides.explained if self.besides is not None else 0.0)
 
     @property
     def length(self) -> float:
@@ -70,6 +79,9 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
     for i in followed.machine:
         name, slot = followed.selection.label(model.names[i]), model.coefficients[i].slot
         found.append(Hypothesis(change_of(name, followed.families[i]), name, unit(i), followed.units[i], (slot.axis,)))
+    scales = [i for i in followed.machine if model.names[i] in SCALES]
+    if len(scales) > 1:  # a machine that is warmer than before, where no sensor says so
+        found.append(Hypothesis("scales", "scales", np.eye(p)[:, scales].sum(axis=1, keepdims=True), followed.units[scales[0]]))
     stylus = [i for i in range(count) if model.coefficients[i].slot.axis == "t"]
     if stylus:
         found.append(Hypothesis("stylus", "stylus", np.eye(p)[:, stylus], "mm", tuple("XYZ"[: len(stylus)])))
@@ -116,38 +128,95 @@ def name_change(state: State, followed: Frame, tonight: Tonight, tried: Sequence
     every = np.hstack([h.directions for h in tried])
     inside = linalg.solve_triangular(state.root, every, lower=True)
     patterns = linalg.solve_triangular(root, tonight.reduced @ inside, lower=True)
-    scored = []
+    seen = []
     begin = 0
     for h in tried:
         m = h.directions.shape[1]
-        pattern = patterns[:, begin : begin + m]
+        if (story := _seen(h, patterns[:, begin : begin + m])) is not None:
+            seen.append(story)
         begin += m
-        norm = np.linalg.norm(pattern, axis=0)
-        visible = norm > UNSEEN
-        if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
-            continue
-        if not np.all(visible):  # a ball is touched from some sides only
-            axes = tuple(a for a, v in zip(h.axes, visible, strict=True) if v)
-            h = replace(h, directions=h.directions[:, visible], axes=axes)
-            pattern, norm, m = pattern[:, visible], norm[visible], len(axes)
-        basis, triangle, order = linalg.qr(pattern / norm, mode="economic", pivoting=True)
-        rank = int(np.sum(np.abs(np.diag(triangle)) > 1e-6))
-        along = basis[:, :rank].T @ white
-        explained = float(along @ along) / tonight.scale
-        size, std = np.zeros(m), np.full(m, np.inf)
-        inverse = linalg.inv(triangle[:rank, :rank])
-        size[order[:rank]] = inverse @ along / norm[order[:rank]]
-        std[order[:rank]] = np.linalg.norm(inverse, axis=1) * np.sqrt(tonight.scale) / norm[order[:rank]]
+    found = _best(seen, white, tonight)
+    if found is None:
+        return None
+    best, its = found
+    second = _besides(best, its, seen, white, tonight)
+    return best if second is None else second
+
+
+def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
+    """hypothesis, (k, m) what its directions do to the innovation → the same without directions that no touch of tonight sees;
+    None where that is not the same story any more.
+    """
+    visible = np.linalg.norm(pattern, axis=0) > UNSEEN
+    if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
+        return None
+    if np.all(visible):
+        return h, pattern
+    axes = tuple(a for a, v in zip(h.axes, visible, strict=True) if v)  # a ball is touched from some sides only
+    return replace(h, directions=h.directions[:, visible], axes=axes), pattern[:, visible]
+
+
+def _best(seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> tuple[Named, Array] | None:
+    """hypotheses with their patterns, (k,) white innovation, judgement → the one of the best score, and its pattern."""
+    k, scored = len(white), []
+    for h, pattern in seen:
+        m = pattern.shape[1]
+        explained, size, std, rank = _fitted(pattern, white, tonight.scale)
         price = np.log(k) * (2 + np.log(m) if h.cause == "temperature" else m)  # one cause, however many unknowns follow it
         rest = max(tonight.statistic / tonight.scale - explained, 0.0)
         remains = float(special.chdtrc(k - rank, rest)) if k > rank else 1.0
-        scored.append((explained - price, Named(h, size, std, explained, explained - price, remains, ())))
+        scored.append((explained - price, Named(h, size, std, explained, explained - price, remains, ()), pattern))
     if not scored:
         return None
     scored.sort(key=lambda item: -item[0])
-    best = scored[0][1]
-    near = tuple(n.hypothesis.parameter for score, n in scored[1:] if _alike(best, n, scored[0][0] - score))[:4]
-    return Named(best.hypothesis, best.size, best.std, best.explained, best.score, best.remains, near)
+    score, best, pattern = scored[0]
+    near = tuple(n.hypothesis.parameter for other, n, _ in scored[1:] if _alike(best, n, score - other))[:4]
+    return replace(best, instead=near), pattern
+
+
+def _fitted(pattern: Array, white: Array, scale: float) -> tuple[float, Array, Array, int]:
+    """(k, m) pattern, (k,) white innovation, its variance → what it explains, (m,) sizes, (m,) standard deviations, rank."""
+    norm, m = np.linalg.norm(pattern, axis=0), pattern.shape[1]
+    basis, triangle, order = linalg.qr(pattern / norm, mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(triangle)) > 1e-6))
+    along = basis[:, :rank].T @ white
+    size, std = np.zeros(m), np.full(m, np.inf)
+    inverse = linalg.inv(triangle[:rank, :rank])
+    size[order[:rank]] = inverse @ along / norm[order[:rank]]
+    std[order[:rank]] = np.linalg.norm(inverse, axis=1) * np.sqrt(scale) / norm[order[:rank]]
+    return float(along @ along) / scale, size, std, rank
+
+
+def _besides(best: Named, its: Array, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named | None:
+    """best story, its (k, m) pattern, every hypothesis with its pattern, innovation, judgement → the best story with a second
+    cause beside it, sizes and standard deviations of both from one fit; None where no second one stands out.
+
+    It has to explain more than half of what the first one leaves above chance, and more than any other by `CLOSE`: a
+    second name that another would do as well is none.
+    """
+    k, m = len(white), its.shape[1]
+    if best.remains >= FAR or best.hypothesis.cause == "temperature":
+        return None
+    basis = linalg.orth(its)
+    left = white - basis @ (basis.T @ white)
+    others = []
+    for h, pattern in seen:
+        own = pattern - basis @ (basis.T @ pattern)
+        if np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
+            others.append((h, pattern, _fitted(own, left, tonight.scale)[0] - np.log(k) * pattern.shape[1]))
+    if not others:
+        return None
+    others.sort(key=lambda item: -item[2])
+    h, pattern, score = others[0]
+    gain = score + np.log(k) * pattern.shape[1]
+    rest = max(tonight.statistic / tonight.scale - best.explained, 0.0) - (k - m)
+    by_chance = float(special.chdtrc(pattern.shape[1], gain)) * len(others)
+    if by_chance > FAR or gain < 0.5 * rest or (len(others) > 1 and score - others[1][2] < CLOSE):
+        return None
+    explained, size, std, rank = _fitted(np.hstack([its, pattern]), white, tonight.scale)
+    remains = float(special.chdtrc(k - rank, max(tonight.statistic / tonight.scale - explained, 0.0))) if k > rank else 1.0
+    second = Named(h, size[m:], std[m:], gain, score, remains, ())
+    return replace(best, size=size[:m], std=std[:m], remains=remains, besides=second)
 
 
 def _alike(best: Named, other: Named, behind: float) -> bool:

@@ -134,6 +134,7 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
         )
 
 
+@pytest.mark.few(24)
 @every_conversation
 def test_the_conversation_means_what_its_page_says(protocol, file):
     if os.environ.get("TANGO_GOLDEN") == "write":
@@ -146,6 +147,7 @@ def test_the_conversation_means_what_its_page_says(protocol, file):
         assert rest in shown(event)
 
 
+@pytest.mark.few(24)
 @every_conversation
 def test_byte_by_byte_equals_all_at_once(protocol, file):
     whole, _ = replay(protocol, file, lambda data: [data])
@@ -153,6 +155,7 @@ def test_byte_by_byte_equals_all_at_once(protocol, file):
     assert single == whole
 
 
+@pytest.mark.few(18)
 @every_conversation
 def test_any_cut_equals_all_at_once(protocol, file):
     whole, _ = replay(protocol, file, lambda data: [data])

@@ -126,12 +126,14 @@ def test_the_program_carries_a_mark_that_notices_any_change(post: Post, made: Pl
         mark_of("G0 X1.")
 
 
+@pytest.mark.few(6)
 def test_the_same_plan_gives_the_same_program_and_another_one_another_mark(post: Post, cell: Cell, made: Plan) -> None:
     assert text_of(post, made) == text_of(post, plan(cell))
     some = part(made, [2, 5])
     assert program(post, some, {}, plan_hash(some))[1] != program(post, made, {}, plan_hash(made))[1]
 
 
+@pytest.mark.few(10)
 def test_no_text_from_a_file_reaches_the_program_unfiltered(post: Post, cell: Cell) -> None:
     """Hostile names give the program that their filtered forms give, marks aside."""
 
@@ -173,6 +175,7 @@ def test_touches_come_in_the_order_of_the_plan(post: Post, made: Plan) -> None:
     assert calls == [(kind, touch.number) for touch in made.touches for kind in ("probe", "record")]
 
 
+@pytest.mark.few(3)
 def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, post: Post, made: Plan) -> None:
     stated = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}}
     said = [text for line in code_of(text_of(post, made, stated)) if (text := re.sub(r"^\d+ |^#114=.*", "", line))]
@@ -188,6 +191,7 @@ def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, 
     )
 
 
+@pytest.mark.few(5)
 def test_its_program_is_read_back(post: Post, made: Plan) -> None:
     lines = text_of(post, made).splitlines()
     assert not readback.check(lambda: iter(lines), made, settings(post, {}), companions(post, made, {}), written_in=post.language)
@@ -214,6 +218,7 @@ def test_what_is_unverified_is_in_the_header_until_the_profile_states_it(post: P
     assert len(unverified(post, {doubtful.name: doubtful.default})) == len(unverified(post, {})) - 1
 
 
+@pytest.mark.few(9)
 def test_the_header_lists_what_is_unverified_by_danger_and_says_what_a_dry_run_does_not_do(post: Post, made: Plan) -> None:
     head = " ".join(re.sub(r"^[(;\d ]+|\)$", "", line).strip() for line in text_of(post, made).splitlines())
     place = {doubt: head.index(f"UNVERIFIED {comment(doubt, 40)}") for doubt in unverified(post, {})}

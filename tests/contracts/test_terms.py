@@ -130,6 +130,7 @@ SAME = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", sorted(SAME))
 def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.Bench, touches: Touches) -> None:
     """Two independent ways: the change of the simulated readings lies in the span of the term's columns, sign and size included."""

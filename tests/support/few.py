@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from typing import Any
+from zlib import crc32
 
 import pytest
 
@@ -21,3 +22,27 @@ def every(values: Iterable[Any], step: int, first: int = 0) -> list[Any]:
     """values, n → the default run has every n-th of them, from the `first` on: two tests of the same values may share them."""
     known = list(values)
     return some(known, lambda value: known.index(value) % step == first)
+
+
+def chosen(test: str, cases: int, few: int) -> set[int]:
+    """name of a test, number of its cases, how many of them by default → their places, equally far from each other.
+
+    Where they begin depends on the name: so tests of the same fourteen dialects have other dialects by default.
+    """
+    first = crc32(test.encode())
+    return {(first + i * cases // few) % cases for i in range(few)} if few < cases else set(range(cases))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """`@pytest.mark.few(n)`: of the cases of this test the default run has n, the others are long. `make mutants` asks all."""
+    tests: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("few") is not None and item.get_closest_marker("long") is None:
+            tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for test, cases in tests.items():
+        mark = cases[0].get_closest_marker("few")
+        kept = chosen(test, len(cases), mark.args[0]) if mark else set()
+        for i, item in enumerate(cases):
+            if i not in kept:
+                item.add_marker("long")

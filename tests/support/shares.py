@@ -43,7 +43,8 @@ class Shares(LoadGroupScheduling):
     single tests.
 
     So nobody waits at the end for a share that has just begun, and while the real control moves one worker waits and one computes.
-    Of the single tests the long ones come first: in the end there are many short ones to share.
+    Of the single tests the long ones come first: in the end there are many short ones to share, those of which the default run has
+    few among them.
     """
 
     def _split_scope(self, nodeid: str) -> str:
@@ -74,4 +75,4 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> Schedul
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The long tests first, where shares are given out one after the other."""
     if getattr(config.option, "loadgroup", False):  # what xdist tells its workers
-        items.sort(key=lambda item: item.get_closest_marker("long") is None)
+        items.sort(key=lambda item: item.get_closest_marker("long") is None or item.get_closest_marker("few") is not None)

@@ -1,0 +1,76 @@
+"""Of many cases that fail together the default run has a few, and others for each test."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from support.few import chosen, pytest_collection_modifyitems
+
+
+class Item:
+    """A test as pytest has it collected, as far as choosing goes."""
+
+    def __init__(self, nodeid: str, *marks: pytest.MarkDecorator) -> None:
+        self.nodeid, self.marks = nodeid, {m.name: m.mark for m in marks}
+
+    def get_closest_marker(self, name: str) -> pytest.Mark | None:
+        return self.marks.get(name)
+
+    def add_marker(self, name: str) -> None:
+        self.marks[name] = getattr(pytest.mark, name).mark
+
+
+def by_default(*items: Item) -> list[str]:
+    pytest_collection_modifyitems(items)  # type: ignore[arg-type]
+    return [item.nodeid for item in items if "long" not in item.marks]
+
+
+def test_as_many_cases_as_stated_stay_and_lie_apart() -> None:
+    for few in range(1, 15):
+        kept = sorted(chosen("test_of_dialects", 14, few))
+        assert len(kept) == few
+        assert min((b - a) % 14 or 14 for a, b in zip(kept, [*kept[1:], kept[0]], strict=True)) >= 14 // few
+
+
+def test_who_has_no_more_cases_than_that_keeps_all() -> None:
+    assert chosen("test_any", 3, 3) == chosen("test_any", 3, 4) == {0, 1, 2}
+
+
+def test_other_tests_of_the_same_cases_have_others() -> None:
+    assert set().union(*(chosen(f"test_{i}", 14, 1) for i in range(200))) == set(range(14))
+
+
+def test_what_is_not_kept_is_long_and_other_tests_stay() -> None:
+    cases = [Item(f"tests/test_a.py::test_b[{i}]", pytest.mark.few(2)) for i in range(6)]
+    kept = by_default(Item("tests/test_a.py::test_c"), *cases, Item("tests/test_a.py::test_d", pytest.mark.long))
+    assert kept[0] == "tests/test_a.py::test_c" and len(kept) == 3
+    assert by_default(Item("tests/test_a.py::test_slow", pytest.mark.few(0))) == []
+
+
+def test_a_case_that_is_long_anyway_is_none_of_the_few() -> None:
+    cases = [Item(f"tests/test_a.py::test_b[{i}]", pytest.mark.few(2), *[pytest.mark.long] * (i > 1)) for i in range(9)]
+    assert by_default(*cases) == ["tests/test_a.py::test_b[0]", "tests/test_a.py::test_b[1]"]
+
+
+TESTS = Path(__file__).parent
+# Whole sessions, commands and campaigns, of which no test is quick.
+WHOLE = """
+    compensate_walk demo diagnose_blind dialects grblhal_commission history_import iso230_exact link_9600 link_campaign link_dropped
+    link_ethernet link_kills link_same_parameters linuxcnc_commission linuxcnc_compensated linuxcnc_kinematics
+    linuxcnc_starved linuxcnc_whole main_job night_doubt night_in_control nights plan_long plausible_copied run_stylus
+    scales_said serve_abuse serve_attacks serve_browser serve_routes uncertainty_coverage uncertainty_fleet
+"""
+
+
+def test_every_file_has_a_default_test_or_is_said_to_have_none() -> None:
+    """What is moved to CI leaves somebody behind, who is asked by default."""
+    without = set()
+    for file in TESTS.rglob("test_*.py"):
+        text = file.read_text(encoding="utf-8")
+        tests = re.findall(r"^((?:@.*\n(?:[ )\]].*\n)*)*)def test_", text, re.MULTILINE)
+        later = [re.search(r"^@pytest\.mark\.(long|campaign|few\(0\))", marks, re.MULTILINE) for marks in tests]
+        if all(later) or re.search(r"^pytestmark = .*\.(long|campaign)\b", text, re.MULTILINE):
+            without.add(file.stem.removeprefix("test_"))
+    assert without == set(WHOLE.split())
