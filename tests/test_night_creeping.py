@@ -67,3 +67,22 @@ def test_what_does_less_than_two_micrometres_is_for_the_table(said: Any) -> None
     values = np.random.default_rng(5).normal(0, 1e-6, (9, 20))
     values[:, 7] += 2e-4 * np.arange(9)
     assert said(values) is None
+
+
+def test_a_plain_change_is_said_while_nobody_knows_how_far_the_machine_wanders(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trend, "_drift", lambda k, i, *_, alarms=True: None if alarms else k.followed.names[i])
+    followed = SimpleNamespace(machine=range(20), names=NAMES, wander=np.full(20, 1e-6), selection=SimpleNamespace(label=str))
+    known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
+    tonight = np.zeros(20)
+    tonight[3] = 18 * STD
+
+    def said(learned: int) -> object:
+        last = {
+            "parameters": {n: {"value": 0.0, "std": STD} for n in NAMES},
+            "state": {"day": 0.0, "rates": [1e-6], "learned": learned},
+            "alarms": [],
+        }
+        return trend.drift(known, [last], SimpleNamespace(mean=tonight, std=np.full(20, STD), day=1.0), 1.0)  # type: ignore[arg-type]
+
+    assert said(learned=0) == "P3"
+    assert said(learned=20) is None

@@ -256,7 +256,7 @@ def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputE
     return InputError(
         "; ".join(
             [
-                f"--minutes: found {problem.seconds / 60:.3g}",
+                f"--minutes: {'the usual' if ready.wish.minutes is None else 'found'} {problem.seconds / 60:.3g}",
                 why,
                 *(sentences(lost) if lost else ()),
                 "allowed: " + ", or ".join(said),

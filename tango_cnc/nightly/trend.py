@@ -32,6 +32,9 @@ SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21)  # measured nights over which steps that go one way are looked for
+PLAIN = (
+    6.0  # standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders
+)
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -65,9 +68,9 @@ class Drift:
 
 def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
     """what is known, records newest first, state after tonight, scale of quiet nights' statistic → the surest drift, or else what
-    creeps.
+    creeps, or else what has plainly moved on a machine that is hardly known.
     """
-    return _beyond(k, records, after, scale) or creeping(k, records, after)
+    return _beyond(k, records, after, scale) or creeping(k, records, after) or _young(k, records, after)
 
 
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
@@ -137,6 +140,28 @@ def creeping(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Dr
     if abs(size) < TOLD * std or k.worst(_only(k, i, size)) < LEAST:
         return None
     return _drift(k, i, record, size, std, after, sigmas, tried * chance, back, alarms=False)
+
+
+def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:
+    """→ what has moved most since last night, where the rates are a first idea and it moved by far more than touches scatter.
+
+    Within that first idea it is no alarm. That nothing has changed would still be false. The state follows such a step by a part
+    only, so half of `LEAST` is enough.
+    """
+    last = next((r for r in records if r.get("parameters") and r.get("state")), None)
+    if last is None or last["state"].get("learned"):
+        return None
+    found = []
+    for i in k.followed.machine:
+        if (then := last["parameters"].get(k.followed.selection.label(k.followed.names[i]))) is not None:
+            size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
+            found.append((abs(size) / std, int(i), size, std))
+    plain = [one for one in found if one[0] >= PLAIN and k.worst(_only(k, one[1], one[2])) >= LEAST / 2]
+    if not plain:
+        return None
+    sigmas, i, size, std = max(plain)
+    chance = min(1.0, 2 * len(found) * float(special.ndtr(-sigmas)))
+    return _drift(k, i, last, size, std, after, sigmas, chance, records, alarms=False)
 
 
 def _course(name: str, tonight: float, day: float, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
