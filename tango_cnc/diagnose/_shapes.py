@@ -59,7 +59,7 @@ def remainders(
             about = str(p.kernel.setting["covariate"]), "none", "changing", float(np.abs(pattern[row]))
             share = gained(e, names, outcome.picked, p, schemes["indexations"], keep, weight)
             like = str(p.kernel.setting["like"])
-            result.append(Remainder(*about, share, pattern, std, touch=int(means.first[row]), confirm=like))
+            result.append(Remainder(*about, share, pattern, std, touch=int(means.first[row]), confirm=like, rivals=p.rivals))
             continue
         formula, plain = closed(
             p.kernel.form,

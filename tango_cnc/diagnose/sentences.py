@@ -175,6 +175,13 @@ def _covariate(name: str) -> str:
     }.get(name, name)
 
 
+def _instead(r: Remainder) -> str:
+    """remainder → what it may follow instead, as the end of a sentence."""
+    if not r.rivals:
+        return ""
+    return say("diagnosis_said.other_covariates_do_as_well", others="; ".join(map(covariate, r.rivals)))
+
+
 def unexplained(r: Remainder) -> str:
     """remainder → a sentence."""
     where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
@@ -193,7 +200,8 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
     if r.shape == "changing":
         where = covariate(r.covariate)
-        return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=spread(r.amplitude, r.std))
+        size = spread(r.amplitude, r.std)
+        return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=size, also=_instead(r))
     if r.shape == "undecided":
         return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
     if r.shape == "unsure":
@@ -210,8 +218,7 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.machine_wanders_without_pattern_about", amplitude=f"{r.amplitude * 1000.0:.1f}")
     again = "" if r.again is None else joined("", (". ", known(r.again)))
     also = "" if r.closed is None else say("diagnosis_said.simple_formula_does_as_well", closed=r.closed)
-    if r.rivals:
-        also += say("diagnosis_said.other_covariates_do_as_well", others="; ".join(map(covariate, r.rivals)))
+    also += _instead(r)
     return say(
         "diagnosis_said.nothing_catalogue_explains_what_follows",
         covariate=covariate(r.covariate),
