@@ -317,24 +317,29 @@ def cell(tmp_path_factory: pytest.TempPathFactory, bench: blind.Bench) -> Path:
     return folder
 
 
-@pytest.mark.long
-def test_the_command_writes_json_words_and_a_page_with_pictures(cell: Path) -> None:
+@pytest.fixture(scope="module")
+def answered(cell: Path) -> Path:
+    """→ the cell with all that the command writes: page, JSON and world, of one diagnosis."""
     pytest.importorskip("matplotlib")
-    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), "--html", str(cell / "d.html"), "--json", str(cell / "d.json")])
+    files = ["--html", cell / "d.html", "--json", cell / "d.json", "--world", cell / "found.yaml"]
+    run = CliRunner().invoke(tango, ["diagnose", "-C", str(cell), *map(str, files)])
     assert run.exit_code == 0, run.output
-    assert json.loads((cell / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
-    page = (cell / "d.html").read_text()
+    return cell
+
+
+@pytest.mark.long
+def test_the_command_writes_json_words_and_a_page_with_pictures(answered: Path) -> None:
+    assert json.loads((answered / "d.json").read_text())["findings"][0]["cause"] == "thermal_drift"
+    page = (answered / "d.html").read_text()
     assert page.count("data:image/png;base64,") == 4 and "warms up" in page
 
 
 @pytest.mark.long
-def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(cell: Path) -> None:
-    target = cell / "found.yaml"
-    arguments = ["diagnose", "-C", str(cell), "--world", str(target)]
-    assert CliRunner().invoke(tango, arguments).exit_code == 0
-    again = ["simulate", "-C", str(cell), "--world", str(target), "-o", str(cell / "again.csv")]
+def test_the_command_writes_a_world_that_the_simulator_takes_and_overwrites_none(answered: Path) -> None:
+    target = answered / "found.yaml"
+    again = ["simulate", "-C", str(answered), "--world", str(target), "-o", str(answered / "again.csv")]
     assert CliRunner().invoke(tango, again).exit_code == 0
-    refused = CliRunner().invoke(tango, arguments)
+    refused = CliRunner().invoke(tango, ["diagnose", "-C", str(answered), "--world", str(target)])
     assert refused.exit_code != 0 and "which exists" in str(refused.exception)
 
 

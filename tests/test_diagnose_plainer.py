@@ -15,7 +15,7 @@ from tango_cnc.diagnose._changing import over
 from tango_cnc.diagnose._contest import Field, Picked, grown
 from tango_cnc.diagnose._names import akin
 from tango_cnc.diagnose._plainer import plainer
-from tango_cnc.diagnose._records import Finding
+from tango_cnc.diagnose._records import Finding, Remainder
 from tango_cnc.diagnose._rows import Rows, rows
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.sentences import nearly, unexplained
@@ -88,6 +88,27 @@ def test_a_name_is_said_to_follow_what_it_follows(cause: str, setting: dict[str,
     assert over(Candidate(cause, setting, (), np.zeros((1, 1)))) == covariate
 
 
+@pytest.mark.parametrize("like", [0.0, 1.0])
+def test_what_a_name_changes_its_size_with_is_told_with_what_does_as_well(like: float) -> None:
+    """Waves of C that grow with A; on this plan Z goes nearly where A goes, or it does not."""
+    m, rng = means(), np.random.default_rng(3)
+    tilt, other = rng.normal(size=(2, len(m.seen)))
+    near = like * tilt + (0.1 if like else 1.0) * other
+    waves = np.cos(2 * m.seen.axis("C"))
+    kernels = [
+        scaled(
+            Kernel(None, "shape", (waves * by)[:, None], setting={"name": None, "like": "rotary_radial", "covariate": f"C × {a}"})
+        )
+        for a, by in (("Z", near), ("A", tilt), ("time", rng.normal(size=len(tilt))))
+    ]
+    field = Field(kernels, np.eye(len(tilt)), np.ones(len(tilt)), m)
+    y = waves * near + 2 * rng.normal(size=len(tilt))
+    (shape,) = plainer(field, y, np.empty((len(y), 0)), [Picked(kernels[0], field.project(kernels[0]), 1.0, 100.0)])
+    assert shape.rivals == (("C × A",) if like else ())
+    left = Remainder("C × Z", "none", "changing", 0.003, 0.5, np.zeros(1), confirm="rotary_radial", rivals=shape.rivals)
+    assert ("or one of these: position of C together with position of A" in unexplained(left)) == bool(like)
+
+
 def test_what_is_akin_follows_a_thing_in_common() -> None:
     def name(cause: str, **setting: Any) -> Candidate:
         return Candidate(cause, setting, (), np.zeros((1, 1)))
@@ -98,6 +119,11 @@ def test_what_is_akin_follows_a_thing_in_common() -> None:
     assert akin(name("cyclic_error", axis="Y"), "dY × time")
     assert akin(name("moving_mass", name="EAX", by="Z"), "Z") and not akin(name("moving_mass", name="EAX", by="Z"), "path of C 60")
     assert akin(name("chip", facet="4"), "normal z, table × time")
+
+
+def test_a_cause_that_knows_the_touch_before_follows_that_and_not_time() -> None:
+    before = {c: over(Candidate(c, {}, (), np.zeros((1, 1)))) for c in ("probe_hysteresis", "first_touch", "thermal_drift")}
+    assert list(before.values()) == ["previous touch", "first touch of an indexation", "time"]
 
 
 def test_rough_facets_follow_nothing_where_they_have_their_weight() -> None:

@@ -22,6 +22,7 @@ from .region import turn
 from .timed import judged
 
 GRIDS = ((3, 3), (3, 4), (4, 4), (5, 4), (5, 5), (5, 6), (7, 5))  # steps of the axis with the smaller travel and of the other one
+LEAST = 2  # facets at each position
 TURNED = 2  # facets at each quarter of the spindle
 FITS = 5  # plans until the time is met
 
@@ -38,8 +39,11 @@ def regular(problem: Problem) -> Chosen:
         if found is not None and (best is None or found.value < best.value):
             best = found
     if best is None:
+        single = replace(problem, times=1)
+        least = judged(single, *_planned(single, _grid(cell, names, grids[0]), LEAST, legs)).seconds / 60
         raise InputError(
-            f"--regular: found {problem.seconds / 60:g} minutes; even {GRIDS[0][0]} by {GRIDS[0][1]} positions take longer"
+            f"--regular: found {problem.seconds / 60:g} minutes; a plan of {' by '.join(map(str, grids[0])) or '1'} positions and "
+            f"the quarters of the spindle, {LEAST} facets at each, takes {math.ceil(10 * least) / 10:g}; allowed: at least as many"
         )
     return best
 
@@ -64,8 +68,8 @@ def _grid(cell: Cell, names: list[str], counts: tuple[int, ...]) -> Strategy:
 def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | None:
     """→ the plan of as many facets at each position as fit into the time, None when hardly any does."""
     most = max(len(i.facets) for i in whole.indexations)
-    low, high, best = 0, most, None
-    count = max(2, most // 3)
+    low, high, best = LEAST - 1, most, None
+    count = max(LEAST, most // 3)
     for _ in range(FITS):
         found = judged(problem, *_planned(problem, whole, count, legs))
         if found.seconds <= problem.seconds:
@@ -75,7 +79,7 @@ def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | Non
         per = found.costs[0] * len(whole.indexations)
         step = math.floor((problem.seconds - found.seconds) / per)
         count = min(max(count + step, low + 1), high - 1) if step else 0
-        if count <= low or count >= high or count < 2:
+        if count <= low or count >= high:
             break
     return best
 
