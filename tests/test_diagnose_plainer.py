@@ -56,6 +56,38 @@ def test_a_pair_is_told_only_where_both_covariates_are_needed(also: float, told:
     assert told in [p.kernel.covariate for p in plainer(field, y, np.empty((len(y), 0)), grown(field, y, (), ()).picked)]
 
 
+def test_a_name_whose_size_changes_is_told_with_what_else_it_may_follow() -> None:
+    """Waves that grow with the tilt; on this plan the way there is nearly the tilt itself, and fits a little better by chance."""
+    m = means()
+    n = len(m.seen)
+    rng = np.random.default_rng(3)
+    waves, grows, apart = rng.normal(size=(3, n))
+
+    def growing(covariate: str, by: np.ndarray) -> Kernel:
+        return scaled(Kernel(None, "shape", (waves * by)[:, None], setting={"like": "cyclic_error", "covariate": covariate}))
+
+    kernels = [growing("X × path of B 60", grows), growing("X × B", grows + 0.05 * apart), growing("X × time", apart)]
+    field = Field(kernels, np.eye(n), np.ones(n), m)
+    y = 0.5 * waves * grows + rng.normal(size=n)
+    begun = Picked(kernels[0], field.project(kernels[0]), 1.0, 30.0)
+    (shape,) = plainer(field, y, np.empty((n, 0)), [begun])
+    assert (shape.kernel.covariate, shape.rivals) == ("X × B", ("X × path of B 60",))
+
+
+@pytest.mark.parametrize(
+    ("cause", "setting", "covariate"),
+    [
+        ("probe_hysteresis", {"frame": "spindle"}, "previous touch"),
+        ("move_length_memory", {"axis": "X"}, "way of X"),
+        ("backlash", {"axis": "Y"}, "dY"),
+        ("moving_mass", {"name": "EAX", "by": "Z"}, "Z"),
+        ("thermal_drift", {"frame": "machine"}, "time"),
+    ],
+)
+def test_a_name_is_said_to_follow_what_it_follows(cause: str, setting: dict[str, Any], covariate: str) -> None:
+    assert over(Candidate(cause, setting, (), np.zeros((1, 1)))) == covariate
+
+
 @pytest.mark.parametrize("like", [0.0, 1.0])
 def test_what_a_name_changes_its_size_with_is_told_with_what_does_as_well(like: float) -> None:
     """Waves of C that grow with A; on this plan Z goes nearly where A goes, or it does not."""

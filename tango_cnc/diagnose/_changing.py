@@ -21,7 +21,16 @@ from ._rows import Rows
 from ._smooth import HALF, Kernel, moves, scaled
 
 SLOW = 2  # functions of what the size depends on
-BEFORE = {"probe_hysteresis": "previous touch", "first_touch": "first touch of an indexation"}  # what causes of no axis follow
+FOLLOWS = {  # of a cause whose setting does not tell
+    "backlash": "d{axis}",
+    "rotary_backlash": "d{axis}",
+    "first_touch": "first touch of an indexation",
+    "indexation_seating": "indexation",
+    "move_length_memory": "way of {axis}",
+    "probe_hysteresis": "previous touch",
+    "swapped_facets": "facet",
+    "trigger_latency": "feed",
+}
 
 
 def changing(means: Rows, names: Sequence[Chosen], slow: Mapping[str, Array]) -> list[Kernel]:
@@ -59,8 +68,8 @@ def _between(means: Rows, one: Candidate, other: Candidate) -> Iterator[Candidat
 def over(c: Candidate) -> str:
     """name → the covariate that it follows itself."""
     setting, drawn = c.setting, families.causes()[c.cause].over
-    if c.cause in BEFORE:
-        return BEFORE[c.cause]
+    if c.cause in FOLLOWS:
+        return FOLLOWS[c.cause].format(**{"axis": "", **setting})
     if drawn:
         return {"probe": "probe direction"}.get(drawn, drawn)
     place = next((str(setting[key])[-1] for key in ("axis", "by", "name") if key in setting), "time")

@@ -1,8 +1,9 @@
 """What a shape follows, said with as little as does as well; and what else it may follow.
 
 A pair of covariates often beats one of them by a little that is chance. An interaction is reported where there is strong evidence
-for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart. What a
-name changes its size with is chosen among as many covariates, so the same holds for it.
+for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart. What a name
+with a size that changes follows is one of these, too. Of as many covariates, those that are no history are told first: a plan that
+goes to few places makes the path to them a function of the places, and a path has more variants to be the best by chance.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import numpy as np
 
 from ..records import Array
 from ._contest import Field, Picked, State, begin, price, scores, whiten
+from ._smooth import Kernel
 
 STRONG = 6.0  # evidence (Kass & Raftery 1995)
 TOLD = 3  # other covariates that are told
+BEFORE = ("way", "path", "since", "pause")
 
 
 def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> tuple[Picked, ...]:
@@ -25,36 +28,43 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
     """
     found = list(picked)
     for i, p in enumerate(found):
-        if p.kernel.kind != "shape":
+        if p.kernel.form is None and "like" not in p.kernel.setting:
             continue
         s = _beside(begin(field, y, names), [o for o in found if o is not p])
         best, at = scores(field, s)
-        compared = [k.form is not None or (p.kernel.form is None and k.kind == "shape") for k in field.kernels]
-        worth = np.where(compared, best[:, 0] - [price(field, len(y), k) for k in field.kernels], -np.inf)
-        own = [j for j, k in enumerate(field.kernels) if k is p.kernel]
-        if not own:
+        rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
+        every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
+        own = next((j for j, k in enumerate(every) if k is p.kernel), None)
+        if own is None:
             continue
-        least = worth[own[0]] - STRONG
-        j = own[0]
-        inside = [k for k in np.flatnonzero(worth > least) if _parts(field, int(k)) < _parts(field, j)]
-        if inside:
-            j = int(max(inside, key=lambda k: worth[k]))
-            kernel = field.kernels[j]
-            p = replace(p, kernel=kernel, columns=field.project(kernel), tau=float(at[j, 0]))
-        mine = _parts(field, j)
-        near = [int(k) for k in np.argsort(-worth) if worth[k] > max(worth[j] - STRONG, 0.0)]
-        others = dict.fromkeys(
-            field.kernels[k].covariate for k in (own[0], *near) if k == own[0] != j or not mine <= _parts(field, k)
-        )
-        found[i] = replace(p, rivals=tuple(others)[:TOLD])
+        worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
+        first = int(np.argmax(worth))  # beside the others, which were not all there when it was chosen
+        order = [int(k) for k in np.argsort(-worth)]
+        less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
+        j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
+        near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
+        wider = [k for k in (first, own) if parts[j] < parts[k]]  # a pair that was chosen, where one of both is told
+        rivals = tuple(dict.fromkeys(every[k].covariate for k in (*wider, *near)))[:TOLD]
+        if every[j] is not p.kernel:
+            p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=float(at[rows[j], 0]))
+        found[i] = replace(p, rivals=rivals)
     return tuple(found)
 
 
-def _parts(field: Field, i: int) -> set[str]:
-    kernel = field.kernels[i]
-    if kernel.form is None:
-        return set(kernel.covariate.split(" × "))
-    return {f.covariate for f in kernel.form.factors}
+def _much(parts: set[str]) -> tuple[int, int]:
+    """covariates → how many they are, and how many of them are what was before the touch."""
+    return len(parts), sum(x.startswith(BEFORE) for x in parts)
+
+
+def _less(parts: set[str], than: set[str]) -> bool:
+    return bool(parts) and (parts < than or (len(parts) == len(than) and _much(parts) < _much(than)))
+
+
+def _parts(kernel: Kernel) -> set[str]:
+    """shape, or a name whose size changes → what it follows; nothing for noise and events."""
+    if kernel.form is not None:
+        return {f.covariate for f in kernel.form.factors}
+    return set(kernel.covariate.split(" × ")) if "like" in kernel.setting else set()
 
 
 def _beside(s: State, others: Sequence[Picked]) -> State:

@@ -22,6 +22,7 @@ from ._crossed import crossed
 from ._rows import Rows
 
 FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
+STEEP = 6  # functions of time, for what grows ever faster towards the end
 WINDOWS = (6, 12, 24, 48, 80)  # touches
 CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, of what repeats in time
 KEPT = (0.4, 0.6, 0.8, 0.9)  # correlation of neighbouring touches
@@ -59,6 +60,8 @@ def forms(touches: Touches) -> Iterator[Form]:
             yield Form((line(name, LEGENDRE, PLAIN),), weight)
         if few > 3:
             yield Form((line(name, LEGENDRE, 3),), weight)
+        if name == "time" and weight == ONE:  # a probe that fails ever faster: a pair must not follow it better than time alone
+            yield Form((line(name, LEGENDRE, STEEP),), weight)
         yield Form((line(name, WAVES, min(FAST, few - 1)),), weight)
         if name in machine.rotary and np.ptp(known[name]) > HALF:
             yield Form((Factor(name, TURN, -1e3, 1e3, 8),), weight)

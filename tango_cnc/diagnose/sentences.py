@@ -175,6 +175,13 @@ def _covariate(name: str) -> str:
     }.get(name, name)
 
 
+def _instead(r: Remainder) -> str:
+    """remainder → what it may follow instead, as the end of a sentence."""
+    if not r.rivals:
+        return ""
+    return say("diagnosis_said.other_covariates_do_as_well", others="; ".join(map(covariate, r.rivals)))
+
+
 def unexplained(r: Remainder) -> str:
     """remainder → a sentence."""
     where = {"": "", "none": "", f"axis {r.covariate}": ""}.get(r.frame, f", {r.frame}")
@@ -192,7 +199,8 @@ def unexplained(r: Remainder) -> str:
     if r.shape == "uneven":
         return say("diagnosis_said.scatter_beside_names", group=_group(r.covariate))
     if r.shape == "changing":
-        where, size = covariate(r.covariate), spread(r.amplitude, r.std)
+        where = covariate(r.covariate)
+        size = spread(r.amplitude, r.std)
         return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=size, also=_instead(r))
     if r.shape == "undecided":
         return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
@@ -221,12 +229,6 @@ def unexplained(r: Remainder) -> str:
         again=again,
         confirm=r.confirm or say("diagnosis_said.another_day"),
     )
-
-
-def _instead(r: Remainder) -> str:
-    """remainder → the covariates that it may follow instead."""
-    others = "; ".join(map(covariate, r.rivals))
-    return say("diagnosis_said.other_covariates_do_as_well", others=others) if others else ""
 
 
 def nearly(shape: tuple[str, float]) -> str:
