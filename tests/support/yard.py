@@ -1,4 +1,4 @@
-"""Six kinds of causes that no catalogue holds, written after the diagnosis was mended and run once: rates only.
+"""Six kinds of causes that no catalogue holds, written after the diagnosis was mended: rates only.
 
 python -m support.yard 950000 out.jsonl [machines]     appended to the file; then its table, without kinds
 
