@@ -26,7 +26,8 @@ SHOWN = 3  # suspicions that a person reads
 despite_option: Decorator = click.option(
     "--despite",
     is_flag=True,
-    help="Go on with a result that is implausible or incomplete, or in which no parameter is trusted: the exit status is then that of the rest.",
+    help="Go on with a result that is implausible or incomplete, or of which no parameter is trusted: "
+    "the exit status is then that of the rest.",
 )
 
 
