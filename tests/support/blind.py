@@ -36,6 +36,7 @@ DRAWN = (
     "table_drift",
     "table_growth",
     "scale_drift",
+    "screw_heat",
     "ambient_cycle",
     "step",
     "move_length_memory",
@@ -102,6 +103,7 @@ def draw(b: Bench, cause: str, rng: np.random.Generator) -> dict[str, Any]:
         "table_drift": {"direction": towards, **tau},
         "table_growth": {"amplitude": 1e-6, **tau},
         "scale_drift": {"axis": axis, "amplitude": 1e-6, **tau},
+        "screw_heat": {"axis": axis, "amplitude": 1e-6, "tau": tau["tau"] / 5, "zero": phase - 180},
         "ambient_cycle": {"direction": towards, "period": run / float(rng.uniform(1.5, 8)), "phase": phase},
         "step": {
             "direction": towards,
@@ -299,6 +301,7 @@ COVARIATES = {
     "table_drift": ("time",),
     "table_growth": ("time",),
     "scale_drift": ("time",),
+    "screw_heat": ("way of", "time"),
     "ambient_cycle": ("time",),
     "step": ("time",),
     "move_length_memory": ("way of",),

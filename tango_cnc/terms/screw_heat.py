@@ -1,0 +1,86 @@
+"""The screw of a linear axis warms with its way and cools: the axis is off by `α h(t) (q_k − z)`, from the end z that is held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..kinematics import Slot
+from ..records import Array, Machine
+from ..touches import Touches
+from . import Cause, Coefficient, Setting, Shape
+from ._cause import HOUR, Variants, fraction, label, moved_axes, need, times
+from .move_length_memory import way
+
+METRE = 1000.0  # mm
+WIDE = 10.0  # mm: an axis that goes less has no screw to speak of
+
+
+def heat(touches: Touches, axis: str, tau: float) -> Array:
+    """touches, linear axis, time constant s → (n,) m of way whose heat is still in the screw; each day begins cold."""
+    going, clock = way(touches, axis) / METRE, touches.warm
+    gone = np.diff(clock, prepend=clock[:1])
+    kept = np.where(gone < 0, 0.0, np.exp(-np.maximum(gone, 0.0) / tau))
+    going[gone < 0] = 0.0
+    found, left = [], 0.0
+    for more, share in zip(going.tolist(), kept.tolist(), strict=True):
+        left = left * share + more
+        found.append(left)
+    return np.array(found)
+
+
+def variants(touches: Touches) -> Variants:
+    """touches → every linear axis that goes somewhere, with time constants from a twentieth of the run to half of it."""
+    run = max(float(np.ptp(touches.warm)), 1.0)
+    for axis in moved_axes(touches, touches.machine.linear, WIDE):
+        for part in (0.05, 0.15, 0.5):
+            yield {"axis": axis, "tau": part * run}
+
+
+def cause(machine: Machine, axis: str, tau: float = HOUR / 4) -> list[Coefficient]:
+    """machine, linear axis, time constant s → growth in mm/mm and shift at reading zero in mm, each for 1 m of way not yet cooled."""
+    need("screw_heat", "axis", axis, machine.linear)
+    stem, slot = label("screw_heat", axis, tau), Slot(axis, "motion")
+    return [
+        Coefficient(f"{stem}.growth", "mm/mm", slot, lambda t: heat(t, axis, tau) * t.axis(axis)),
+        Coefficient(f"{stem}.shift", "mm", slot, lambda t: heat(t, axis, tau)),
+    ]
+
+
+def effects(machine: Machine, setting: Setting, values: Sequence[float]) -> list[dict[str, Any]]:
+    """machine, setting, growth and shift → the effect that does the same: about the reading at which the screw is held."""
+    growth, shift = float(values[0]), float(values[1])
+    if math.isclose(growth, 0.0, abs_tol=1e-12):
+        return []
+    return [{"cause": "screw_heat", **setting, "amplitude": growth, "zero": -shift / growth}]
+
+
+def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
+    """touches, rows that are searched → screws that warm by their way, without its name."""
+    for setting in variants(touches):
+        axis = setting["axis"]
+        warm = fraction(heat(touches, axis, setting["tau"]))
+        place = np.column_stack([np.ones(len(warm)), touches.axis(axis) / 100.0])
+        yield f"way of {axis}", f"axis {axis}", "heat", times(warm[:, None], touches.lever(axis)[:, None] * place)
+
+
+TERM = Cause(
+    text="the screw of an axis warms with the way that it goes",
+    source="ISO 230-3:2020 clause 7 (thermal distortion by the motion of axes); ball screws of steel grow 11.5 µm/m/K",
+    frame="axis",
+    mistaken=("scale_drift", "thermal_drift"),
+    says="the screw of {axis} warms with its way; the touch that feels it most is off by {size}",
+    meaning="a part made after much rapid motion of this axis differs along it from one made after little",
+    advice="measure this axis by a linear scale, cool its screw, move it before calibrating as work moves it, or keep the term",
+    refine={"tau": "log"},
+    once=True,
+    variants=variants,
+    units={"tau": "s"},
+    over="time",
+    make=cause,
+    effects=effects,
+    unnamed=unnamed,
+)
