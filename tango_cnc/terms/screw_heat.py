@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ def cause(machine: Machine, axis: str, tau: float = HOUR / 4) -> list[Coefficien
     ]
 
 
-def effects(machine: Machine, setting: Setting, values: Sequence[float]) -> list[dict[str, Any]]:
+def effects(machine: Machine, setting: Setting, values: Array) -> list[dict[str, Any]]:
     """machine, setting, growth and shift → the effect that does the same: about the reading at which the screw is held."""
     growth, shift = float(values[0]), float(values[1])
     if math.isclose(growth, 0.0, abs_tol=1e-12):
