@@ -41,7 +41,7 @@ def variants(touches: Touches) -> Variants:
 
 
 def cause(machine: Machine, axis: str, tau: float = HOUR / 4) -> list[Coefficient]:
-    """machine, linear axis, time constant s → growth in mm/mm and shift at reading zero in mm, each for 1 m of way not yet cooled."""
+    """machine, linear axis, time constant s → growth in mm/mm, shift at reading zero in mm, each for 1 m of way still warm."""
     need("screw_heat", "axis", axis, machine.linear)
     stem, slot = label("screw_heat", axis, tau), Slot(axis, "motion")
     return [
