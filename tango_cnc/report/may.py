@@ -57,6 +57,9 @@ def _own(f: Facts, t: Texts) -> Answer:
         return replace(found, why=t("may.readings_doubtful"))
     if not limits:
         return replace(found, may="unknown", word=t("may.limitless"), state="", why=t("may.state_limit"))
+    if found.may == "yes" and f.control is not None and f.control.older:
+        why = t("may.older_control", number=f.control.number, target=f.control.target)
+        return replace(found, may="but", word=t("may.but"), state="", why=why)
     if found.may == "yes" and trust.level == "look":
         return replace(found, may="but", word=t("may.but"), state="", why=t("may.with_care"))
     return found
