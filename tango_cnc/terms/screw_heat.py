@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient, Setting, Shape
+from . import Cause, Coefficient, Shape
 from ._cause import HOUR, Variants, fraction, label, moved_axes, need, times
 from .move_length_memory import way
 
 METRE = 1000.0  # mm
 WIDE = 10.0  # mm: an axis that goes less has no screw to speak of
+BEYOND = 0.15  # of the touched way: how far behind its end the screw is held, where nobody has stated it
 
 
 def heat(touches: Touches, axis: str, tau: float) -> Array:
@@ -33,36 +32,31 @@ def heat(touches: Touches, axis: str, tau: float) -> Array:
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → every linear axis that goes somewhere, with time constants from a twentieth of the run to half of it."""
+    """touches → every linear axis that goes somewhere, held at either end, with three time constants."""
     run = max(float(np.ptp(touches.warm)), 1.0)
     for axis in moved_axes(touches, touches.machine.linear, WIDE):
-        for part in (0.05, 0.15, 0.5):
-            yield {"axis": axis, "tau": part * run}
+        for zero in ends(touches, axis):
+            for part in (0.05, 0.15, 0.5):
+                yield {"axis": axis, "tau": part * run, "zero": zero}
 
 
-def cause(machine: Machine, axis: str, tau: float = HOUR / 4) -> list[Coefficient]:
-    """machine, linear axis, time constant s → growth in mm/mm, shift at reading zero in mm, each for 1 m of way still warm."""
+def ends(touches: Touches, axis: str) -> tuple[float, float]:
+    """touches, linear axis → readings in mm, a little beyond what was touched, at which its screw may be held."""
+    low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
+    return round(low - BEYOND * (high - low)), round(high + BEYOND * (high - low))
+
+
+def cause(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
+    """machine, linear axis, time constant s, reading mm where the screw is held → growth in mm/mm a m of way."""
     need("screw_heat", "axis", axis, machine.linear)
-    stem, slot = label("screw_heat", axis, tau), Slot(axis, "motion")
-    return [
-        Coefficient(f"{stem}.growth", "mm/mm", slot, lambda t: heat(t, axis, tau) * t.axis(axis)),
-        Coefficient(f"{stem}.shift", "mm", slot, lambda t: heat(t, axis, tau)),
-    ]
-
-
-def effects(machine: Machine, setting: Setting, values: Array) -> list[dict[str, Any]]:
-    """machine, setting, growth and shift → the effect that does the same: about the reading at which the screw is held."""
-    growth, shift = float(values[0]), float(values[1])
-    if math.isclose(growth, 0.0, abs_tol=1e-12):
-        return []
-    return [{"cause": "screw_heat", **setting, "amplitude": growth, "zero": -shift / growth}]
+    stem = label("screw_heat", axis, tau, zero)
+    return [Coefficient(stem, "mm/mm", Slot(axis, "motion"), lambda t: heat(t, axis, tau) * (t.axis(axis) - zero))]
 
 
 def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
     """touches, rows that are searched → screws that warm by their way, without its name."""
-    for setting in variants(touches):
-        axis = setting["axis"]
-        warm = fraction(heat(touches, axis, setting["tau"]))
+    for axis, tau in dict.fromkeys((s["axis"], s["tau"]) for s in variants(touches)):
+        warm = fraction(heat(touches, axis, tau))
         place = np.column_stack([np.ones(len(warm)), touches.axis(axis) / 100.0])
         yield f"way of {axis}", f"axis {axis}", "heat", times(warm[:, None], touches.lever(axis)[:, None] * place)
 
@@ -78,9 +72,8 @@ TERM = Cause(
     refine={"tau": "log"},
     once=True,
     variants=variants,
-    units={"tau": "s"},
+    units={"tau": "s", "zero": "mm"},
     over="time",
     make=cause,
-    effects=effects,
     unnamed=unnamed,
 )
