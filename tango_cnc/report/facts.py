@@ -30,7 +30,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
-from .answer import LEVELS, Answer, answer
+from .answer import LEVELS, Answer, answer, by_limit
 from .compensated import order
 from .days import at, day
 from .pace import Ahead
@@ -93,10 +93,12 @@ class Nights:
     ahead: Ahead | None = None  # how soon the machine is at its limit
     owner: str = ""  # who has what is wrong first, or is asked about it
 
-    def answer(self, u: Units, t: Texts, machine: Machine) -> Answer:
-        """units, texts, machine → whether parts may be made, as on the page of the machine."""
-        record = self.record or {"verdict": self.verdict, "night": self.date}
-        return answer(record, u, t, self.waits, self.before, machine, self.late, self.has, self.ahead)
+    def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:
+        """units, texts, machine, limit of the tool tip in mm that is asked for → whether parts may be made, as on its page."""
+        allowed = None if limit is None else 1e3 * limit
+        record = by_limit(self.record or {"verdict": self.verdict, "night": self.date}, allowed)
+        before = None if self.before is None else by_limit(self.before, allowed)
+        return answer(record, u, t, self.waits, before, machine, self.late, self.has, self.ahead)
 
     @property
     def measured_on(self) -> str:
@@ -441,6 +443,6 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     newer = "_newer" if age == "newer" else ""
     owner = n.owner or f.paper.owner
     todo = t(f"todo.nights{newer}", owner=owner) if owner else t(f"todo.nights{newer}_nobody")
-    told = n.answer(f.wishes.units, t, f.cell.machine)
+    told = n.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     tone = LEVELS[told.may]
     return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}", tone=tone, label=told.word)]
