@@ -280,8 +280,8 @@ def _components(e: Array, seen: list[Array], n: int, stated: float = 0.0) -> tup
         rows = np.flatnonzero(d > 0)
         flat = np.zeros(len(logs)), np.zeros((len(logs), len(logs)))
         if not len(rows):
-            alone, variance = _white(np.array([total]), n, stated)
-            return float(alone[0]), float(variance[0]), *flat
+            none, own = _white(np.array([total]), n, stated)
+            return float(none[0]), float(own[0]), *flat
         inner = gram[np.ix_(rows, rows)] * np.outer(d[rows], d[rows])
         inner[np.diag_indices_from(inner)] += 1.0
         root, failed = linalg.lapack.dpotrf(inner, lower=1)
@@ -290,14 +290,14 @@ def _components(e: Array, seen: list[Array], n: int, stated: float = 0.0) -> tup
         half, _ = linalg.lapack.dtrtri(root, lower=1)
         half = np.tril(half)
         y = half @ (d[rows] * right[rows])
-        deviance, every = _white(np.array([total - float(y @ y)]), n, stated)
+        whole, every = _white(np.array([total - float(y @ y)]), n, stated)
         variance = float(every[0])
         rest = np.eye(len(rows)) - half.T @ half  # what the touches tell of each effect
         member = (which[rows][:, None] == np.arange(len(logs))).astype(np.float64)
         told = np.diag(rest) @ member
         slope = told - (half.T @ y) ** 2 @ member / variance
         curve = member.T @ rest**2 @ member - np.outer(told, told) / n
-        return float(deviance[0]) + 2 * float(np.log(np.diag(root)).sum()), variance, slope, curve
+        return float(whole[0]) + 2 * float(np.log(np.diag(root)).sum()), variance, slope, curve
 
     alone = [_alone(gram[np.ix_(which == k, which == k)], right[which == k], total, n, stated) for k in range(len(seen))]
     singles = []
@@ -354,7 +354,8 @@ def _white(square: Array, n: int, stated: float) -> tuple[Array, Array]:
 
 
 def _alone(gram: Array, right: Array, total: float, n: int, stated: float = 0.0) -> Callable[[Array], Array]:
-    """Z'Z and Z'e of one component, e'e, N, mm of the stated repeatability → its deviance as a function of the logarithms of its variance over the white one.
+    """Z'Z and Z'e of one component, e'e, N, mm of the stated repeatability → its deviance as a function of the logarithms of its
+    variance over the white one.
 
     In the eigenvectors of Z'Z no matrix has to be factored again for each variance.
     """

@@ -17,7 +17,7 @@ WAVES = 12  # functions of the walk in each direction
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
 PLAIN = 0.1  # share of it, above which touches tell how large a smooth drift is
 WIDER = 3.0  # times the walk that a smooth drift may be which they do not tell
-FAINTER = 1e-3  # share of what a component does to the touches, below which unknowns stand for it
+FAINTER = 1e-2  # share of what a component does to the touches, below which unknowns stand for it
 SMOOTH = 3  # of them are drift that is smooth: any size of theirs is as likely as another, once there is a walk
 
 
@@ -116,8 +116,8 @@ def drifting(s: System, turn: Array, seen: NDArray[np.bool_], variance: float) -
 
 
 def beside(part: Array, basis: Array, share: float = FAINTER) -> tuple[Array, NDArray[np.bool_]]:
-    """(n, q) columns of a component, (n, r) orthonormal basis of what the unknowns do to the touches, share of what the component does
-    to them → (q, q) directions of the component, orthonormal, and those of which more than that share is of no unknown.
+    """(n, q) columns of a component, (n, r) orthonormal basis of what the unknowns do to the touches, share of what the
+    component does to them → (q, q) directions of the component, orthonormal, and those of which more is of no unknown.
 
     Rows are worked out where the touches were made, so that they scatter by as much as these do. Displacements that unknowns stand
     for but for that would, centimetres large, be the very scatter of the touches.
