@@ -246,10 +246,10 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
 
 @pytest.mark.long
 def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
-    """'Not known' above 'Nothing. Keep this report.' helps nobody."""
+    """'No limit is stated' above 'Nothing. Keep this report.' helps nobody."""
     assert facts.wishes.limit is None
     found = page.context(facts)
-    assert found["may"].word == "Not known"
+    assert found["may"].word == "No limit is stated"
     assert any("State a limit" in line for line in found["todo"]) and any("--limit-um" in line for line in found["office"])
     assert "Nothing. Keep this report." not in page.render(facts) and "--limit-um" in summary(facts, 200)
     judged = replace(facts, wishes=replace(facts.wishes, limit=1.0))
@@ -466,7 +466,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert (
-        "May I make parts? Not known." in lines[0]
+        "May I make parts? No limit is stated." in lines[0]
         and any("Look" in line for line in lines)
         and any("EX0C" in line for line in lines)
     )

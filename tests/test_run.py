@@ -254,7 +254,11 @@ def test_nobody_listening_changes_nothing_but_the_program(cell):
     assert {file.name for file in cell.iterdir()} - before == {"program"}
 
 
-def test_a_port_that_cannot_be_meant_changes_nothing(cell):
+def test_a_port_that_cannot_be_meant_changes_nothing(cell, monkeypatch):
+    def planned(*_):
+        raise AssertionError("a minute of planning before it is said")
+
+    monkeypatch.setattr("tango_cnc.plan.plan", planned)
     before = {file.name for file in cell.iterdir()}
     result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:70000")
     assert result.code == 2

@@ -63,7 +63,8 @@ def command(
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
     Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given. Exit
-    status 1 when the result is implausible or half of the plan is missing; the mistake that explains it best is named.
+    status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the mistake that explains it
+    best is named.
     """
     cell = read_cell(folder)
     source = current(folder, file)

@@ -301,7 +301,7 @@ def verdict(f: Facts, t: Texts) -> Verdict:
 
 def _plausible(f: Facts, t: Texts) -> Check:
     j = f.judgement
-    level: Level = "good" if j.verdict == "trustworthy" else "look" if j.verdict == "doubtful" else "stop"
+    level: Level = "good" if j.verdict == "trustworthy" else "look" if j.verdict == "doubtful" and not j.nothing else "stop"
     todo = t("todo.plausible")
     if j.suspicions:
         s = j.suspicions[0]

@@ -56,7 +56,7 @@ def _own(f: Facts, t: Texts) -> Answer:
     if found.state == "doubtful":
         return replace(found, why=t("may.readings_doubtful"))
     if not limits:
-        return replace(found, may="unknown", word=t("may.unknown"), state="", why=t("may.state_limit"))
+        return replace(found, may="unknown", word=t("may.limitless"), state="", why=t("may.state_limit"))
     if found.may == "yes" and trust.level == "look":
         return replace(found, may="but", word=t("may.but"), state="", why=t("may.with_care"))
     return found
