@@ -141,7 +141,7 @@ def _predicting(cell: Cell, readings: Readings, items: Sequence[TermItem], degre
     try:
         number = held_out.indexations(readings, cell.machine)
         groups = held_out.dealt(number, math.ceil(number.max() / GROUPS))
-        ratio = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree).ratio
+        ratio = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree).beyond
     except TangoError:
         return judgement  # too few indexations: 'tango verify' says so
     if ratio < PREDICTED[0]:

@@ -359,7 +359,7 @@ def _fit(f: Facts, t: Texts) -> Check:
 def _predicts(f: Facts, t: Texts) -> Check:
     if f.held is None:
         return Check("predicts", "look", "–", t("check.predicts_none", why=f.why_not_held), t("todo.predicts_none"))
-    level = graded(f.held.ratio, PREDICTED)
+    level = graded(f.held.beyond, PREDICTED)
     ratio = f"{f.held.ratio:.2f}"
     return Check("predicts", level, f"{ratio} ×", t(f"check.predicts_{level}", ratio=ratio), t("todo.predicts"))
 
