@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 import pytest
 from support.annex import NAMED
 from support.judge import tried
+
+from tango_cnc.terms.screw_heat import heat
+
+
+def test_heat_comes_with_the_way_and_goes_with_time_and_with_the_night() -> None:
+    """Two metres at once, half of it left after a time of ln 2, another metre; the next day begins cold."""
+    x = np.array([0.0, 2000.0, 2000.0, 1000.0, 4000.0, 4500.0])
+    day: Any = SimpleNamespace(axis=lambda name: x, warm=np.array([0.0, 0.0, 1.0, 1.0, 0.0, 0.0]))
+    assert heat(day, "X", 1 / np.log(2)) == pytest.approx([0.0, 2.0, 1.0, 2.0, 0.0, 0.5])
 
 
 @pytest.mark.long
