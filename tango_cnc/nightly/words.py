@@ -56,7 +56,7 @@ def headline(record: Mapping[str, Any]) -> str:
         return say("night.words.readings_not_be_relied_on", reason=reasons[0])
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if alarms and not beyond:
-        return str(alarms[0]["text"])
+        return every(alarms)
     part = (
         say("night.words.stopped_after_touches", touches=record["touches"], planned=record["planned"])
         if record["status"] == "partial"
@@ -66,7 +66,7 @@ def headline(record: Mapping[str, Any]) -> str:
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
-        cause = next((joined("", (": ", text)) for text in (*(str(a["text"]) for a in alarms), *stands)), "")
+        cause = next((joined("", (": ", text)) for text in (*([every(alarms)] if alarms else []), *stands)), "")
         return say(
             "night.words.allowed",
             what=_what(b["what"]),
@@ -99,7 +99,9 @@ def headline(record: Mapping[str, Any]) -> str:
         trend = record.get("trend")
         return waiting if trend is None else say("night.words.besides", told=waiting, text=trend["text"])
     nothing = say("night.words.nothing_has_changed")
-    if unheard := record.get("ignored"):
+    if helped := record.get("repaired"):
+        nothing = say("night.words.after_repair", text=joined("; ", [one["text"] for one in helped]))
+    elif unheard := record.get("ignored"):
         told = unheard[0]
         nothing = say("night.words.no_alarm_as_ignored", text=told["text"], owner=told["owner"], until=told["until"])
     elif trend := record.get("trend"):
@@ -120,6 +122,14 @@ def headline(record: Mapping[str, Any]) -> str:
     told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
     first_time = (record.get("change") or {}).get("p_value") is None
     return joined("", (say("night.words.first_time") if first_time else nothing, part, told, gap))
+
+
+def every(alarms: Sequence[Mapping[str, Any]]) -> str:
+    """alarms of a night, one at least → all of them in one sentence."""
+    text = alarms[0]["text"]
+    for other in alarms[1:]:
+        text = say("changed.besides", text=text, other=other["text"])
+    return str(text)
 
 
 def _what(name: str) -> str:
