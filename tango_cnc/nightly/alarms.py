@@ -20,6 +20,7 @@ from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
+from ..state.naming import SCALES
 from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, on_part, value
@@ -127,7 +128,8 @@ def _named(k: Known, before: Since, named: Named) -> dict[str, Any]:
 
 
 def _alarm(before: Since, cause: str, parameter: str, text: str, sigmas: float) -> dict[str, Any]:
-    told = {"id": "", "since": before.date, "rate_per_day": None, "instead": [], "cause": cause, "parameter": parameter}
+    told: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
+    told |= {"cause": cause, "parameter": parameter}
     return told | {"text": text, "size": 0.0, "std": 0.0, "unit": "", "sigmas": sigmas}
 
 
@@ -329,7 +331,7 @@ def is_gone(now: str) -> bool:
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
     """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
-    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    then, now = _own(record.get("parameters") or {}, alarm["parameter"]), _own(parameters, alarm["parameter"])
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
@@ -341,9 +343,21 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 
+def _own(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
+    """what a night knows, parameter of an alarm → what it knows of that: of scales that change alike their mean; None of others."""
+    if name != "scales":
+        return parameters.get(name)
+    scales = [parameters[n] for n in SCALES if n in parameters]
+    if len(scales) < len(SCALES):
+        return None
+    numbers = {key: [p.get(key) for p in scales] for key in ("value", "std", "change")}
+    told = {key: None if None in values else float(np.mean(values)) for key, values in numbers.items()}
+    return told | {"unit": scales[0]["unit"], "seen": all(p.get("seen") for p in scales)}
+
+
 def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:
     """alarm, its night, what is known tonight → change since before the alarm, in its unit; None for what is no one parameter."""
-    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    then, now = _own(record.get("parameters") or {}, alarm["parameter"]), _own(parameters, alarm["parameter"])
     if then is None or now is None or then.get("change") is None:
         return None
     made_before = alarm.get("rate_per_day") or alarm.get("repair")  # a drift, or what a repair left, was not made in its night

@@ -32,6 +32,7 @@ from ..state import (
     updated,
 )
 from ..state.filter import as_numbers, matched, restored, sigma_of
+from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from . import answered, parts
@@ -39,7 +40,7 @@ from .alarms import Known, alarms_of, date_of, since, since_full, standing
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
-from .trend import SLOPE, as_alarm, behind, drift, slopes
+from .trend import ALIKE, SLOPE, as_alarm, behind, drift, slopes
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -239,17 +240,18 @@ class Nights:
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
             alarms, unheard = answered.split(past, machine, known, after, alarms, day)
         quiet = judged.believed and not (first or alarm or repaired)
-        moving = drift(known, recent, after, tonight.scale) if quiet else None
         gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
         parts_have = replace(after, mean=after.mean - gone)
         chart = over_volume(self.lever, parts_have.mean, after.covariance)
         limits = limited(self.followed, self.settings.limits, parts_have, chart)
+        moving = drift(known, recent, after, tonight.scale, limits, gone) if quiet else None
         beyond = [limit for limit in limits if limit["passed"] is False]
         parameters = self._parameters(recent, ahead, after, what, first)
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
-            parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
+            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
+                parameters[name]["rate_per_day"] = moving.rate_per_day
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:

@@ -49,7 +49,7 @@ class Moved:
         if len(self.then) == 1:
             return float(self.then[0]), float(self.now[0]), float(self.std[0])
         size = float(np.linalg.norm(self.then))
-        way = self.then / max(size, 1e-15)
+        way: Array = np.divide(self.then, size or 1.0)
         return size, float(way @ self.now), float(np.linalg.norm(way * self.std))
 
     def apart(self) -> bool:
@@ -286,6 +286,12 @@ def _beyond(
     if (m := moved(past, machine, k, after, stored, ignored_)) is None:
         return bool(abs(alarm["size"]) > abs(ignored_["size"]) + SURE * float(np.hypot(alarm["std"], ignored_["std"])))
     rate = float(ignored_.get("rate_per_day") or 0.0) if ignored_.get("steady", True) else 0.0
+    if rate and not alarm.get("rate_per_day"):  # in one night, on top of a drift
+        last = past.latest_knowledge(machine)
+        waited = 1.0 if last is None else day - datetime.fromisoformat(last[0].start_utc).timestamp() / 86_400
+        step, most = float(alarm["size"]) * np.sign(rate), FASTER * abs(rate) * waited
+        if not -SURE * alarm["std"] <= step <= most + SURE * alarm["std"]:
+            return True
     days = day - datetime.fromisoformat(stored.night.start_utc).timestamp() / 86_400
     size = float(np.linalg.norm(m.then))
     return m.beyond(1.0 + FASTER * abs(rate) * max(days, 0.0) / max(size, 1e-15))

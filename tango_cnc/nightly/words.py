@@ -69,7 +69,7 @@ def headline(record: Mapping[str, Any]) -> str:
         cause = next((joined("", (": ", text)) for text in (*([every(alarms)] if alarms else []), *stands)), "")
         return say(
             "night.words.allowed",
-            what=_what(b["what"]),
+            what=what_of(b["what"]),
             value=f"{b['value']:.1f}",
             unit=b["unit"],
             limit=f"{b['limit']:g}",
@@ -113,7 +113,7 @@ def headline(record: Mapping[str, Any]) -> str:
             "night.words.whether_within_not_certain",
             nothing=nothing,
             part=part,
-            what=_what(o["what"]),
+            what=what_of(o["what"]),
             limit=f"{o['limit']:g}",
             unit=o["unit"],
             gap=gap,
@@ -132,7 +132,7 @@ def every(alarms: Sequence[Mapping[str, Any]]) -> str:
     return str(text)
 
 
-def _what(name: str) -> str:
+def what_of(name: str) -> str:
     """name of a limit → its word; a symbol stays as it is."""
     return say("followed.volume") if name == "volume" else name
 
@@ -184,7 +184,7 @@ def message(
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
     named = {alarm.get("parameter") for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
     for cause in record.get("behind") or ():
-        lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}"]
+        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=cause['text'])}"]
         lines += [*([] if cause.get("parameter") in named else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
@@ -237,7 +237,7 @@ def message(
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
-    what, value, most = _what(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
     return f"* {t(key, what=what, value=value, limit=most)}"
 
 

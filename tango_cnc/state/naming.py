@@ -87,7 +87,7 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
         name, slot = followed.selection.label(model.names[i]), model.coefficients[i].slot
         found.append(Hypothesis(change_of(name, followed.families[i]), name, unit(i), followed.units[i], (slot.axis,)))
     scales = [i for i in followed.machine if model.names[i] in SCALES]
-    if len(scales) > 1:  # a machine that is warmer than before, where no sensor says so
+    if len(scales) > 1 and not followed.selection.mismatch:  # a machine that is warmer than before, where no sensor says so
         found.append(Hypothesis("scales", "scales", np.eye(p)[:, scales].sum(axis=1, keepdims=True), followed.units[scales[0]]))
     stylus = [i for i in range(count) if model.coefficients[i].slot.axis == "t"]
     if stylus:
@@ -109,6 +109,17 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
             directions[i, j] = 1.0
         found.append(Hypothesis("temperature", "temperature", directions, ""))
     return tuple(found)
+
+
+def alike_scales(size: Array, covariance: Array) -> int | None:
+    """(m,) changes of scales, (m, m) covariance → which one of them explains the changes better alone than all of them alike do;
+    None: alike. By the generalised likelihood ratio along each direction.
+    """
+    weighted = np.linalg.pinv(covariance)
+    ways = np.vstack([np.ones(len(size)), np.eye(len(size))])
+    explained = (ways @ weighted @ size) ** 2 / np.einsum("ij,jk,ik->i", ways, weighted, ways)
+    best = int(np.argmax(explained))
+    return None if best == 0 else best - 1
 
 
 def _table(followed: Frame) -> Array | None:
