@@ -48,8 +48,8 @@ class Moved:
         """→ size then, size now along the same direction, standard deviation of the latter: signed where it is one number."""
         if len(self.then) == 1:
             return float(self.then[0]), float(self.now[0]), float(self.std[0])
-        size = float(np.linalg.norm(self.then))
-        way: Array = np.divide(self.then, size or 1.0)
+        size: float = float(np.linalg.norm(self.then))
+        way: Array = self.then / (size if size > 0 else 1.0)
         return size, float(way @ self.now), float(np.linalg.norm(way * self.std))
 
     def apart(self) -> bool:
@@ -60,7 +60,7 @@ class Moved:
     def beyond(self, grown: float) -> bool:
         """factor that it may have grown by → whether it is farther from where it was, on any way, than what was seen."""
         whole = self.then * max(grown, 1.0)
-        share = float(np.clip(self.now @ whole / max(whole @ whole, 1e-30), 0.0, 1.0))
+        share = float(np.clip(self.now @ whole / max(float(whole @ whole), 1e-30), 0.0, 1.0))
         spread = np.hypot(self.std, self.std_then * share * max(grown, 1.0))
         return bool(np.any(np.abs(self.now - share * whole) > SURE * spread))
 

@@ -28,8 +28,9 @@ def told(record: Mapping[str, Any], *names: str) -> bool:
 def followed(k: Known) -> list[Place]:
     """→ what is looked at: every error of the machine, and the linear scales together where each is known by itself."""
     own = [int(i) for i in k.followed.machine]
+    single: list[Place] = [*own]
     scales = tuple(i for i in own if k.followed.names[i] in SCALES and name_of(k, i) in SCALES)
-    return [*own, scales] if len(scales) == len(SCALES) else own
+    return [*single, scales] if len(scales) == len(SCALES) else single
 
 
 def name_of(k: Known, i: Place) -> str:

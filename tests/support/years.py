@@ -444,6 +444,16 @@ class Year:
             raise Broken("entries have gone from the history")
         self.fault = fault
 
+    def _origins(self) -> list[str]:
+        """→ start of every night with an alarm; one that only says that a repair has not helped is of the night of that alarm."""
+        found, start = [], dict[str, str]()
+        for stored in reversed(self.history.alarmed(self.name)):
+            alarms = stored.record["alarms"]
+            answers = [start[a["repair"]["alarm"]] for a in alarms if a.get("repair")]
+            found.append(answers[0] if len(answers) == len(alarms) else stored.night.start_utc)
+            start |= {a["id"]: found[-1] for a in alarms}
+        return found
+
     def run(self, nights: int = 365) -> dict[str, Any]:
         """→ what became of every night, and alarms that nothing caused. Raises Broken, with the night."""
         became: list[str] = []
@@ -456,8 +466,8 @@ class Year:
         if wrong := self.history.verify():
             raise Broken(f"seed {self.seed}: {wrong[0]}")
         first = {c: True for c in self.changes}
-        alarms = [n for n in self.history.nights(self.name) if n.alarms]
-        days = [(datetime.fromisoformat(n.start_utc) - datetime(2026, 1, 1, tzinfo=UTC)).days for n in alarms]
+        alarms = self._origins()
+        days = [(datetime.fromisoformat(start) - datetime(2026, 1, 1, tzinfo=UTC)).days for start in alarms]
         blamed = [d for d in days if not any(0 <= d - c <= 3 for c in self.changes)]
         measured = len([n for n in self.history.nights(self.name) if n.p_value is not None])
         self.engine.dispose()
