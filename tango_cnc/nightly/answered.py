@@ -85,11 +85,8 @@ def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: 
     """history, machine, what is known, state after tonight, night of an alarm, the alarm → how far it has moved; None for what has
     no direction, or of which the night before is not on record.
     """
-    h = next((h for h in hypotheses(k.followed, None) if (h.cause, h.parameter) == (alarm["cause"], alarm["parameter"])), None)
-    if h is None:
-        return None
     found, before = past.night(stored.night.entry).knowledge, _before(past, machine, stored, alarm)
-    if found is None or before is None:
+    if found is None or before is None or (h := _hypothesis(k, alarm)) is None:
         return None
     names = k.followed.names
     known = [_aligned(one, names) for one in (before, found)]
@@ -105,6 +102,12 @@ def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: 
     p = len(names)
     std, std_then = (np.sqrt(np.diag(onto @ (var_was + var) @ onto.T)) for var in (after.covariance[:p, :p], var_then))
     return Moved(changed_, now, std, std_then, h)
+
+
+def _hypothesis(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:
+    """what is known, alarm → the directions that it names; None for one without."""
+    tried = hypotheses(k.followed, None)
+    return next((h for h in tried if (h.cause, h.parameter) == (alarm["cause"], alarm["parameter"])), None)
 
 
 def _before(past: Past, machine: str, stored: Any, alarm: Mapping[str, Any]) -> Knowledge | None:
@@ -139,8 +142,7 @@ def expected(past: Past, machine: str) -> tuple[tuple[str, str], ...]:
 def may_have_moved(past: Past, machine: str, k: Known, ahead: State) -> State:
     """history, machine, what is known, predicted state → the same, open for what somebody says to have repaired."""
     for _, wrong in found_by(past, machine, [d.alarm for d in repaired(past, machine)]).values():
-        kind = (wrong["cause"], wrong["parameter"])
-        h = next((h for h in hypotheses(k.followed, None) if (h.cause, h.parameter) == kind), None)
+        h = _hypothesis(k, wrong)
         ahead = reopened(ahead, k.followed, None if h is None else h.directions * OPEN * abs(float(wrong["size"])))
     return ahead
 
@@ -304,3 +306,15 @@ def seen(alarm: Mapping[str, Any]) -> str:
     size = value(float(alarm["size"]), str(alarm["unit"]) or "mm", float(alarm["std"]))
     rate = alarm.get("rate_per_day") if alarm.get("steady", True) else None
     return say("night.ignored.rate", size=size, rate=value(float(rate), str(alarm["unit"]))) if rate else size
+
+
+def meaning(past: Past, machine: str, d: Decision) -> str:
+    """history, machine, a decision about one of its alarms → what follows from it, as sentences."""
+    if d.action != "ignore":
+        return say(f"cli.history.decided_{d.action}")
+    what = seen(found_by(past, machine, [d.alarm])[d.alarm][1])
+    return (
+        say("cli.history.decided_ignore", until=d.until, seen=what)
+        if what
+        else say("cli.history.decided_ignore_unknown", until=d.until)
+    )

@@ -108,7 +108,7 @@ def drift(
 
 def _limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any]], gone: Array | None) -> Drift:
     """→ the same, with the limit that it reaches first and when; as it is where it reaches none within a year."""
-    if not d.steady or not limits:
+    if not limits or not d.steady:
         return d
     place = next((i for i in followed(k) if name_of(k, i) == d.parameter), None)
     if place is None:
