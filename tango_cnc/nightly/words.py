@@ -121,7 +121,8 @@ def headline(record: Mapping[str, Any]) -> str:
     volume = (record.get("volume") or {}).get("worst_um")
     told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
     first_time = (record.get("change") or {}).get("p_value") is None
-    return joined("", (say("night.words.first_time") if first_time else nothing, part, told, gap))
+    first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
+    return joined("", (first_word if first_time else nothing, part, told, gap))
 
 
 def every(alarms: Sequence[Mapping[str, Any]]) -> str:
@@ -212,6 +213,7 @@ def message(
         lines.append("* " + t("mail.chance", text=change["text"], p=f"{change['p_value']:.2g}"))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
     before = [t.of(text) for text in record.get("unmeasured") or ()]
     lines += [
         f"* {text}" for text in (*before, *(t.of(x) for x in left if x not in before and x[:10] not in {b[:10] for b in before}))
