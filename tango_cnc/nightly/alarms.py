@@ -107,7 +107,7 @@ def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Na
     found = [_named(k, before, one) for one in named.all]
     left = whole - named.told
     plain = bool(named.more) and named.more[0].explained >= 0.5 * (left - tonight.dof)
-    if named.all[-1].remains < FAR and (named.told < MOSTLY or plain):
+    if plain or (named.all[-1].remains < FAR and named.told < MOSTLY * whole):
         found.append(_rest(k, before, named, left - tonight.dof))
     return found
 

@@ -212,7 +212,12 @@ class Nights:
         named, opened = None, ahead
         if alarm and tonight.p_machine <= tonight.p_noise:
             tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
-            named = name_change(ahead, self.followed, tonight, tried, answered.expected(past, machine))
+            done = answered.expected(past, machine)
+            named = name_change(ahead, self.followed, tonight, tried, done)
+            if (far := parts.far(named)) is not None:  # touches are linear near where the machine is, and it is not near any more
+                what = seen(self.followed, readings, ahead.mean + far, ahead.reference, self.settings.sensor)
+                tonight = judge(ahead, what, self.followed.points, self._again(recent))
+                named = name_change(ahead, self.followed, tonight, tried, done)
             opened = parts.opened(ahead, self.followed, named)
         repaired = not first and bool(answered.repaired(past, machine))
         opened = answered.may_have_moved(past, machine, known, opened) if repaired else opened

@@ -18,6 +18,7 @@ from ..state.filter import sigma_of
 from ..texts import say
 from ..touches import from_readings
 
+LINEAR = 0.05  # mm: on a ball of 20 mm, a probe that is off by more meets it elsewhere by more than a tenth of a micrometre
 UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
 
 
@@ -44,6 +45,16 @@ def opened(ahead: State, followed: Frame, named: Named | None) -> State:
     if named.hypothesis.cause == "temperature":
         return reopened(ahead, followed, None, True)
     return reopened(ahead, followed, np.hstack([_wide(one) for one in named.all]))
+
+
+def far(named: Named | None) -> Array | None:
+    """what changed → (p,) change of the unknowns by the first cause, where it is so large that touches are not linear over it; else
+    None. What is named beside it may be no more than that.
+    """
+    if named is None:
+        return None
+    moved: Array = named.hypothesis.directions @ named.size
+    return moved if float(np.abs(moved).max()) > LINEAR else None
 
 
 def _wide(named: Named) -> Array:

@@ -17,7 +17,7 @@ from .changes import change_of
 from .filter import State, Tonight
 from .frame import Frame
 
-FAR = 1e-6  # p-value of what a second cause explains, over all that are tried, below which it is named beside the first
+FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
 ALIKE = 0.05  # share of a direction that the first cause cannot make, below which another one is the same
 MANY = 4  # causes of one night that are named
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
@@ -252,7 +252,7 @@ def _next(
     well is none.
     """
     k, m = len(white), sum(p.shape[1] for p in patterns)
-    if causes[-1].remains >= FAR or causes[0].hypothesis.cause == "temperature":
+    if causes[0].hypothesis.cause == "temperature":
         return []
     basis = linalg.orth(np.hstack(patterns))
     left = white - basis @ (basis.T @ white)
