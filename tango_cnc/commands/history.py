@@ -306,9 +306,8 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
     from ..nightly.words import decided
     from ..report.texts import code
 
-    before = [d for d in history.decisions(machine) if d.alarm == alarm]
+    before, t = [d for d in history.decisions(machine) if d.alarm == alarm], here()
     history.decide(machine, decision := Decision(alarm, action, owner, note, until))
-    t = here()
     for d in before:
         click.echo(t("cli.history.decided_before", text=decided(replace(d, note=""))))
     click.echo(t("cli.history.decided", alarm=alarm, action=code(action), owner=owner))

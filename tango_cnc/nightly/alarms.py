@@ -331,7 +331,7 @@ def is_gone(now: str) -> bool:
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
     """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
-    then, now = _own(record.get("parameters") or {}, alarm["parameter"]), _own(parameters, alarm["parameter"])
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
@@ -343,7 +343,7 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 
-def _own(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
+def own_of(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
     """what a night knows, parameter of an alarm → what it knows of that: of scales that change alike their mean; None of others."""
     if name != "scales":
         return parameters.get(name)
@@ -357,7 +357,7 @@ def _own(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
 
 def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:
     """alarm, its night, what is known tonight → change since before the alarm, in its unit; None for what is no one parameter."""
-    then, now = _own(record.get("parameters") or {}, alarm["parameter"]), _own(parameters, alarm["parameter"])
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
     if then is None or now is None or then.get("change") is None:
         return None
     made_before = alarm.get("rate_per_day") or alarm.get("repair")  # a drift, or what a repair left, was not made in its night

@@ -38,6 +38,11 @@ def name_of(k: Known, i: Place) -> str:
     return ALIKE if isinstance(i, tuple) else k.followed.selection.label(k.followed.names[i])
 
 
+def places_of(i: Place) -> tuple[int, ...]:
+    """→ the unknowns that it is made of."""
+    return i if isinstance(i, tuple) else (i,)
+
+
 def names_of(k: Known, i: Place) -> tuple[str, ...]:
     """→ the parameters on record that it is made of."""
     return tuple(name_of(k, j) for j in i) if isinstance(i, tuple) else (name_of(k, i),)

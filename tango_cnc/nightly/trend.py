@@ -36,8 +36,10 @@ from .course import (
     now_of,
     on_record,
     only,
+    places_of,
     told,
 )
+from .lookback import drifting
 from .words import changed, value, what_of
 
 MONTH = 30  # nights that what stands behind a limit is looked for over
@@ -51,6 +53,7 @@ YEAR = 365.0  # d: what reaches a limit later than that is for the table
 PLAIN = (
     6.0  # standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders
 )
+SLOW = 12  # measured nights before a wander is told from a slow drift by likelihood
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -189,6 +192,8 @@ def creeping(
             if (chance, sigmas) < best[:2]:
                 best = (chance, float(sigmas), i, nights)
     chance, sigmas, i, nights = best
+    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after)) is not None:
+        tried, (chance, sigmas, i, nights) = len(followed(k)), slow
     if i == -1 or tried * chance > CREEPS:
         return None
     record = back[nights - 2]
@@ -200,6 +205,28 @@ def creeping(
     if k.worst(only(k, i, size)) >= LEAST:
         return found
     return found if limits and _limited(k, found, after, limits, gone).nights is not None else None
+
+
+def _slow(k: Known, back: Sequence[Mapping[str, Any]], after: State) -> tuple[float, float, Place, int] | None:
+    """what is known, measured nights newest first, state after tonight → what has gone farthest one way against its wander, by
+    maximum likelihood over all nights: chance, standard deviations, parameter, nights. It costs more than steps that are counted,
+    so it is asked only of what stands out.
+    """
+    found = []
+    for i in followed(k):
+        nights = len(_course(k, i, after, back)[0])
+        if nights < SLOW:
+            continue
+        size, std = moved_since(k, i, back[nights - 2], after)
+        if abs(size) < TOLD * std:
+            continue
+        own = {
+            n: {"value": v[0], "std": v[1]} for n, j in zip(names_of(k, i), places_of(i), strict=True) if (v := now_of(j, after))
+        }
+        tonight = {"parameters": own, "state": {"day": after.day}, "alarms": []}
+        rates = dict(zip(k.followed.names, after.rates, strict=False))
+        found.append((drifting([*back[: nights - 1][::-1], tonight], name_of(k, i), rates), abs(size) / std, i, nights))
+    return min(found, key=lambda one: one[:2], default=None)
 
 
 def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ..history import History
 
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
+WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
 KNOCK = 3.0  # times what a drift makes a day, from which one night is a knock on top of it
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
 
@@ -209,7 +210,7 @@ def _whole(
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
-        whole["todo"] = t("morning.drift_do")
+        whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])
         large = abs(small * every / own)
