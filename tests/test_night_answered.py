@@ -27,7 +27,7 @@ KNOCK = 20e-6  # rad, EC0X on night 8
 
 def one(then: float, now: float) -> Moved:
     h = Hypothesis("axis_location", "EX0C", np.eye(4)[:, :1], "mm", ("C",))
-    return Moved(np.array([then]), np.array([now]), np.array([0.0005]), np.array([0.0005]), h)
+    return Moved(np.array([then]), np.array([now]), np.array([0.0005]), np.array([0.0005]), np.array([0.0002]), h)
 
 
 @pytest.mark.parametrize(

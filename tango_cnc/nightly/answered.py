@@ -37,6 +37,7 @@ class Moved:
     now: Array  # (m,)
     std: Array  # (m,) of the difference to the night before, tonight
     std_then: Array  # (m,)
+    wander: Array  # (m,) standard deviation of what a sound machine has moved since
     what: Hypothesis
 
     @property
@@ -55,13 +56,13 @@ class Moved:
     def apart(self) -> bool:
         """→ whether what is left of it stands out: it is not as it was before the alarm."""
         left, whole = float(np.linalg.norm(self.now)), float(np.linalg.norm(self.then))
-        return bool(np.any(np.abs(self.now) > SURE * self.std)) and left > LEFT * whole
+        return bool(np.any(np.abs(self.now) > SURE * np.hypot(self.std, self.wander))) and left > LEFT * whole
 
     def beyond(self, grown: float) -> bool:
         """factor that it may have grown by → whether it is farther from where it was, on any way, than what was seen."""
         whole = self.then * max(grown, 1.0)
         share = float(np.clip(self.now @ whole / max(float(whole @ whole), 1e-30), 0.0, 1.0))
-        spread = np.hypot(self.std, self.std_then * share * max(grown, 1.0))
+        spread = np.hypot(np.hypot(self.std, self.wander), self.std_then * share * max(grown, 1.0))
         return bool(np.any(np.abs(self.now - share * whole) > SURE * spread))
 
 
@@ -89,10 +90,11 @@ def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: 
     if found is None or before is None or (h := _hypothesis(k, alarm)) is None:
         return None
     names = k.followed.names
-    known = [_aligned(one, names) for one in (before, found)]
+    known = [_aligned(one, names) for one in (before[0], found)]
     if known[0] is None or known[1] is None:
         return None
     (was, var_was), (then, var_then) = known[0], known[1]
+    day = datetime.fromisoformat(before[1]).timestamp() / 86_400
     onto = np.linalg.pinv(h.directions)
     changed_, now = onto @ (then - was), onto @ (after.mean[: len(names)] - was)
     if alarm.get("repair"):  # what a repair left: its night found it, and did not make it
@@ -101,7 +103,8 @@ def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: 
         now = onto @ (after.mean[: len(names)] - was)
     p = len(names)
     std, std_then = (np.sqrt(np.diag(onto @ (var_was + var) @ onto.T)) for var in (after.covariance[:p, :p], var_then))
-    return Moved(changed_, now, std, std_then, h)
+    wander = np.sqrt(onto**2 @ after.rates[:p] * max(after.day - day, 0.0))
+    return Moved(changed_, now, std, std_then, wander, h)
 
 
 def _hypothesis(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:
@@ -110,14 +113,14 @@ def _hypothesis(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:
     return next((h for h in tried if (h.cause, h.parameter) == (alarm["cause"], alarm["parameter"])), None)
 
 
-def _before(past: Past, machine: str, stored: Any, alarm: Mapping[str, Any]) -> Knowledge | None:
-    """→ what was known before an alarm: of a drift on the night that it is reckoned from, else on the last one before."""
+def _before(past: Past, machine: str, stored: Any, alarm: Mapping[str, Any]) -> tuple[Knowledge, str] | None:
+    """→ what was known before an alarm, and when: of a drift on the night that it is reckoned from, else on the last one before."""
     nights = [n for n in past.nights(machine) if n.start_utc < stored.night.start_utc and n.touches]
     if alarm.get("rate_per_day"):
         nights = [n for n in nights if n.night <= str(alarm["since"])]
     for n in nights[:LISTED]:
         if (known := past.night(n.entry).knowledge) is not None:
-            return known
+            return known, n.start_utc
     return None
 
 
