@@ -445,14 +445,9 @@ class Year:
         self.fault = fault
 
     def _origins(self) -> list[str]:
-        """→ start of every night with an alarm; one that only says that a repair has not helped is of the night of that alarm."""
-        found, start = [], dict[str, str]()
-        for stored in reversed(self.history.alarmed(self.name)):
-            alarms = stored.record["alarms"]
-            answers = [start[a["repair"]["alarm"]] for a in alarms if a.get("repair")]
-            found.append(answers[0] if len(answers) == len(alarms) else stored.night.start_utc)
-            start |= {a["id"]: found[-1] for a in alarms}
-        return found
+        """→ start of every night with an alarm; one that only says that a repair has not helped is the alarm before once more."""
+        nights = reversed(self.history.alarmed(self.name))
+        return [s.night.start_utc for s in nights if not all(a.get("repair") for a in s.record["alarms"])]
 
     def run(self, nights: int = 365) -> dict[str, Any]:
         """→ what became of every night, and alarms that nothing caused. Raises Broken, with the night."""
