@@ -213,8 +213,8 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     used = np.flatnonzero(own.curve.any(axis=0))
     drawn = own.factor * (own.curve[:, used] @ learned.draws[used])
     curve = ask.curve * ask.factor
-    student = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
-    found, mean = of_drawn(drawn, curve @ wide.values, student * root_of(curve, wide.covariance)), drawn.mean(axis=1)
+    wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
+    found, mean = of_drawn(drawn, curve @ wide.values, wider * root_of(curve, wide.covariance)), drawn.mean(axis=1)
     if own.zone and own.command is not None and np.ptp(mean) > 0:
         part = minimum_zone(own.command, mean) / float(np.ptp(mean))
         found = Spread(*(part * v for v in found))

@@ -6,7 +6,8 @@ all the noise in it, so that its range is too large. Nor may it rest on one orde
 what it lacks into the others, or into nothing, and its intervals know neither. So machines are drawn that have all orders. How
 large the motions are is drawn with them: those of a kind share a size for each degree or harmonic, each motion is larger or
 smaller than its kind, and single coefficients may stand out. One size that is only estimated would say too surely how large
-what nobody sees is. Two or three of a kind say too little of each other: gain and backlash of linear axes keep the wide size.
+what nobody sees is. Two or three of a kind say too little of each other: gain and backlash of linear axes keep the wide size. So do
+locations: a size for them would draw every squareness towards 0.
 Source: hierarchical linear model by Gibbs sampling (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.6 and 15; variances scaled
 inverse χ², coefficients with Student's t as a mixture of them, 17.2).
 """
@@ -24,7 +25,7 @@ from ..estimate import Estimate
 from ..model import known, linearise
 from ..records import Array, Machine
 from ..terms import Coefficient, backlash
-from .whole import FINEST, PLACED, WIDTH, Whole, motion_of, waves, widths, with_all
+from .whole import FINEST, WIDTH, Whole, motion_of, waves, widths, with_all
 
 HIGHEST = (6, 6)  # degree of polynomials, harmonics: of every machine that is drawn
 ALONE, MOTION, DEGREES = (
@@ -35,10 +36,11 @@ ALONE, MOTION, DEGREES = (
 FIRST = 0.03  # of the wide size: where the chain begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
 SMALLEST = 1e-5  # of the wide size: what a family is not smaller than, so that no number is lost
-BEGIN, STEPS, EACH = 60, 160, 5  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
+BEGIN, STEPS, EACH = 60, 320, 2  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
+PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
 DEGREE = re.compile(r".*\.P([1-9])")
 
-Kind = tuple[Hashable, ...]  # family (place, wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
+Kind = tuple[Hashable, ...]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class _Shares:
         self.kind = np.array([every.index(k) for k in kinds.values()], dtype=int)
         self.motion = np.array([each.index(m) for m in parts], dtype=int)
         self.family = np.array([families.index(k[:3]) for k in every], dtype=int)
-        self.least = np.array([LEAST[not k[2]] / (PLACED if k[0] == "place" else WIDTH)[not k[2]] for k in every]) ** 2
+        self.least = np.array([LEAST[not k[2]] / WIDTH[not k[2]] for k in every]) ** 2
         self.many = [np.bincount(of) for of in (self.kind, self.motion, self.family)]
         self.of_family, self.of_kind = np.full(len(families), FIRST**2), np.full(len(every), FIRST**2)
         self.of_motion, self.of_one = np.ones(len(each)), np.ones(len(self.own))
@@ -125,13 +127,13 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     gain = np.zeros((p, len(gaps) + len(uncertainty)))
     gain[seen[own]] = (width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])))[own]
     values = draws.mean(axis=1)
-    covariance = np.cov(draws) if draws.shape[1] > 1 else np.zeros((p, p))
+    covariance = np.cov(draws) + 2 * _unsettled(draws)
     return replace(
         wide,
         coefficients=found,
         motions=motions,
         values=values,
-        covariance=np.atleast_2d(covariance),
+        covariance=covariance,
         order=HIGHEST,
         gain=gain,
         leave=None,
@@ -165,15 +167,24 @@ def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Arr
     return np.hstack(found), np.exp(logs), float(np.mean(scatters))
 
 
+def _unsettled(draws: Array) -> Array:
+    """machines (p, d) in the order of the chain → (p, p) covariance of their mean, which neighbours in a chain make larger.
+
+    By so much the mean is off, and by so much the machines differ too little. Source: batch means (Geyer, Statistical Science 7,
+    1992, 3.2).
+    """
+    means = np.stack([part.mean(axis=1) for part in np.array_split(draws, PARTS, axis=1)], axis=1)
+    return np.asarray(np.cov(means) / PARTS)
+
+
 def _kind(c: Coefficient, machine: Machine, harmonic: int) -> Kind | None:
     """coefficient, machine, its harmonic or 0 → the kind with which it shares its size; None where it keeps the wide one."""
     series = DEGREE.fullmatch(c.name)
-    if backlash.PATTERN.fullmatch(c.name) or not (harmonic or series or c.slot.stage == "inter"):
+    if backlash.PATTERN.fullmatch(c.name) or c.slot.stage == "inter" or not (harmonic or series):
         return None
     linear, order = c.slot.axis in machine.linear, harmonic or (int(series[1]) if series else 0)
     if c.slot.stage == "motion":
         if linear and order == 1:
             return None
         return ("own wave" if harmonic else "own series", linear, linear, order)
-    what = "place" if c.slot.stage == "inter" else "wave" if harmonic else "series"
-    return (what, linear and what != "place", c.slot.component < 3, order)
+    return ("wave" if harmonic else "series", linear, c.slot.component < 3, order)
