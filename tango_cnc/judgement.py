@@ -69,3 +69,4 @@ class Judgement:
     suspicions: tuple[Suspicion, ...] = ()  # most likely first
     untrusted: tuple[str, ...] = ()  # names of parameters
     incomplete: bool = False  # so much of what was planned is missing that nobody acts on it without being told to
+    nothing: bool = False  # none of the parameters is trusted, so that there is nothing to act on

@@ -10,6 +10,7 @@ import pytest
 from support.coverage import CASES, judged, measured, pushed
 
 from sim_controller.simulate import simulate
+from tango_cnc.commands._trust import status
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.records import Array, Cell, Readings, World
 
@@ -35,6 +36,7 @@ def test_a_table_knocked_by_3_micrometers_is_not_taken_for_a_drift(run: Run) -> 
     assert found.verdict == "doubtful"
     assert "may as well be something else: the residuals fit if the table, or what is on it, had moved" in " ".join(found.reasons)
     assert set(world.errors) <= set(found.untrusted), "which of the two it was, nobody can tell"
+    assert found.nothing and status(found, despite=False) == 1, "no parameter is trusted: nobody goes on with them unasked"
 
 
 def test_a_screw_that_errs_once_a_turn_is_said(run: Run) -> None:

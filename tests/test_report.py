@@ -246,10 +246,10 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
 
 @pytest.mark.long
 def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
-    """'Not known' above 'Nothing. Keep this report.' helps nobody."""
+    """'No limit is stated' above 'Nothing. Keep this report.' helps nobody."""
     assert facts.wishes.limit is None
     found = page.context(facts)
-    assert found["may"].word == "Not known"
+    assert found["may"].word == "No limit is stated"
     assert any("State a limit" in line for line in found["todo"]) and any("--limit-um" in line for line in found["office"])
     assert "Nothing. Keep this report." not in page.render(facts) and "--limit-um" in summary(facts, 200)
     judged = replace(facts, wishes=replace(facts.wishes, limit=1.0))
@@ -268,6 +268,12 @@ def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts)
     t = texts()
     quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)
     assert [c.level for c in quiet.checks if c.name == "nights"] == ["good"]
+    limits = [{"what": "volume", "value": 50.0, "low": 48.0, "high": 52.0, "unit": "µm", "limit": 80.0, "passed": True}]
+    told = Nights("2026-11-22", "good", "", 0, record={"verdict": "good", "night": "2026-11-22", "limits": limits})
+    for limit, word in ((None, "Yes"), (0.08, "Yes"), (0.09, "Yes"), (0.051, "Yes, but"), (0.04, "No")):
+        asked = replace(facts, nights=told, wishes=replace(facts.wishes, limit=limit))
+        answer = told.answer(asked.wishes.units, t, asked.cell.machine, limit)
+        assert answer.word == word and (limit != 0.04 or "50 µm, 40 µm allowed" in answer.numbers)
     bad = verdict(replace(facts, nights=Nights("2026-11-22", "out_of_limits", "volume is 75.9 µm, 60 µm are allowed.", 4)), t)
     assert bad.level == "look" and bad.worst is not None and bad.worst.name == "nights"
     assert all(part in page.sentence(bad, t) for part in ("Sun 22 Nov 2026", "76 µm", "Open alarms: 4"))
@@ -466,7 +472,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert (
-        "May I make parts? Not known." in lines[0]
+        "May I make parts? No limit is stated." in lines[0]
         and any("Look" in line for line in lines)
         and any("EX0C" in line for line in lines)
     )

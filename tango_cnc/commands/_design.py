@@ -16,7 +16,8 @@ from ..design import order, propose, region, sequence, timed
 from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
-from ..design.enough import determined
+from ..design.enough import SPARE, determined, to_spare
+from ..design.goals import USUAL_MINUTES
 from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
@@ -49,6 +50,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "positioning_feed": ready.problem.feed,
         "criterion": {"value": amount, "unit": unit},
         "determined": determined(found.problem, found.information),
+        "to_spare": None if sees is not None else to_spare(found),
         "approach": why,
         "region": region.counted(found.cell.machine, ready.where, ready.lever.position),
         "correlation_with_time": _with_time(found),
@@ -107,6 +109,12 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     ]
     if not data["determined"]:
         lines.append("these touches do not determine what the goal asks for: take no number of it at its word, and allow more time")
+    if data["to_spare"] is not None and data["to_spare"] < SPARE:
+        lines.append(
+            f"there are {data['to_spare']} touches to spare; with fewer than {SPARE} nothing shows whether the result may be "
+            "believed: allow more time"
+        )
+    lines += _not_usual(ready, data)
     if "certificate" in data:
         own = data["certificate"]
         lines.append(
@@ -144,6 +152,14 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
+
+
+def _not_usual(ready: Setting, data: dict[str, Any]) -> list[str]:
+    """setting, result of `as_json` → that the usual time did not do, where nobody stated a time."""
+    usual = USUAL_MINUTES.get(ready.wish.goal.word)
+    if ready.wish.minutes is not None or usual is None or data["time_s"] <= 60 * usual or "check" in data:
+        return []
+    return [f"the usual {usual:g} minutes do not do for this goal here, so it takes as long as it needs (--minutes states a time)"]
 
 
 def _known(value: float | None) -> str:
@@ -215,24 +231,31 @@ def change_json(found: Change) -> dict[str, Any]:
 
 
 def change_text(found: Change) -> str:
-    """what a check says → what a person reads."""
+    """what a check says → what a person reads: one verdict, then what it rests on."""
     moved, limit = 1e3 * found.moved, 1e3 * found.limit
     rate = f"one false alarm in {1 / found.alarms:.0f} checks"
-    if found.moved > found.limit:
-        (name, (change, std)), *_ = found.parameters.items()
-        said = (
-            f"changed: where parts are made the tool tip has moved by up to {moved:.1f} µm since the full run; "
-            f"more than {limit:.1f} µm is an alarm ({rate})\n"
-            f"the surest parameter is {name}: {change:+.3g}, {abs(change / std):.1f} standard deviations. Make a full run."
-        )
-    else:
-        said = (
+    far = f"where parts are made the tool tip has moved by up to {moved:.1f} µm since the full run"
+    if not found.changed:
+        return (
             f"not changed: where parts are made the tool tip seems to have moved by {moved:.1f} µm at most since the full run; "
             f"more than {limit:.1f} µm would be an alarm ({rate})"
         )
+    lines = []
+    if found.moved > found.limit:
+        (name, (change, std)), *_ = found.parameters.items()
+        lines += [
+            f"changed: {far}; more than {limit:.1f} µm is an alarm ({rate})",
+            f"the surest parameter is {name}: {change:+.3g}, {abs(change / std):.1f} standard deviations",
+        ]
     if found.other:
-        said += f"\nchanged: the touches differ from what the full run predicts (p = {found.p_other:.1g}). Make a full run."
-    return said
+        other = f"the touches differ from what the full run predicts (p = {found.p_other:.1g})"
+        lines.append(f"besides, {other}" if lines else f"changed: {other}; {rate} is by chance")
+        if len(lines) == 1:
+            lines.append(
+                f"axis locations, gains and backlashes do not explain it: by these {far.removeprefix('where parts are made ')}, "
+                f"and {limit:.1f} µm are no alarm. A facet, a ball or the stylus may have moved, or an error motion"
+            )
+    return "\n".join([*lines, "Make a full run."])
 
 
 def drawn(ready: Setting, found: Chosen) -> Drawn:

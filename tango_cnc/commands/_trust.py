@@ -26,7 +26,8 @@ SHOWN = 3  # suspicions that a person reads
 despite_option: Decorator = click.option(
     "--despite",
     is_flag=True,
-    help="Go on with a result that is implausible or incomplete: the exit status is then that of the rest.",
+    help="Go on with a result that is implausible or incomplete, or of which no parameter is trusted: "
+    "the exit status is then that of the rest.",
 )
 
 
@@ -117,15 +118,14 @@ def usable(judgement: Judgement, despite: bool, what: str) -> None:
     """judgement, --despite, what would be made of the estimate → nothing. Raises TangoError when it may not be used."""
     lines = "\n".join(told(judgement))
     if status(judgement, despite):
-        why = "implausible" if judgement.verdict == "implausible" else "incomplete"
-        raise TangoError(f"{what}: the estimate is {why} and is not used (--despite uses it all the same)\n{lines}")
+        raise TangoError(f"{what}: the estimate is {_why(judgement)} and is not used (--despite uses it all the same)\n{lines}")
     if lines:
         click.echo(lines, err=True)
 
 
 def status(judgement: Judgement, despite: bool) -> int:
     """judgement, --despite → exit status."""
-    return int((judgement.verdict == "implausible" or judgement.incomplete) and not despite)
+    return int((judgement.verdict == "implausible" or judgement.incomplete or judgement.nothing) and not despite)
 
 
 def told(judgement: Judgement) -> list[str]:
@@ -140,11 +140,19 @@ def told(judgement: Judgement) -> list[str]:
     return lines + [f"note: {text}" for text in judgement.remarks]
 
 
+def _why(judgement: Judgement) -> str:
+    if judgement.verdict == "implausible":
+        return "implausible"
+    return "incomplete" if judgement.incomplete else "doubtful, no parameter of it is trusted,"
+
+
 def _head(judgement: Judgement) -> str:
     if judgement.verdict == "implausible":
         return "IMPLAUSIBLE: do not act on these numbers"
     if judgement.incomplete:
         return "INCOMPLETE: too little was measured to act on these numbers; --despite takes what there is"
+    if judgement.nothing:
+        return "DOUBTFUL: no parameter is trusted, do not act on these numbers"
     return "DOUBTFUL: look at this before you act on the numbers"
 
 
@@ -181,6 +189,7 @@ def members(judgement: Judgement) -> dict[str, Any]:
         "suspicions": [_suspicion(s) for s in judgement.suspicions],
         "untrusted": list(judgement.untrusted),
         "incomplete": judgement.incomplete,
+        "nothing_trusted": judgement.nothing,
     }
 
 

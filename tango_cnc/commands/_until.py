@@ -28,7 +28,10 @@ def wanted_by(cell: Cell, text: str) -> Until:
 
     aim = goals.read(text, "--until", ("volume=5 (µm rms)", "locations"))
     terms = usual_terms(goals.Goal(until.WORD, {}) if until.WORD in aim.limits else aim, cell.terms)
-    found = until.until(cell, Wish(aim, None, terms, cell.strategy.approach, feed=positioning_feed(cell)))
+    try:
+        found = until.until(cell, Wish(aim, None, terms, cell.strategy.approach, feed=positioning_feed(cell)))
+    except InputError as error:  # a design has its goal from --goal
+        raise InputError(str(error).replace("--goal", "--until")) from None
     if found.appended:
         click.echo(f"--until: the strategy alone does not reach {text}; {found.appended} touches are appended to it", err=True)
     return found

@@ -48,7 +48,7 @@ class Finite(click.FloatRange):
 @click.option(
     "--minutes",
     type=Finite(0.5, 600),
-    help="Time of the whole run; usual: locations 5, volume 10, check 2.5 or as much longer as it needs to be of use.",
+    help="Time of the whole run; usual: locations 5, volume 10, check 2.5, or as much longer as it needs to be of use.",
 )
 @click.option("-o", "output", type=Output(), metavar="FILE", help="The plan as a strategy, with the reasons in comments.")
 @click.option("--regular", is_flag=True, help="A plain regular plan of that time instead: what an optimal one has to beat.")
@@ -115,7 +115,8 @@ def command(
 
     The file of -o is a strategy as 'check', 'plan' and 'run' take it: name it in tango.yaml. Time is that of this machine, by its
     rapids, accelerations and clamps and the positioning feed of its post. With --separate: indexations to append to the strategy
-    that separate two causes. Exit status 1 when limits are not kept, and when --readings give no plausible estimate.
+    that separate two causes. Exit status 1 when limits are not kept or hardly a touch is to spare, and when --readings give no
+    plausible estimate.
     """
     if facets is not None:
         return _facets(facets, output)
@@ -235,6 +236,7 @@ def _design(
     json_file: str | None,
 ) -> int:
     from ..design import check, propose
+    from ..design.enough import believed
     from . import _design as told
 
     if picture is not None:
@@ -254,7 +256,7 @@ def _design(
     if not write_json(json_file, data):
         click.echo(lines)
         click.echo(f"strategy written to {output}" if output is not None else "-o FILE writes the strategy", err=True)
-    return int((bool(aim.limits) and found.value > 1) or not data["determined"])
+    return int((bool(aim.limits) and (found.value > 1 or not believed(found))) or not data["determined"])
 
 
 def drawable(file: Path) -> None:

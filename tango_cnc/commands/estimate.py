@@ -63,7 +63,8 @@ def command(
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
     Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given. Exit
-    status 1 when the result is implausible or half of the plan is missing; the mistake that explains it best is named.
+    status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the mistake that explains it
+    best is named.
     """
     cell = read_cell(folder)
     source = current(folder, file)
@@ -140,7 +141,7 @@ def _predicting(cell: Cell, readings: Readings, items: Sequence[TermItem], degre
     try:
         number = held_out.indexations(readings, cell.machine)
         groups = held_out.dealt(number, math.ceil(number.max() / GROUPS))
-        ratio = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree).ratio
+        ratio = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree).beyond
     except TangoError:
         return judgement  # too few indexations: 'tango verify' says so
     if ratio < PREDICTED[0]:

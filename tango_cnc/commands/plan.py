@@ -34,7 +34,12 @@ DRAWN = (".png", ".svg", ".pdf")
 @click.command()
 @cell_option
 @click.option("--post", metavar="NAME|FILE.py", help="Dialect, or your own post; default: controller.post of the cell.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder of the program; default: program/ in the cell.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder of the program; default: program/ in the cell. The program of stylus 2 is in stylus2/ there.",
+)
 @obstructed_option
 @stylus_option
 @click.option(
@@ -100,7 +105,7 @@ def command(
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     own = cell.controller is not None and (post is None or post == cell.controller.post)
     options = dict(cell.controller.options) if cell.controller and own else {}
-    target = out or (folder_of(folder / "program", cell) if capability is None else folder / "capability" / capability)
+    target = folder_of(out or folder / "program", cell) if capability is None else out or folder / "capability" / capability
     if not dry_run:  # before the work; the names of programs are known after it
         _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
     if capability is not None:

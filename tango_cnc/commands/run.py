@@ -99,7 +99,7 @@ def command(
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
     from ..link._follow import follow
-    from ..link._measure import Wanted, measure
+    from ..link._measure import Wanted, measure, protocol_of
     from ..link._secrets import shown
     from ..link.lock import holding
     from ..plan import plan
@@ -119,7 +119,8 @@ def command(
     cell = cell_of_stylus(whole, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     controller = controller_of(cell)
-    address = address_of(cell, port)
+    address, post = address_of(cell, port), dialect(cell)
+    protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     if most is not None and program_file is not None:
@@ -134,7 +135,6 @@ def command(
     made = plan(cell, obstructed) if goal is None else goal.plan
     for text in warnings(made):
         click.echo(text, err=True)
-    post = dialect(cell)
     if gate_of(cell, post) == "facet":
         from ._night_gate import as_found, proves  # with the nights comes their database
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import Array
+from .balls import unknowns
 from .candidates import WIDE
 from .check import is_stylus
 from .criterion import value
-from .problem import Problem
+from .problem import Chosen, Problem
 
+SPARE = 15  # touches more than unknowns: with fewer than 10 an estimate is incomplete, and some may go wrong
 LOOSER = 0.01  # of the information that is assumed of every unknown is left: ten times as far from nominal
 GROWS = 1.1  # times φ may grow with it
 COARSE = 0.02  # mm, standard deviation of a change of the tool tip: what a check sees must be six times as large
@@ -38,6 +40,16 @@ def serves(problem: Problem, information: Array) -> bool:
     if not determined(problem, information):
         return False
     return not _checks(problem) or problem.choice.sigma * value(problem.criterion, information) ** 0.5 < COARSE
+
+
+def to_spare(found: Chosen) -> int:
+    """plan → touches that it has more than its estimate has unknowns: they show whether the result may be believed."""
+    return len(found.rows) - unknowns(found.problem.choice, [touch.facet for touch in found.plan.touches])
+
+
+def believed(found: Chosen) -> bool:
+    """plan → whether it has touches enough to spare; a check rests on a full run, which has them."""
+    return bool(found.problem.choice.twice) or to_spare(found) >= SPARE
 
 
 def _checks(problem: Problem) -> bool:

@@ -50,7 +50,10 @@ def bound_here(rows: Array, held: Array, touch: Array, seconds: float, criterion
         worst = now if many is None else value(criterion, information)
         if worst - lowest < SETTLED * (len(held) if here.determinant else abs(worst)):
             break
-        weight = _within(weight * (np.maximum(gradient, 0.0) / touch) ** POWER, touch, seconds)
+        weight = weight * (np.maximum(gradient, 0.0) / touch) ** POWER
+        if not weight.any():  # no touch here tells anything of it
+            break
+        weight = _within(weight, touch, seconds)
     return lowest
 
 

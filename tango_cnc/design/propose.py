@@ -20,17 +20,16 @@ from . import regular as plain
 from .balls import information
 from .candidates import Candidates
 from .criterion import value
-from .enough import serves
+from .enough import believed, serves
 from .goals import Goal
-from .left_out import left_out, sentences
 from .problem import Chosen, Problem
+from .refused import InVain, more, refused, undetermined, worth_making
 from .region import Levers, Region
 
 CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
 BEGIN, TRIES = 300.0, 7  # s that are looked at first when limits are given and no time, and how many times are
 DIGITS = 2  # of a degree, of an indexation in readings
-SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
 NEAR = 0.05  # of the time: nearer to the least one is near enough
 
 
@@ -156,29 +155,37 @@ def _lasted(before: Readings) -> float | None:
 def propose(ready: Setting) -> Chosen:
     """setting → plan. With limits and no time: the shortest plan that keeps them. Raises InputError where nothing does.
 
-    A check without a stated time: of usual times the shortest that is worth making.
+    A check without a stated time: of usual times the shortest that is worth making. Another goal: the usual time, or where that
+    does not do, the first longer one that does.
     """
-    try:
-        return _proposed(ready)
-    except choose.TooShort as error:
-        raise _refused(ready, error.found, "even the shortest plan takes longer") from None
-    except choose.Undetermined as error:
-        raise _refused(ready, error.found, _undetermined(error.found)) from None
-    except choose.TooFew as error:
-        bound = error.seconds / 60
-        minutes = how_long.needed(error.found, serves, bound)
-        least = f"more than {bound:g} minutes (about {minutes:g})" if minutes else f"more than {how_long.LONGEST:g} minutes"
-        raise _refused(ready, error.found, error.why, least) from None
+    usual = ready.wish.minutes is None and ready.wish.goal.word not in ("", "check")
+    for tried in range(TRIES):
+        try:
+            return _proposed(ready)
+        except InVain as error:
+            minutes = error.minutes if usual and tried < TRIES - 1 else None
+            if minutes is None:
+                raise refused(ready, error) from None
+            ready = replace(ready, problem=ready.problem.of_time(60 * minutes))
+    raise AssertionError
 
 
 def _proposed(ready: Setting) -> Chosen:
-    wish = ready.wish
-    if wish.minutes is not None or wish.goal.word:
+    """setting → plan. Raises InVain where none of its time does."""
+    wish, problem = ready.wish, ready.problem
+    if wish.minutes is None and not wish.goal.word:
+        return _shortest(problem)
+    try:
         if wish.goal.word == "check" and wish.minutes is None:
-            return _worth_making(ready, _usual_check(ready.problem))
-        found = choose.chosen(ready.problem, early=bool(wish.goal.word))
-        return _worth_making(ready, found) if wish.goal.word else found
-    return _shortest(ready.problem)
+            return worth_making(_usual_check(problem))
+        found = choose.chosen(problem, early=bool(wish.goal.word))
+        return worth_making(found) if wish.goal.word else found
+    except choose.TooShort as error:
+        raise InVain(error.found, "even the shortest plan takes longer") from None
+    except choose.Undetermined as error:
+        raise InVain(error.found, undetermined(error.found)) from None
+    except choose.TooFew as error:
+        raise InVain(error.found, error.why, error.seconds / 60) from None
 
 
 def _shortest(problem: Problem) -> Chosen:
@@ -191,18 +198,21 @@ def _shortest(problem: Problem) -> Chosen:
         found = None
         with suppress(choose.NoTime):
             found = last = choose.chosen(problem.of_time(seconds))
-        if found is not None and found.value <= 1:
+        kept = found is not None and found.value <= 1
+        if found is not None and kept and believed(found):
             best = found if best is None or found.seconds < best.seconds else best
         else:
             short = max(short, seconds)
         if best is not None and best.seconds - short < NEAR * best.seconds:
             break
-        aim = 2 * seconds if found is None else found.seconds * (1.02 * found.value if found.value > 1 else found.value)
+        aim = 2 * seconds if found is None else found.seconds * (1.02 * found.value if not kept else max(found.value, more(found)))
         if best is not None:
             aim = min(max(aim, short + 0.4 * (best.seconds - short)), best.seconds - NEAR * best.seconds)
         seconds = min(aim, 4 * seconds)
     if best is None:
-        far = "" if last is None else f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
+        far = ""
+        if last is not None and last.value > 1:
+            far = f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
         raise InputError(
             f"--goal: no plan of up to {short / 60:.0f} minutes keeps these limits{far}. "
             "Allow more, or state --minutes for the best plan of that time"
@@ -222,47 +232,6 @@ def _usual_check(problem: Problem) -> Chosen:
 def _well(problem: Problem, information: Array) -> bool:
     """problem of a check, A (p, p) → whether it sees changes of about 20 µm."""
     return serves(problem, information) and problem.choice.sigma * value(problem.criterion, information) ** 0.5 < WELL
-
-
-def _worth_making(ready: Setting, found: Chosen) -> Chosen:
-    """setting, plan → the same. Raises InputError, with the minutes that would do, where it does not determine what it is for."""
-    problem = found.problem
-    if serves(problem, found.information):
-        return found
-    raise _refused(ready, found, _undetermined(found))
-
-
-def _undetermined(found: Chosen) -> str:
-    """plan that does not serve → why."""
-    if found.problem.choice.twice:
-        return "such a check would see no change smaller than 0.1 mm"
-    return f"its {len(found.rows)} touches do not determine all that the goal asks for"
-
-
-def _refused(ready: Setting, found: Chosen, why: str, least: str = "") -> InputError:
-    """setting, plan, what is wrong with it, minutes that would do if known → the error that names these, and what else does."""
-    problem = found.problem
-    if not least:
-        minutes = how_long.needed(found, serves)
-        least = f"about {minutes:g} minutes or more" if minutes else f"more than {how_long.LONGEST:g} minutes"
-    said = [least]
-    if ready.wish.approach.standoff > SHORT:
-        said.append("shorter touches by --within MM, where it is known how far facets are from their places")
-    if not problem.choice.twice and "S4" in ready.wish.terms:
-        terms = ",".join("S3" if item == "S4" else item for item in ready.wish.terms if isinstance(item, str))
-        named = ready.wish.typed and all(isinstance(item, str) for item in ready.wish.terms)
-        said.append("--terms S3 instead of S4" + (f": {ready.wish.typed} --terms {terms}" if named else ""))
-    lost = left_out(problem)
-    return InputError(
-        "; ".join(
-            [
-                f"--minutes: {'the usual' if ready.wish.minutes is None else 'found'} {problem.seconds / 60:.3g}",
-                why,
-                *(sentences(lost) if lost else ()),
-                "allowed: " + ", or ".join(said),
-            ]
-        )
-    )
 
 
 def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:

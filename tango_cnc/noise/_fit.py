@@ -12,7 +12,7 @@ from scipy import linalg, special
 from ..estimate import SIGMA_FLOOR, Estimate, Noise
 from ..records import Array
 from ._start import positive, reachable
-from ._system import System, drifting, system
+from ._system import PLAIN, WIDER, System, beside, drifting, smooth, system
 
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
 RANGE = (-20.0, 25.0)  # of the logarithm of a component's variance over the white one
@@ -20,6 +20,7 @@ COARSE = np.arange(-20.0, 25.5, 0.5)  # steps of it, and the finer ones beside t
 NEAR = np.arange(-0.5, 0.55, 0.05)
 SCORED = 40  # steps of Fisher's scoring, at most; a handful is usual
 FARTHEST = 4.0  # of a step of it
+NEWTON = 12  # steps to the white scatter that fits best
 HALVED = 8  # times that a step is halved before there is nothing more to gain
 SAME = 0.005  # of the deviance, by which two solutions are the same
 LARGEST = 1500  # touches of which the noise is taken apart
@@ -61,6 +62,8 @@ def by_noise(result: Estimate, settled: bool = True) -> Estimate:
         keep, rough = again, rough_now
         fitted = gls(s, keep, rough)
     decided = keep & ~_undecided(keep, group)
+    if decided.sum() - len(result.values) < 4:  # nothing would be left to decide from
+        decided = keep
     if not np.array_equal(decided, keep):
         fitted = gls(s, decided, rough)
     change = fitted.change
@@ -163,17 +166,23 @@ def gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool = False) -
     well, and comes out large by chance: `walk` counts only what is sure. The covariance has all of it.
     """
     found = _gls(s, keep, rough, white)
-    p, free = len(s.values), drifting(s)
-    if not found.walk or keep.sum() <= len(free.values) + 8:
+    p, slow = len(s.values), smooth(s)
+    if not found.walk or keep.sum() <= p + slow.sum() + 8:
         return found
+    weight = 1 / rough[keep, None]
+    turn, seen = beside(s.walk[np.ix_(keep, slow)] * weight, _basis(s.jacobian[keep] * weight)[0], PLAIN)
+    variance = found.walk**2 / float(np.mean(np.sum(s.walk**2, axis=1)))
+    free = drifting(s, turn, seen, variance)
     again = _gls(free, keep, rough, False)
     change = again.change[:p]
     residual = s.gaps + s.jacobian @ (change / s.scale)
-    smooth = free.jacobian[:, p:]
-    sure, every = _sure(smooth, again.change[p:] / free.scale[p:], again.covariance[p:, p:], free.scale[p:])
+    drift = free.jacobian[:, p:]
+    sure, every = _sure(drift, again.change[p:] / free.scale[p:], again.covariance[p:, p:], free.scale[p:])
     wandered = max(found.walk, float(np.sqrt(sure + again.walk**2)))
     chance = float(np.sqrt(max(every - (wandered**2 - again.walk**2), 0.0)))
-    any_size = LARGE * smooth / np.maximum(np.sqrt(np.mean(smooth**2, axis=0)), 1e-300)
+    size = np.sqrt(np.mean(drift**2, axis=0))
+    free_of = np.arange(drift.shape[1]) < seen.sum()
+    any_size = drift * np.where(free_of, LARGE / np.maximum(size, 1e-300), WIDER * np.sqrt(variance) / again.sigma)
     columns = any_size if again.columns is None else np.hstack([again.columns, any_size])
     covariance = again.covariance[:p, :p]
     found = replace(again, change=change, covariance=covariance, residual=residual, columns=columns)
@@ -198,14 +207,12 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     # would explain them all. Such directions are left to what was known before.
     p = j.shape[1]
     whole = len(j) <= LARGEST
-    basis, singular, _ = np.linalg.svd(j, full_matrices=False)
-    rank = int((singular > FAINT * singular[0]).sum())
-    basis = basis[:, :rank]
+    basis, rank = _basis(j)
     left = gaps - basis @ (basis.T @ gaps)
     sigma = max(float(np.sqrt(left @ left / max(len(j) - rank, 1))), s.least)
     if whole and parts and len(j) > p + 8:
         weighted = [part[keep] * weight[:, None] for part in parts]
-        sigma, ratios = _components(left, [part - basis @ (basis.T @ part) for part in weighted], len(j) - rank)
+        sigma, ratios = _components(left, [_seen(part, basis) for part in weighted], len(j) - rank, s.repeats)
         sigma = max(sigma, s.least)
     else:
         ratios = [0.0] * len(parts)
@@ -243,8 +250,26 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
     )
 
 
-def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]]:
-    """residuals and Z of each component without the unknowns, dimension → white σ, variance of each over σ² (0: not worth it)."""
+def _basis(jacobian: Array) -> tuple[Array, int]:
+    """(n, p) → (n, r) orthonormal basis of what the unknowns do to the touches, r."""
+    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
+    rank = int((singular > FAINT * singular[0]).sum())
+    return basis[:, :rank], rank
+
+
+def _seen(part: Array, basis: Array) -> Array:
+    """(n, q) columns of a component, (n, r) basis of the unknowns → the columns without what unknowns stand for."""
+    turn, seen = beside(part, basis)
+    rows = part @ turn[:, seen]
+    return np.asarray((rows - basis @ (basis.T @ rows)) @ turn[:, seen].T)
+
+
+def _components(e: Array, seen: list[Array], n: int, stated: float = 0.0) -> tuple[float, list[float]]:
+    """residuals and Z of each component without the unknowns, dimension, mm → white σ, variance of each over σ² (0: not worth it).
+
+    `stated`: the repeatability. A short plan has hardly more touches to spare than Z has columns: walk or seating pass through all
+    of them, and the likelihood has no end toward no white scatter. So that has to be paid for (`_white`).
+    """
     gram, right, total = np.hstack(seen).T @ np.hstack(seen), np.hstack(seen).T @ e, float(e @ e)
     count = [part.shape[1] for part in seen]
     which = np.repeat(np.arange(len(seen)), count)
@@ -255,7 +280,8 @@ def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]
         rows = np.flatnonzero(d > 0)
         flat = np.zeros(len(logs)), np.zeros((len(logs), len(logs)))
         if not len(rows):
-            return n * np.log(total / n), total / n, *flat
+            none, own = _white(np.array([total]), n, stated)
+            return float(none[0]), float(own[0]), *flat
         inner = gram[np.ix_(rows, rows)] * np.outer(d[rows], d[rows])
         inner[np.diag_indices_from(inner)] += 1.0
         root, failed = linalg.lapack.dpotrf(inner, lower=1)
@@ -264,15 +290,16 @@ def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]
         half, _ = linalg.lapack.dtrtri(root, lower=1)
         half = np.tril(half)
         y = half @ (d[rows] * right[rows])
-        variance = max((total - float(y @ y)) / n, SIGMA_FLOOR**2)
+        whole, every = _white(np.array([total - float(y @ y)]), n, stated)
+        variance = float(every[0])
         rest = np.eye(len(rows)) - half.T @ half  # what the touches tell of each effect
         member = (which[rows][:, None] == np.arange(len(logs))).astype(np.float64)
         told = np.diag(rest) @ member
         slope = told - (half.T @ y) ** 2 @ member / variance
         curve = member.T @ rest**2 @ member - np.outer(told, told) / n
-        return n * np.log(variance) + 2 * float(np.log(np.diag(root)).sum()), variance, slope, curve
+        return float(whole[0]) + 2 * float(np.log(np.diag(root)).sum()), variance, slope, curve
 
-    alone = [_alone(gram[np.ix_(which == k, which == k)], right[which == k], total, n) for k in range(len(seen))]
+    alone = [_alone(gram[np.ix_(which == k, which == k)], right[which == k], total, n, stated) for k in range(len(seen))]
     singles = []
     for one in alone:
         x = COARSE[np.argmin(one(COARSE))] + NEAR
@@ -308,8 +335,27 @@ def _components(e: Array, seen: list[Array], n: int) -> tuple[float, list[float]
     return float(np.sqrt(at(logs)[1])), np.exp(logs).tolist()
 
 
-def _alone(gram: Array, right: Array, total: float, n: int) -> Callable[[Array], Array]:
-    """Z'Z and Z'e of one component, e'e, N → its deviance as a function of the logarithms of its variance over the white one.
+def _white(square: Array, n: int, stated: float) -> tuple[Array, Array]:
+    """(m,) mm² left, N, mm of the stated repeatability (0: unknown) → (m,) deviance of the white scatter that fits best, its mm².
+
+    A probe that is taken to be better than stated has to be paid for: half of the scatter costs 1, a quarter 4. With many touches
+    that is nothing. The deviance of t = log σ² is convex; Newton's steps come to its end from below.
+    """
+    t = np.log(np.maximum(square / n, SIGMA_FLOOR**2))
+    if stated <= 0:
+        return n * t, np.exp(t)
+    # but for the constant n, which all of them have: s e^-t is n where nothing is paid
+    known, price = 2 * np.log(stated), 1 / np.log(4.0) ** 2
+    left = n * np.exp(t)
+    for _ in range(NEWTON):
+        less = np.maximum(known - t, 0.0)
+        t = t - (n - left * np.exp(-t) - 2 * price * less) / (left * np.exp(-t) + 2 * price)
+    return n * t + left * np.exp(-t) - n + price * np.maximum(known - t, 0.0) ** 2, np.exp(t)
+
+
+def _alone(gram: Array, right: Array, total: float, n: int, stated: float = 0.0) -> Callable[[Array], Array]:
+    """Z'Z and Z'e of one component, e'e, N, mm of the stated repeatability → its deviance as a function of the logarithms of its
+    variance over the white one.
 
     In the eigenvectors of Z'Z no matrix has to be factored again for each variance.
     """
@@ -320,8 +366,8 @@ def _alone(gram: Array, right: Array, total: float, n: int) -> Callable[[Array],
     def of(x: Array) -> Array:
         ratio = np.exp(x)[:, None]
         rest = 1 + ratio * value
-        variance = np.maximum((total - np.sum(ratio * square / rest, axis=1)) / n, SIGMA_FLOOR**2)
-        return np.asarray(n * np.log(variance) + np.sum(np.log(rest), axis=1))
+        left = total - np.sum(ratio * square / rest, axis=1)
+        return np.asarray(_white(left, n, stated)[0] + np.sum(np.log(rest), axis=1))
 
     return of
 

@@ -15,6 +15,9 @@ from ..terms import Coefficient
 
 WAVES = 12  # functions of the walk in each direction
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
+PLAIN = 0.1  # share of it, above which touches tell how large a smooth drift is
+WIDER = 3.0  # times the walk that a smooth drift may be which they do not tell
+FAINTER = 1e-2  # share of what a component does to the touches, below which unknowns stand for it
 SMOOTH = 3  # of them are drift that is smooth: any size of theirs is as likely as another, once there is a walk
 
 
@@ -96,7 +99,29 @@ def widened(s: System, columns: Array, prior: float = 0.0) -> System:
     )
 
 
-def drifting(s: System) -> System:
-    """system → the smooth part of its walk as unknowns of any size, the rest of the walk as it was."""
-    smooth = np.arange(s.walk.shape[1]) % (3 * WAVES) < 3 * SMOOTH
-    return replace(widened(s, s.walk[:, smooth]), walk=s.walk[:, ~smooth])
+def smooth(s: System) -> NDArray[np.bool_]:
+    """system → (a,) columns of its walk that are smooth."""
+    return np.arange(s.walk.shape[1]) % (3 * WAVES) < 3 * SMOOTH
+
+
+def drifting(s: System, turn: Array, seen: NDArray[np.bool_], variance: float) -> System:
+    """system, (q, q) directions of the smooth part of its walk, which of them touches tell, mm² of the walk → those as
+    unknowns of any size, then the others as unknowns of `WIDER` times that size, the rest of the walk as it was.
+
+    Of any size, what unknowns of the machine stand for as well would leave nothing of them.
+    """
+    columns = s.walk[:, smooth(s)] @ turn
+    free = widened(widened(s, columns[:, seen]), columns[:, ~seen], prior=1 / (WIDER**2 * variance))
+    return replace(free, walk=s.walk[:, ~smooth(s)])
+
+
+def beside(part: Array, basis: Array, share: float = FAINTER) -> tuple[Array, NDArray[np.bool_]]:
+    """(n, q) columns of a component, (n, r) orthonormal basis of what the unknowns do to the touches, share of what the
+    component does to them → (q, q) directions of the component, orthonormal, and those of which more is of no unknown.
+
+    Rows are worked out where the touches were made, so that they scatter by as much as these do. Displacements that unknowns stand
+    for but for that would, centimetres large, be the very scatter of the touches.
+    """
+    left = part - basis @ (basis.T @ part)
+    square, turn = np.linalg.eigh(left.T @ left)
+    return turn, square > share**2 * float(np.linalg.eigvalsh(part.T @ part)[-1])

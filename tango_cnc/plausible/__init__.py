@@ -73,6 +73,7 @@ def judge(
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
     untrusted: list[str] = []
+    nothing = False
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
     else:
@@ -91,6 +92,7 @@ def judge(
         away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
         bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
         untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
+        nothing = bool(result.parameters) and set(result.parameters) <= set(untrusted)
     found += _elsewhere(touches)
     verdict = worst([r.verdict for r in found])
     suspicions: tuple[Suspicion, ...] = ()
@@ -103,6 +105,7 @@ def judge(
         suspicions,
         tuple(untrusted),
         any(r.incomplete for r in found),
+        nothing,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from ..estimate import Estimate, estimate
 from ..files.readings import degrees_of
@@ -16,6 +17,7 @@ from ..touches import from_readings
 from ._shared import Figures, figures
 
 Groups = tuple[tuple[int, ...], ...]
+SELDOM = 1e-3  # chance of a ratio that is taken for more than chance
 SAME = 1e-3  # of what an unknown does to a touch: less is the same
 
 
@@ -34,6 +36,7 @@ class HeldOut:
     fitted: Array  # residuals of the estimates' own touches, all groups
     unpredictable: tuple[str, ...]  # facets that only held-out indexations touch
     unseen: tuple[str, ...]  # what the remaining indexations cannot tell apart, in words
+    chance: float = 0.0  # ratio that a model which lacks nothing exceeds once in 1000 runs
 
     @property
     def figures(self) -> Figures:
@@ -48,6 +51,11 @@ class HeldOut:
         """
         own = self.told
         return float(np.sqrt(np.mean((self.residual[own] / self.expected[own]) ** 2))) if own.any() else 0.0
+
+    @property
+    def beyond(self) -> float:
+        """→ `ratio` where chance does not explain it; else 1 at most: what few touches predict is off by much now and then."""
+        return self.ratio if self.ratio > self.chance else min(self.ratio, 1.0)
 
 
 def indexations(readings: Readings, machine: Machine) -> NDArray[np.int64]:
@@ -95,6 +103,7 @@ def held_out(
         if i not in known:
             raise InputError(f"--hold-out: found indexation {i}; allowed: 1 to {max(known)}, counted as in the strategy")
     parts: list[tuple[Readings, NDArray[np.int64], int, NDArray[np.bool_], Array, Array]] = []
+    worth: list[tuple[float, float, int]] = []
     lost: set[str] = set()
     fitted: list[Array] = []
     unseen: dict[str, None] = {}
@@ -112,7 +121,11 @@ def held_out(
         rows = rows[[readings.facet[i] in seen for i in rows]]
         if len(rows):
             told = _told(whole, result.model, np.flatnonzero(readings.ok), rows, out)
-            parts.append((readings.rows(rows), number[rows], place, told, *predict(result, readings, rows)))
+            gaps, covariance = _predicted(result, readings, rows)
+            expected = np.sqrt(np.diag(covariance))
+            parts.append((readings.rows(rows), number[rows], place, told, gaps, expected))
+            alike = (covariance / np.outer(expected, expected))[np.ix_(told, told)]
+            worth.append((float(told.sum()), float(np.sum(alike**2)), result.dof))
     if not parts:
         raise TangoError(
             f"held out: every facet of indexations {groups} is touched there alone ({', '.join(sorted(lost))}); hold out fewer"
@@ -129,7 +142,21 @@ def held_out(
         np.concatenate(fitted),
         tuple(f for f in artefact.facets if f in lost),
         tuple(unseen),
+        _chance(worth),
     )
+
+
+def _chance(worth: Sequence[tuple[float, float, int]]) -> float:
+    """of each group: touches predicted, sum of their squared correlations, degrees of freedom of its estimate → `HeldOut.chance`.
+
+    The touches of a group are off together, by what its estimate is off: they count for as many as have the same variance of the
+    mean square (Satterthwaite 1946). The scatter that they are compared with comes from few touches, too: F distribution.
+    """
+    touches, squares = sum(w[0] for w in worth), sum(w[1] for w in worth)
+    if not touches:
+        return 0.0
+    dof = sum(w[2] for w in worth) / len(worth)
+    return float(special.fdtri(touches**2 / squares, max(dof, 1.0), 1 - SELDOM) ** 0.5)
 
 
 def _told(whole: Model, few: Model, used: NDArray[np.int64], rows: NDArray[np.int64], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -167,6 +194,12 @@ def predict(result: Estimate, readings: Readings, rows: NDArray[np.int64]) -> tu
     All readings are needed for terms that remember what came before. Variance of a prediction: J C Jᵀ + σ² (GUM 5.2.2).
     Raises InputError for a facet that the estimate does not know.
     """
+    gaps, covariance = _predicted(result, readings, rows)
+    return gaps, np.sqrt(np.diag(covariance))
+
+
+def _predicted(result: Estimate, readings: Readings, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+    """as `predict` → gaps (m,) mm, covariance (m, m) mm² of these predictions."""
     model = result.model
     touches = from_readings(model.touches.machine, model.touches.artefact, readings)
     everything = Model(touches, model.coefficients)
@@ -181,8 +214,7 @@ def predict(result: Estimate, readings: Readings, rows: NDArray[np.int64]) -> tu
     here = [j for j, name in enumerate(everything.names) if name in place]
     index = [place[everything.names[j]] for j in here]
     own = jacobian[:, here]
-    variance = np.sum(own @ result.covariance[np.ix_(index, index)] * own, axis=1) + result.sigma**2
-    return gaps, np.sqrt(variance)
+    return gaps, own @ result.covariance[np.ix_(index, index)] @ own.T + result.sigma**2 * np.eye(len(own))
 
 
 def in_words(readings: Readings, machine: Machine, group: Sequence[int]) -> str:

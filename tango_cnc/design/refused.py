@@ -1,0 +1,90 @@
+"""Plans that are not worth making: why, and how many minutes would do."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from ..records import InputError
+from . import how_long
+from .enough import SPARE, believed, serves, to_spare
+from .left_out import left_out, sentences
+from .problem import Chosen
+
+if TYPE_CHECKING:
+    from .propose import Setting
+
+SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
+
+
+class InVain(InputError):
+    """No plan of that time does: the one that was found, why it does not, minutes that no plan does without if known."""
+
+    def __init__(self, found: Chosen, why: str, least: float = 0.0) -> None:
+        super().__init__(why)
+        self.found, self.why, self.least = found, why, least
+
+    @cached_property
+    def minutes(self) -> float | None:
+        """→ minutes that would do, as a quick plan says; None where that does not find any."""
+        minutes = how_long.needed(self.found, serves, self.least)
+        if minutes is None or self.found.problem.choice.twice:
+            return minutes
+        longer = math.ceil(2 * more(self.found) * self.found.seconds / 60) / 2
+        return max(minutes, longer) if believed(self.found) or serves(self.found.problem, self.found.information) else minutes
+
+
+def more(found: Chosen) -> float:
+    """plan → times its seconds that it takes to have touches enough to spare; 1 where it has them."""
+    return 1.0 if believed(found) else 1.02 * (len(found.rows) + SPARE - to_spare(found)) / len(found.rows)
+
+
+def worth_making(found: Chosen) -> Chosen:
+    """plan → the same. Raises InVain where it does not determine what it is for, or has too few touches to spare."""
+    if not serves(found.problem, found.information):
+        raise InVain(found, undetermined(found))
+    if not believed(found):
+        raise InVain(found, few(found))
+    return found
+
+
+def few(found: Chosen) -> str:
+    """plan with too few touches to spare → why that is no plan."""
+    return (
+        f"its {len(found.rows)} touches are {to_spare(found)} more than the estimate has unknowns; with fewer than {SPARE} "
+        "nothing shows whether the result may be believed"
+    )
+
+
+def undetermined(found: Chosen) -> str:
+    """plan that does not serve → why."""
+    if found.problem.choice.twice:
+        return "such a check would see no change smaller than 0.1 mm"
+    return f"its {len(found.rows)} touches do not determine all that the goal asks for"
+
+
+def refused(ready: Setting, error: InVain) -> InputError:
+    """setting, why no plan does → the error that names it, the minutes that would do, and what else does."""
+    problem, minutes = error.found.problem, error.minutes
+    least = f"more than {how_long.LONGEST:g} minutes"
+    if minutes is not None:
+        least = f"more than {error.least:g} minutes (about {minutes:g})" if error.least else f"about {minutes:g} minutes or more"
+    said = [least]
+    if ready.wish.approach.standoff > SHORT:
+        said.append("shorter touches by --within MM, where it is known how far facets are from their places")
+    if not problem.choice.twice and "S4" in ready.wish.terms:
+        terms = ",".join("S3" if item == "S4" else item for item in ready.wish.terms if isinstance(item, str))
+        named = ready.wish.typed and all(isinstance(item, str) for item in ready.wish.terms)
+        said.append("--terms S3 instead of S4" + (f": {ready.wish.typed} --terms {terms}" if named else ""))
+    lost = left_out(problem)
+    return InputError(
+        "; ".join(
+            [
+                f"--minutes: {'the usual' if ready.wish.minutes is None else 'found'} {problem.seconds / 60:.3g}",
+                error.why,
+                *(sentences(lost) if lost else ()),
+                "allowed: " + ", or ".join(said),
+            ]
+        )
+    )
