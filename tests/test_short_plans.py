@@ -100,10 +100,10 @@ def test_few_touches_to_spare_widen_a_standard_deviation_as_student_says() -> No
 
 
 def test_what_chance_makes_of_held_out_touches_is_the_f_distribution() -> None:
-    # 12 touches that scatter each for itself, against a scatter from 9: the 0.1 % point of F(12, 9) is 9.57
-    assert _chance([(6.0, 6.0, 9), (6.0, 6.0, 9)]) == pytest.approx(9.57**0.5, rel=1e-3)
-    # off together, they count for one each: F(2, 9) is 16.39
-    assert _chance([(6.0, 36.0, 9), (6.0, 36.0, 9)]) == pytest.approx(16.39**0.5, rel=1e-3)
+    # 12 touches that scatter each for itself count for half, against a scatter from 9: the 0.1 % point of F(6, 9) is 11.13
+    assert _chance([(6.0, 6.0, 9), (6.0, 6.0, 9)]) == pytest.approx(11.13**0.5, rel=1e-3)
+    # off together in each group, these count for one: F(1, 9) is 22.86
+    assert _chance([(6.0, 36.0, 9), (6.0, 36.0, 9)]) == pytest.approx(22.86**0.5, rel=1e-3)
     assert _chance([]) == 0.0
 
 
