@@ -75,6 +75,27 @@ def test_the_guard_band_is_1_65_standard_uncertainties(tmp_path: Path, value: fl
     assert signed(tmp_path, sheet(value)).rows[0].verdict == expected
 
 
+@pytest.mark.parametrize(
+    ("least", "most", "limit", "expected", "guard"),
+    [
+        (0.0, 3.4, 0.3, "undecided", 2.0),  # noise alone may show this curve, so the range may be nothing
+        (1.2, 3.4, 1.1, "does not conform", 0.8),
+        (1.2, 3.4, 1.3, "undecided", 0.8),
+        (1.2, 3.4, 3.3, "undecided", 1.4),
+        (1.2, 3.4, 3.5, "conforms", 1.4),
+    ],
+)
+def test_a_range_has_the_guard_bands_of_its_own_shape(
+    tmp_path: Path, least: float, most: float, limit: float, expected: str, guard: float
+) -> None:
+    """A range is skew: 1.65 standard uncertainties either way would reject at 0.3, and conform at 3.3."""
+    shown = sheet(2.0, half=1.5)
+    figures = (replace(shown.figures[0], interval=(0.0, 3.5), bounds=(least, most)),)
+    (row,) = signed(tmp_path, replace(shown, figures=figures), limits={"straightness EXZ": limit}).rows
+    assert row.verdict == expected
+    assert row.guard == pytest.approx(guard)
+
+
 @pytest.mark.parametrize(("kind", "name"), [("positioning gain", "EXX"), ("parameter", "EXX1"), ("volumetric", "VX")])
 def test_what_changes_with_temperature_is_not_stated_without_one(tmp_path: Path, kind: str, name: str) -> None:
     shown = sheet(1.0)

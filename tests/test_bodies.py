@@ -121,6 +121,18 @@ def test_a_door_on_the_ram_meets_the_table() -> None:
         plan(trunnion(low, indexations=1))
 
 
+def test_a_longer_search_takes_the_housing_nearer_to_the_table() -> None:
+    """A search that meets nothing ends behind the facet: what the ram carries must have room there, too."""
+    door = Obstacle("box", low=(60.0, -100.0, -190.0), high=(100.0, 100.0, 200.0), on="Z", title="housing")
+    cell = trunnion(door, indexations=1)
+
+    def left(search: float) -> int:
+        approach = replace(cell.strategy.approach, search=search)
+        return len(plan(replace(cell, strategy=replace(cell.strategy, approach=approach)), "leave-out").touches)
+
+    assert left(5.0) == left(2.0) - 1
+
+
 @pytest.mark.long
 def test_where_the_table_may_stand_before_is_said() -> None:
     """Beside the path, but where the table might stand: nobody knows how it gets away from there."""

@@ -221,7 +221,7 @@ def test_pace_is_that_of_a_uart():
         while line.write(b"x" * 64):
             pass
         now[0] += 0.001
-    assert pipe.taken == pytest.approx(960 + 19, abs=2)
+    assert 960 + 17 <= pipe.taken <= 960 + 19, "a byte is there when its last bit is"
 
 
 def test_bytes_of_wrong_parity_are_marked():

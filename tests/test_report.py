@@ -268,6 +268,12 @@ def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts)
     t = texts()
     quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)
     assert [c.level for c in quiet.checks if c.name == "nights"] == ["good"]
+    limits = [{"what": "volume", "value": 50.0, "low": 48.0, "high": 52.0, "unit": "µm", "limit": 80.0, "passed": True}]
+    told = Nights("2026-11-22", "good", "", 0, record={"verdict": "good", "night": "2026-11-22", "limits": limits})
+    for limit, word in ((None, "Yes"), (0.08, "Yes"), (0.09, "Yes"), (0.051, "Yes, but"), (0.04, "No")):
+        asked = replace(facts, nights=told, wishes=replace(facts.wishes, limit=limit))
+        answer = told.answer(asked.wishes.units, t, asked.cell.machine, limit)
+        assert answer.word == word and (limit != 0.04 or "50 µm, 40 µm allowed" in answer.numbers)
     bad = verdict(replace(facts, nights=Nights("2026-11-22", "out_of_limits", "volume is 75.9 µm, 60 µm are allowed.", 4)), t)
     assert bad.level == "look" and bad.worst is not None and bad.worst.name == "nights"
     assert all(part in page.sentence(bad, t) for part in ("Sun 22 Nov 2026", "76 µm", "Open alarms: 4"))

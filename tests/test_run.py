@@ -29,6 +29,7 @@ from tango_cnc.cli import tango
 from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
+from tango_cnc.files.origin import look_up
 from tango_cnc.link._rest import durations, repeatable
 from tango_cnc.link.entries import Reading
 from tango_cnc.link.journal import read_journal
@@ -79,6 +80,7 @@ def test_a_control_that_stops_leaves_a_partial_file_and_the_old_readings_alone(c
     assert (cell / "readings.csv").read_text() == "yesterday's"
     assert len(readings(cell, "readings.partial.csv")) == 4
     assert json.loads((cell / "readings.partial.json").read_text())["missing"] == [5, 6, 7]
+    assert look_up(cell / "readings.partial.csv").known, "and which program and cell they are of"
 
 
 def test_a_run_that_is_broken_off_names_the_command_that_goes_on_with_it_wherever_it_is_told(cell):

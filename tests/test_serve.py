@@ -556,6 +556,10 @@ def test_a_machine_that_was_never_measured_says_what_to_do(tmp_path: Path) -> No
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         text = site.get("/machine/HU40T-like").text
         assert "Not known" in text and "never measured" in text and "tango nightly -C one" in text
+        found = {
+            page: site.get(f"/machine/HU40T-like/{page}").status_code for page in ("trend", "nights", "files", "run", "report")
+        }
+        assert found == {"trend": 200, "nights": 200, "files": 200, "run": 200, "report": 404}
         assert "Yes, but: 0. No: 0. Not known: 1." in site.get("/").text
 
 

@@ -107,7 +107,7 @@ EVENTS = {
     "step": {"at": 7},
 }
 # Effects that depend on time; one that is missing here fails the test below, as a program takes its own time.
-AT_WHICH_TIME = {"ambient_cycle", "random_walk", "scale_drift", "table_drift", "table_growth", "thermal_drift"}
+AT_WHICH_TIME = {"ambient_cycle", "random_walk", "scale_drift", "screw_heat", "table_drift", "table_growth", "thermal_drift"}
 
 
 @pytest.mark.few(2)

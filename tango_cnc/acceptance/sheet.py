@@ -1,7 +1,8 @@
 """Order and figures → decisions with a guard band, and the page as records.
 
 A figure conforms when value and guard band lie inside the limit, and does not when they lie outside it (ISO 14253-1:2017; 95 %
-for one limit and a normal distribution: g = 1.65 u). Between both nothing is stated. No interval stands, and nothing conforms,
+for one limit and a normal distribution: g = 1.65 u). A range is not normal: its guard bands end where it is larger, or smaller,
+with 5 %; and what noise alone may show is not rejected. Between both nothing is stated. No interval stands, and nothing conforms,
 where no machine is known to have been measured, where the estimate is not trustworthy, where there is no budget or it does not
 name what every machine has, or where the touches scatter more than the budget allows for.
 """
@@ -132,8 +133,9 @@ def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:
     factor = float(special.stdtrit(sheet.freedom, 0.975))
     size = abs(f.value)
     side = max(f.interval[1] - f.value, f.value - f.interval[0]) / factor
-    guard = GUARD * side
-    verdict = "conforms" if size + guard <= limit else "does not conform" if size - guard >= limit else "undecided"
+    least, most = f.bounds or (size - GUARD * side, size + GUARD * side)
+    guard = size - least if limit < size else most - size
+    verdict = "conforms" if most <= limit else "does not conform" if least >= limit else "undecided"
     if stands:
         verdict = "not stated"
     return Row(name, f.value, EXPANDED * side, guard, limit, f.unit, verdict, stands, f.interval)

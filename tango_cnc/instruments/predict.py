@@ -66,18 +66,15 @@ def predict(
         asks = [Ask(r.kind, r.name, "µm", 1e3, _weighed(r, readings), "") for r in rows]
         return Ask("", "", "µm", 1e3, readings, "", command=np.asarray(free @ np.tile(path.command, q))), asks
 
-    every, asks = asks_of(machine.wide)
     wide, learned = machine.wide, machine.learned
-    spread = machine.spread([every, *asks], lambda w: [*(found := asks_of(w))[1], found[0]])
+    (_, asks), (every, owns) = asks_of(wide), asks_of(learned)
     stretched = free @ np.einsum("qni,nip->qn", path.ways, _shift(path, stretches(path.machine))).ravel()
     every, grown = with_column(every, stretched), expanded(learned, warm)
     covariance = every.curve @ grown.covariance @ every.curve.T * 1e6
-    for part in spread.get((every.kind, every.name), ()):
-        covariance += np.outer(part, part)
     std = np.sqrt(np.clip(np.diag(covariance), 0.0, None)).reshape(q, n)
     value = (every.curve @ grown.values * 1e3).reshape(q, n)
     felt = [_weighed(r, stretched) for r in rows]
-    figures = tuple(told(a, wide, learned, spread.get((a.kind, a.name), ()), f, warm) for a, f in zip(asks, felt, strict=True))
+    figures = tuple(told(a, own, wide, learned, f, warm) for a, own, f in zip(asks, owns, felt, strict=True))
     return Predicted(path, figures, rows, value, std, covariance, free, state, () if budget is None else budget.named)
 
 

@@ -52,4 +52,8 @@ def expanded(w: Whole, more: Known) -> Whole:
     covariance = np.zeros((p + 1, p + 1))
     covariance[:p, :p], covariance[p, p] = w.covariance, more.std**2
     motions = (*w.motions, "the expansion of bar and machine")
-    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance)
+    draws = w.draws
+    if draws is not None:
+        drawn = more.value + more.std * np.random.default_rng(2308).standard_normal(draws.shape[1])
+        draws = np.vstack([draws, drawn])
+    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance, draws=draws)

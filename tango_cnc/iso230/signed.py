@@ -7,7 +7,7 @@ error motions are named with which it is mixed, and differences of two such figu
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -17,7 +17,7 @@ from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
 from .expansion import expanded, feels, felt_by, with_column
-from .interval import of_range
+from .interval import Spread, of_drawn
 from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
 from .temperature import NO_CHANGE, Known, Thermal, scale, state_of
@@ -46,6 +46,7 @@ class OnPart:
     text: str = ""
     positions: int = 0  # distinct positions of its axis that were touched
     expands: bool = False  # whether it changes with the temperature of bar and machine
+    bounds: tuple[float, float] | None = None  # of a range: it is below the first with 5 %, above the second with 5 %
 
 
 @dataclass(frozen=True)
@@ -91,13 +92,14 @@ def signed(
     """
     machine = seen(result, budget)
     wide, learned = machine.wide, machine.learned
-    asks, at = _asked(wide, length)
-    spread = machine.spread(asks, lambda w: _asked(w, length)[0])
+    (asks, at), (drawn, _) = _asked(wide, length), _asked(learned, length)
+    owns = {(a.kind, a.name): a for a in drawn}
+    pairs = [(a, owns[a.kind, a.name]) for a in asks]
     warm = NO_CHANGE if thermal is None else scale(thermal, at_reference)
     felt = felt_by(wide.touches.machine, _over(wide), at)
-    found = [told(a, wide, learned, spread.get((a.kind, a.name), ()), felt.get((a.kind, a.name)), warm) for a in asks]
+    found = [told(a, own, wide, learned, felt.get((a.kind, a.name)), warm) for a, own in pairs]
     state = state_of(thermal, at_reference)
-    figures = (*found, *_relative(asks, found, wide, learned, warm))
+    figures = (*found, *_relative(pairs, found, wide, learned, warm))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     beside = machine.unseen.said(wide.touches)
     tried, by = machine.tried, machine.left_out
@@ -175,16 +177,9 @@ def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
 
 
-def told(
-    ask: Ask,
-    wide: Whole,
-    learned: Whole,
-    more: tuple[Array, ...] = (),
-    felt: Array | None = None,
-    warm: Known = NO_CHANGE,
-) -> OnPart:
-    """figure as it depends on the coefficients, machine twice (`Seen`), what other orders add, what the figure feels of a scale
-    of 1, what temperature adds to scales (mm/mm) → value, interval, or why not.
+def told(ask: Ask, own: Ask, wide: Whole, learned: Whole, felt: Array | None = None, warm: Known = NO_CHANGE) -> OnPart:
+    """figure as it depends on the coefficients of the first machine and of the second one, machine twice (`Seen`), what the
+    figure feels of a scale of 1, what temperature adds to scales (mm/mm) → value, interval, or why not.
 
     The touches alone decide what is withheld. An expansion that nobody knows makes an interval wider, and its value no larger.
     """
@@ -193,29 +188,37 @@ def told(
     expands = felt is not None and feels(ask, felt)
     if (doubt := _undecided(ask, wide)) is not None:
         return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, differ, expands)
-    value, interval = _interval(ask, wide, learned, more)
+    found = _spread(ask, own, wide, learned)
     if felt is not None and expands and warm != NO_CHANGE:
-        grown, sure = with_column(ask, felt), Known(warm.value, 0.0)
-        value, _ = _interval(grown, expanded(wide, sure), expanded(learned, sure), more)
-        _, (low, high) = _interval(grown, expanded(wide, warm), expanded(learned, warm), more)
-        interval = min(low, value), max(high, value)
-    return OnPart(ask.kind, ask.name, ask.unit, value, interval, ask.range, ask.note, (), "", differ, expands)
+        asks, sure = (with_column(ask, felt), with_column(own, felt)), Known(warm.value, 0.0)
+        best = _spread(*asks, expanded(wide, sure), expanded(learned, sure)).best
+        found = _about(_spread(*asks, expanded(wide, warm), expanded(learned, warm)), best)
+    bounds = (found.least, found.most) if ask.is_range else None
+    interval = found.low, found.high
+    return OnPart(ask.kind, ask.name, ask.unit, found.best, interval, ask.range, ask.note, (), "", differ, expands, bounds)
 
 
-def _interval(ask: Ask, wide: Whole, learned: Whole, more: tuple[Array, ...] = ()) -> tuple[float, tuple[float, float]]:
-    student = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2))
+def _about(s: Spread, best: float) -> Spread:
+    return Spread(best, min(s.low, best), max(s.high, best), min(s.least, best), max(s.most, best))
+
+
+def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
+    """figure by the coefficients of both machines → value, interval and limits of one side, in its unit."""
     if not ask.is_range:
-        value = float(ask.curve @ learned.values) * ask.factor
-        half = student * float(np.hypot(_worst(ask, learned)[1], np.linalg.norm(np.array(more))))
-        return value, (value - half, value + half)
-    curve, wider = ask.curve * ask.factor, student / float(special.ndtri(0.5 + COVERAGE / 2))
-    mean, beside = curve @ learned.values, [part[:, None] for part in more]
-    own, noise = (np.column_stack([wider * root_of(curve, w.covariance), *beside]) for w in (learned, wide))
-    best, low, high = of_range(mean, own, curve @ wide.values, noise)
-    if ask.zone and ask.command is not None and np.ptp(mean) > 0:
-        part = minimum_zone(ask.command, mean) / float(np.ptp(mean))
-        best, low, high = best * part, low * part, high * part
-    return best, (low, high)
+        student = [float(special.stdtrit(wide.freedom, p)) for p in (0.5 + COVERAGE / 2, COVERAGE)]
+        value, std = float(own.curve @ learned.values) * own.factor, _worst(own, learned)[1]
+        two, one = (t * std for t in student)
+        return Spread(value, value - two, value + two, value - one, value + one)
+    assert learned.draws is not None
+    used = np.flatnonzero(own.curve.any(axis=0))
+    drawn = own.factor * (own.curve[:, used] @ learned.draws[used])
+    curve = ask.curve * ask.factor
+    wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
+    found, mean = of_drawn(drawn, curve @ wide.values, wider * root_of(curve, wide.covariance)), drawn.mean(axis=1)
+    if own.zone and own.command is not None and np.ptp(mean) > 0:
+        part = minimum_zone(own.command, mean) / float(np.ptp(mean))
+        found = Spread(*(part * v for v in found))
+    return found
 
 
 def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
@@ -227,12 +230,16 @@ def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 
-def _relative(asks: list[Ask], found: list[OnPart], wide: Whole, learned: Whole, warm: Known) -> list[OnPart]:
+def _relative(asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, learned: Whole, warm: Known) -> list[OnPart]:
     """→ differences and sums of two figures of one kind where touches or temperature decide neither alone."""
-    left = [(a, f.value) for a, f in zip(asks, found, strict=True) if not a.is_range and (f.value is None or _too_warm(f, warm))]
+    left = [
+        (*pair, f.value)
+        for pair, f in zip(asks, found, strict=True)
+        if not pair[0].is_range and (f.value is None or _too_warm(f, warm))
+    ]
     given = []
-    for i, (two, second) in enumerate(left):
-        for one, first in left[:i]:
+    for i, (two, own_two, second) in enumerate(left):
+        for one, own_one, first in left[:i]:
             if one.kind != two.kind or one.own == two.own or (first is None) != (second is None):
                 continue
             signs = ((-1.0, "−"), (1.0, "+")) if first is None else ((-1.0, "−"),)
@@ -240,8 +247,9 @@ def _relative(asks: list[Ask], found: list[OnPart], wide: Whole, learned: Whole,
             for sign, word in signs:
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
                 if _worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
-                    value, interval = _interval(ask, wide, learned)
-                    given.append(OnPart(ask.kind, ask.name, ask.unit, value, interval, None, note))
+                    own = replace(ask, curve=own_two.curve + sign * own_one.curve)
+                    s = _spread(ask, own, wide, learned)
+                    given.append(OnPart(ask.kind, ask.name, ask.unit, s.best, (s.low, s.high), None, note))
     return given
 
 

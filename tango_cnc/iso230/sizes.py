@@ -1,100 +1,190 @@
-"""How large the error motions of this machine are, learned from its own touches, and what that leaves of the figures.
+"""Machines that these touches leave possible, with every error motion to a high order and sizes that they show.
 
 `whole` gives every error motion 100 µm or 300 µrad before the touches are looked at. That decides what is withheld: nothing may
-rest on a guess. An interval about what is not withheld must not rest on it either. A curve that may be 100 µm large is read with
-all the noise in it, so that its range is too large, and what is mixed with it widens it by what no machine has. So the sizes
-are estimated: motions of a kind share one, and each has its own about it. Over a part of the travel a bow shows less the higher
-its degree: tilts and straightness have a size for each degree, and the first degree of a straightness is squareness. With one
-size for all degrees, large tilts that the touches see faintly were above their intervals. Two or three of a kind say too little
-of each other: gain and backlash of linear axes keep the wide one, and the rest of their positioning has one size for all degrees.
-Source: empirical Bayes with scaled inverse χ² variances, by expectation and maximization (Gelman et al., Bayesian Data Analysis,
-3rd ed., 5.4 and 13.4).
+rest on a guess. An interval about what is not withheld must not rest on it either: a curve that may be 100 µm large is read with
+all the noise in it, so that its range is too large. Nor may it rest on one order of the model. A fit that lacks an order puts
+what it lacks into the others, or into nothing, and its intervals know neither. So machines are drawn that have all orders. How
+large the motions are is drawn with them: those of a kind share a size for each degree or harmonic, each motion is larger or
+smaller than its kind, and single coefficients may stand out. One size that is only estimated would say too surely how large
+what nobody sees is. Two or three of a kind say too little of each other: gain and backlash of linear axes keep the wide size. So do
+locations: a size for them would draw every squareness towards 0.
+Source: hierarchical linear model by Gibbs sampling (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.6 and 15; variances scaled
+inverse χ², coefficients with Student's t as a mixture of them, 17.2).
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
+from ..estimate import Estimate
+from ..model import known, linearise
 from ..records import Array, Machine
 from ..terms import Coefficient, backlash
-from .whole import PLACED, WIDTH, Whole
+from .whole import FINEST, WIDTH, Whole, motion_of, waves, widths, with_all
 
-FREEDOM = 20.0  # degrees of freedom by which the size of one motion varies about that of its kind
-FIRST = 0.05  # of the wide one: where the search begins
+HIGHEST = (6, 6)  # degree of polynomials, harmonics: of every machine that is drawn
+ALONE, MOTION, DEGREES = (
+    2.0,
+    2.0,
+    3.0,
+)  # degrees of freedom: a coefficient in its motion, a motion in its kind, a kind in its family
+FIRST = 0.03  # of the wide size: where the chain begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
-ROUNDS = 25
-STILL = 0.02  # relative change of the sizes at which the search ends
-DEGREE = re.compile(r".*\.(P[1-9])")
+SMALLEST = 1e-5  # of the wide size: what a family is not smaller than, so that no number is lost
+BEGIN, STEPS, EACH = 60, 320, 2  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
+PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
+DEGREE = re.compile(r".*\.P([1-9])")
 
-Kind = tuple[str, bool, bool]  # place, wave, series, or its degree (P1); of a linear axis; a displacement, not a turn
-
-
-def sized(w: Whole) -> Whole:
-    """machine under the wide prior → the same touches under sizes that they show; values, covariance, gain and widths are new.
-
-    The touches are in the old values as a likelihood: precision less that of the wide prior. Nothing is fitted again.
-    """
-    assert w.widths is not None
-    seen = np.flatnonzero(w.widths > 0).astype(np.int64)
-    width = w.widths[seen]
-    precision = np.linalg.inv(w.covariance[np.ix_(seen, seen)] / np.outer(width, width))
-    told, pull = precision - np.eye(len(seen)), precision @ (w.values[seen] / width)
-    size = _sizes(w, seen, told, pull)
-    inverse = linalg.inv(told + np.diag(size**-2.0))
-    values, covariance = np.zeros_like(w.values), np.zeros_like(w.covariance)
-    values[seen] = width * (inverse @ pull)
-    covariance[np.ix_(seen, seen)] = np.outer(width, width) * (inverse + inverse.T) / 2
-    gain = None
-    if w.gain is not None:
-        gain = np.zeros_like(w.gain)
-        gain[seen] = width[:, None] * (inverse @ (precision @ (w.gain[seen] / width[:, None])))
-    widths = w.widths.copy()
-    widths[seen] *= size
-    return replace(w, values=values, covariance=covariance, gain=gain, widths=widths)
+Kind = tuple[Hashable, ...]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
 
 
-def _sizes(w: Whole, seen: NDArray[np.int64], told: Array, pull: Array) -> Array:
-    """→ (seen,) standard deviation of each coefficient, as a part of its wide one."""
-    machine, found = w.touches.machine, np.ones(len(seen))
-    kinds = {j: kind for j, i in enumerate(seen) if (kind := _kind(w.coefficients[i], machine)) is not None}
-    own = np.array(list(kinds), dtype=int)
-    if not len(own):
+@dataclass(frozen=True)
+class _Touched:
+    """Touches as numbers: residuals are gaps + matrix @ unknowns, each in parts of its wide size."""
+
+    gaps: Array  # (n,)
+    matrix: Array  # (n, q)
+    normal: Array  # (q, q) matrixᵀ matrix
+    pull: Array  # (q,) matrixᵀ gaps
+    stated: Array  # (q, q) what known distances say, their uncertainty in it
+    stated_pull: Array  # (q,)
+
+
+class _Shares:
+    """Which coefficients share a size, and the sizes at one step of the chain, as parts of the wide ones."""
+
+    def __init__(self, kinds: Mapping[int, Kind], motions: Sequence[str]) -> None:
+        self.own = np.array(list(kinds), dtype=int)
+        every = list(dict.fromkeys(kinds.values()))
+        families, parts = list(dict.fromkeys(k[:3] for k in every)), [(motions[j], kinds[j][0]) for j in kinds]
+        each = list(dict.fromkeys(parts))
+        self.kind = np.array([every.index(k) for k in kinds.values()], dtype=int)
+        self.motion = np.array([each.index(m) for m in parts], dtype=int)
+        self.family = np.array([families.index(k[:3]) for k in every], dtype=int)
+        self.least = np.array([LEAST[not k[2]] / WIDTH[not k[2]] for k in every]) ** 2
+        self.many = [np.bincount(of) for of in (self.kind, self.motion, self.family)]
+        self.of_family, self.of_kind = np.full(len(families), FIRST**2), np.full(len(every), FIRST**2)
+        self.of_motion, self.of_one = np.ones(len(each)), np.ones(len(self.own))
+
+    def variances(self, size: int) -> Array:
+        """→ (size,) of every unknown; 1 where it keeps the wide one."""
+        found = np.ones(size)
+        if len(self.own):
+            found[self.own] = np.maximum(self.of_kind, self.least)[self.kind] * self.of_one * self.of_motion[self.motion]
         return found
-    every = list(dict.fromkeys(kinds.values()))
-    motions = list(dict.fromkeys((w.motions[seen[j]], kind) for j, kind in kinds.items()))
-    of_motion = np.array([motions.index((w.motions[seen[j]], kind)) for j, kind in kinds.items()])
-    of_kind = np.array([every.index(kind) for _, kind in motions])
-    least = np.array([LEAST[not moves] / (PLACED if what == "place" else WIDTH)[not moves] for what, _, moves in every])
-    many, motions_of = np.bincount(of_motion), np.bincount(of_kind)
-    shared = np.full(len(every), FIRST)
-    each = shared[of_kind]
-    for _ in range(ROUNDS):
-        found[own] = each[of_motion]
-        inverse = linalg.inv(told + np.diag(found**-2.0))
-        square = (inverse @ pull) ** 2 + np.diag(inverse)
-        summed = FREEDOM * shared[of_kind] ** 2 + np.bincount(of_motion, square[own])
-        each = np.maximum(np.sqrt(summed / (FREEDOM + many)), least[of_kind])
-        step = np.sqrt(motions_of / np.bincount(of_kind, (FREEDOM + many) / summed)) / shared
-        shared = np.maximum(shared * np.clip(step, 0.5, 2.0) ** 2, least)  # squared: plain steps come near slowly
-        if np.max(np.abs(np.log(step))) < STILL:
-            break
-    found[own] = each[of_motion]
-    return found
+
+    def step(self, drawn: Array, rng: np.random.Generator) -> None:
+        """unknowns (q,) → sizes that are likely beside them, drawn one level after the other."""
+        if not len(self.own):
+            return
+        square, chi = drawn[self.own] ** 2, rng.chisquare
+        of_kind, of_motion = self.of_kind[self.kind], self.of_motion[self.motion]
+        self.of_one = (ALONE + square / (of_kind * of_motion)) / chi(ALONE + 1, len(square))
+        kinds, motions, families = self.many
+        self.of_motion = (MOTION + np.bincount(self.motion, square / (of_kind * self.of_one))) / chi(MOTION + motions)
+        summed = np.bincount(self.kind, square / (self.of_one * self.of_motion[self.motion]))
+        self.of_kind = (DEGREES * self.of_family[self.family] + summed) / chi(DEGREES + kinds)
+        self.of_family = chi(DEGREES * families) / np.bincount(self.family, DEGREES / self.of_kind)
+        self.of_family = np.maximum(self.of_family, SMALLEST**2)
 
 
-def _kind(c: Coefficient, machine: Machine) -> Kind | None:
-    """coefficient, machine → the kind with which it shares its size; None where it keeps the wide one."""
-    if backlash.PATTERN.fullmatch(c.name):
+def learned(result: Estimate, wide: Whole) -> Whole:
+    """estimate, the same machine under the wide sizes → machines of all orders that the touches leave possible, in `draws`;
+    values and covariance are their mean and covariance, widths the sizes that were drawn, gain that at these sizes.
+    """
+    model, p = with_all(result.model, *HIGHEST)
+    start, place = np.zeros(len(model.names)), {name: i for i, name in enumerate(model.names)}
+    for name, value in zip(result.model.names, result.values, strict=True):
+        if name in place:
+            start[place[name]] = value
+    width = widths(model, hidden=True)
+    seen = np.flatnonzero(width > 0)
+    gaps, jacobian = linearise(model, start)
+    offsets, rows, uncertainty = known(model, start)
+    matrix, stated = jacobian[:, seen] * width[seen], rows[:, seen] * width[seen] / uncertainty[:, None]
+    gaps, offsets = gaps - jacobian @ start, (offsets - rows @ start) / uncertainty
+    touched = _Touched(gaps, matrix, matrix.T @ matrix, matrix.T @ gaps, stated.T @ stated, stated.T @ offsets)
+    found = model.coefficients[:p]
+    motions = tuple(motion_of(c) for c in found)
+    machine = model.touches.machine
+    order_of = {c.name: o for a in machine.rotary for o in range(1, HIGHEST[1] + 1) for c in waves(machine, a, o)}
+    kinds = {
+        j: kind
+        for j, i in enumerate(seen)
+        if i < p and (kind := _kind(found[i], machine, order_of.get(found[i].name, 0))) is not None
+    }
+    drawn, variance, sigma = _chain(touched, _Shares(kinds, [motions[i] if i < p else "" for i in seen]), wide.sigma)
+    own = seen < p
+    draws, sizes = np.zeros((p, drawn.shape[1])), np.zeros(p)
+    draws[seen[own]] = width[seen[own], None] * drawn[own]
+    sizes[seen[own]] = width[seen[own]] * np.sqrt(variance[own])
+    inverse = linalg.inv(touched.normal / sigma**2 + touched.stated + np.diag(1 / variance))
+    gain = np.zeros((p, len(gaps) + len(uncertainty)))
+    gain[seen[own]] = (width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])))[own]
+    values = draws.mean(axis=1)
+    covariance = np.cov(draws) + 2 * _unsettled(draws)
+    return replace(
+        wide,
+        coefficients=found,
+        motions=motions,
+        values=values,
+        covariance=covariance,
+        order=HIGHEST,
+        gain=gain,
+        leave=None,
+        widths=sizes,
+        draws=draws,
+    )
+
+
+def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Array, float]:
+    """→ machines (q, d) as parts of the wide sizes, variances (q,) in the middle of the chain, scatter of a touch, mm."""
+    rng = np.random.default_rng(2306)
+    n, q = touched.matrix.shape
+    found, logs, scatters = [], np.zeros(q), []
+    for i in range(BEGIN + STEPS):
+        variance = shares.variances(q)
+        root = np.sqrt(variance)
+        precision = (touched.normal / sigma**2 + touched.stated) * root * root[:, None]
+        precision.flat[:: q + 1] += 1.0
+        lower = linalg.cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
+        right = -root * (touched.pull / sigma**2 + touched.stated_pull)
+        ahead = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
+        more = ahead[:, None] + rng.standard_normal((q, EACH if i >= BEGIN else 1))
+        drawn = root[:, None] * linalg.solve_triangular(lower, more, lower=True, trans="T", check_finite=False)
+        if i >= BEGIN:
+            found.append(drawn)
+            logs += np.log(variance) / STEPS
+            scatters.append(sigma)
+        left = touched.gaps + touched.matrix @ drawn[:, 0]
+        sigma = max(float(np.sqrt(left @ left / rng.chisquare(n))), FINEST)
+        shares.step(drawn[:, 0], rng)
+    return np.hstack(found), np.exp(logs), float(np.mean(scatters))
+
+
+def _unsettled(draws: Array) -> Array:
+    """machines (p, d) in the order of the chain → (p, p) covariance of their mean, which neighbours in a chain make larger.
+
+    By so much the mean is off, and by so much the machines differ too little. Source: batch means (Geyer, Statistical Science 7,
+    1992, 3.2).
+    """
+    means = np.stack([part.mean(axis=1) for part in np.array_split(draws, PARTS, axis=1)], axis=1)
+    return np.asarray(np.cov(means) / PARTS)
+
+
+def _kind(c: Coefficient, machine: Machine, harmonic: int) -> Kind | None:
+    """coefficient, machine, its harmonic or 0 → the kind with which it shares its size; None where it keeps the wide one."""
+    series = DEGREE.fullmatch(c.name)
+    if backlash.PATTERN.fullmatch(c.name) or c.slot.stage == "inter" or not (harmonic or series):
         return None
-    linear, series = c.slot.axis in machine.linear, DEGREE.fullmatch(c.name)
+    linear, order = c.slot.axis in machine.linear, harmonic or (int(series[1]) if series else 0)
     if c.slot.stage == "motion":
-        if linear and (series is None or series[1] == "P1"):
+        if linear and order == 1:
             return None
-        return ("wave" if series is None else "series", linear, linear)
-    what = "place" if c.slot.stage == "inter" else "wave" if series is None else series[1] if linear else "series"
-    return (what, linear and what != "place", c.slot.component < 3)
+        return ("own wave" if harmonic else "own series", linear, linear, order)
+    return ("wave" if harmonic else "series", linear, c.slot.component < 3, order)

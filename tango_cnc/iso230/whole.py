@@ -56,6 +56,7 @@ class Whole:
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
     left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
+    draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
 
     @cached_property
     def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:
@@ -73,13 +74,21 @@ def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]
     What disturbs each touch by itself is in the scatter already. Drift, lobing and the like act on many touches alike: the fit
     takes them for machine, and the scatter does not tell of them. Source: JCGM 102:2011, 6 (linear propagation).
     """
-    assert w.gain is not None and w.leave is not None
-    covariance = w.covariance.copy()
-    for factor in beside_scatter:
-        moved = w.gain @ factor
-        covariance += moved @ moved.T
+    assert w.leave is not None
     left = sum(float(np.sum((w.leave @ factor) ** 2)) for factor in all_of)
-    return replace(w, covariance=covariance), float(np.sqrt(left / w.freedom))
+    return moved(w, beside_scatter), float(np.sqrt(left / w.freedom))
+
+
+def moved(w: Whole, factors: Sequence[Array]) -> Whole:
+    """machine, factors (n + m, k) mm of what moves many touches alike → the same machine, as uncertain as that makes it."""
+    assert w.gain is not None
+    covariance, draws, rng = w.covariance.copy(), w.draws, np.random.default_rng(2307)
+    for factor in factors:
+        way = w.gain @ factor
+        covariance += way @ way.T
+        if draws is not None:
+            draws = draws + way @ rng.standard_normal((way.shape[1], draws.shape[1]))
+    return replace(w, covariance=covariance, draws=draws)
 
 
 def orders(result: Estimate) -> list[tuple[Whole, float]]:
@@ -103,7 +112,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
 
     Raises TangoError where too few touches are left.
     """
-    model, p = _with_all(result.model, degree, order)
+    model, p = with_all(result.model, degree, order)
     touches = model.touches
     start = np.zeros(len(model.names))
     place = {name: i for i, name in enumerate(model.names)}
@@ -161,7 +170,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
 
 def foreseen(selection: Selection) -> Whole:
     """selection for touches that nobody has made yet → what they will leave undecided, at the stated repeatability of the probe."""
-    model, p = _with_all(selection.model)
+    model, p = with_all(selection.model)
     sigma = max(model.touches.machine.probe.repeatability, FINEST)
     values, width = np.zeros(len(model.names)), widths(model)
     seen = width > 0
@@ -185,7 +194,7 @@ def understood(w: Whole) -> tuple[float, int]:
     return float(np.sum(1 - np.diag(w.covariance)[seen] / w.widths[seen] ** 2)), int(seen.sum())
 
 
-def _with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[Model, int]:
+def with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[Model, int]:
     """fitted model, degree, highest harmonic → the same touches with every error motion, number of the machine's coefficients."""
     own = [c for c in fitted.coefficients if c.slot.axis not in ("t", "w") and not error_motion.PATTERN.fullmatch(c.name)]
     setup = [c for c in fitted.coefficients if c.slot.axis in ("t", "w")]
@@ -257,11 +266,15 @@ def motion_of(c: Coefficient) -> str:
     return c.name if backlash.PATTERN.fullmatch(c.name) else slot_name(c.slot)
 
 
-def widths(model: Model) -> Array:
-    """model → (p,) standard deviation of every unknown before the touches are looked at; 0 for what moves no axis here."""
+def widths(model: Model, hidden: bool = False) -> Array:
+    """model, whether with motions that show in no touch → (p,) standard deviation of every unknown before the touches are looked
+    at; 0 for what moves no axis here.
+    """
     machine, found = model.touches.machine, np.full(len(model.names), PLACED[0])
     for j, c in enumerate(model.coefficients):
         size = float(np.max(np.abs(model.regressors[j])))
+        if hidden and size <= FAINT and c.slot.stage in ("motion", "intra"):
+            size = 1.0  # a wave of a rotary axis that is zero wherever it was touched
         turns = c.slot.axis in machine.rotary if c.slot.stage == "motion" else c.slot.component >= 3
         wide = PLACED if c.slot.stage in ("inter", "stylus", "table") else WIDTH
         found[j] = wide[int(turns)] / size if size > FAINT else 0.0

@@ -23,7 +23,7 @@ from typing import Any, TextIO
 
 from .. import __version__
 from ..files import readings_text, write_text
-from ..files.origin import set_aside, write_origin
+from ..files.origin import origin_file, set_aside, write_origin
 from ..gate import ALIVE_TIME
 from ..plan import plan_hash
 from ..program.record import Program
@@ -323,7 +323,9 @@ def _keep(journal: Journal, plan: Plan, file: Path, advice: str) -> str:
     if readings is None:
         return ""
     try:
-        _write(_partial(file), readings_text(readings), provenance(journal.entries, plan, journal.digest))
+        origin = provenance(journal.entries, plan, journal.digest)
+        _write(_partial(file), readings_text(readings), origin)
+        write_origin(_partial(file), file.parent, "measured", run=origin)
     except OSError as error:
         return (
             f"What was measured is in {journal.file}; {_partial(file)} could not be written ({error.strerror}): make room{advice}."
@@ -343,7 +345,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> di
         kept = None if same else set_aside(file)
         _write(file, text, origin)
         write_origin(file, file.parent, "measured", kept, origin)
-    for old in (_partial(file), _partial(file).with_suffix(".json")):
+    for old in (_partial(file), _partial(file).with_suffix(".json"), origin_file(_partial(file))):
         with contextlib.suppress(OSError):  # what is in it is in the readings too
             old.unlink(missing_ok=True)
     return origin

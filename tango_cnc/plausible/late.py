@@ -41,7 +41,7 @@ def late(result: Estimate) -> Iterator[Remark]:
     alike = float(np.mean(np.abs(own - middle) < ALIKE * middle)) > ONE_SIDED
     if max(behind, 1 - behind) < ONE_SIDED and not alike:
         return
-    size = f"{middle:.3g}" if alike else f"{np.quantile(own, 0.05):.3g} … {own.max():.3g}"
+    size = _digits(middle) if alike else f"{_digits(float(np.quantile(own, 0.05)))} … {_digits(float(own.max()))}"
     yield Remark(
         "doubtful",
         say(
@@ -59,6 +59,11 @@ def late(result: Estimate) -> Iterator[Remark]:
         say("plausible.late.change"),
         sure=True,
     )
+
+
+def _digits(size: float) -> str:
+    """µm → three digits, and never a power of ten."""
+    return f"{size:.3g}" if size < 999.5 else f"{size:.0f}"
 
 
 def _common(result: Estimate, out: NDArray[np.bool_]) -> str:

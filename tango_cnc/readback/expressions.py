@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 Value = float | None  # None: a variable that holds nothing
 Get = Callable[[int | str], Value]
@@ -22,7 +23,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "POT": lambda a: a * a,
     "SIN": lambda a: math.sin(math.radians(a)),
 }
-LEVELS: tuple[dict[str, Callable[[float, float], float]], ...] = (
+LEVELS: tuple[dict[str, Callable[[Any, Any], float]], ...] = (
     {"AND": lambda a, b: float(bool(a) and bool(b)), "OR": lambda a, b: float(bool(a) or bool(b))},
     {
         "EQ": lambda a, b: float(a == b),
@@ -73,17 +74,10 @@ def _level(tokens: list[str], depth: int) -> Expression:
     return left
 
 
-def _joined(word: str, join: Callable[[float, float], float], left: Expression, right: Expression) -> Expression:
-    if word not in ("EQ", "NE"):
-        return lambda get: join(left(get) or 0.0, right(get) or 0.0)
-
-    def compared(get: Get) -> Value:
-        a, b = left(get), right(get)
-        if a is None or b is None:
-            return float((a is b) == (word == "EQ"))
-        return join(a, b)
-
-    return compared
+def _joined(word: str, join: Callable[[Any, Any], float], left: Expression, right: Expression) -> Expression:
+    if word in ("EQ", "NE"):  # a variable that is empty equals another empty one, and no number, not even 0
+        return lambda get: join(left(get), right(get))
+    return lambda get: join(left(get) or 0.0, right(get) or 0.0)
 
 
 def _primary(tokens: list[str]) -> Expression:

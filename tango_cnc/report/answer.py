@@ -74,6 +74,19 @@ def answer(
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
 
 
+def by_limit(record: Mapping[str, Any], limit: float | None) -> Mapping[str, Any]:
+    """record of a night, limit of the tool tip in µm that was stated since (None: none) → the record judged by the stricter one."""
+    own: Sequence[Mapping[str, Any]] = record.get("limits") or ()
+    if limit is None or not any(x.get("what") == "volume" and x.get("limit") and limit < float(x["limit"]) for x in own):
+        return record
+
+    def judged(x: Mapping[str, Any]) -> dict[str, Any]:
+        low, high = (float(x.get(end, x["value"])) for end in ("low", "high"))
+        return {**x, "limit": limit, "passed": True if high <= limit else False if low > limit else None}
+
+    return {**record, "limits": [judged(x) if x.get("what") == "volume" and x.get("value") is not None else x for x in own]}
+
+
 def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
     """how soon a machine is at its limit, units, texts → the same as a sentence."""
     key = "now" if ahead.nights < 1 else "next" if ahead.nights < SOON else "in"

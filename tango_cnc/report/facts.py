@@ -30,7 +30,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
-from .answer import LEVELS, Answer, answer
+from .answer import LEVELS, Answer, answer, by_limit
 from .compensated import order
 from .days import at, day
 from .pace import Ahead
@@ -93,10 +93,12 @@ class Nights:
     ahead: Ahead | None = None  # how soon the machine is at its limit
     owner: str = ""  # who has what is wrong first, or is asked about it
 
-    def answer(self, u: Units, t: Texts, machine: Machine) -> Answer:
-        """units, texts, machine → whether parts may be made, as on the page of the machine."""
-        record = self.record or {"verdict": self.verdict, "night": self.date}
-        return answer(record, u, t, self.waits, self.before, machine, self.late, self.has, self.ahead)
+    def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:
+        """units, texts, machine, limit of the tool tip in mm that is asked for → whether parts may be made, as on its page."""
+        allowed = None if limit is None else 1e3 * limit
+        record = by_limit(self.record or {"verdict": self.verdict, "night": self.date}, allowed)
+        before = None if self.before is None else by_limit(self.before, allowed)
+        return answer(record, u, t, self.waits, before, machine, self.late, self.has, self.ahead)
 
     @property
     def measured_on(self) -> str:
@@ -206,9 +208,10 @@ def gather(
     chart, cuts = _volume(cell, have)
     held, why = None, ""
     try:
-        groups = held_out.leave_one_out(held_out.indexations(readings, cell.machine))
         # The touches that have no weight in the estimate are predicted by none either: they are counted as what does not fit.
-        held = held_out.held_out(cell.machine, cell.artefact, reached(readings, result), wishes.terms, groups, wishes.degree)
+        weighed = reached(readings, result)
+        groups = held_out.leave_one_out(held_out.indexations(weighed, cell.machine))
+        held = held_out.held_out(cell.machine, cell.artefact, weighed, wishes.terms, groups, wishes.degree)
     except TangoError as error:
         why = str(error)
     found, why_none = None, texts()("diagnosis.left_out")
@@ -303,7 +306,9 @@ def _plausible(f: Facts, t: Texts) -> Check:
     j = f.judgement
     level: Level = "good" if j.verdict == "trustworthy" else "look" if j.verdict == "doubtful" and not j.nothing else "stop"
     todo = t("todo.plausible")
-    if j.suspicions:
+    if j.suspicions and j.suspicions[0].kind == "missing_touches":
+        todo = ""  # the check of what is complete says it
+    elif j.suspicions:
         s = j.suspicions[0]
         line = t("todo.line", line=s.line) if s.line else ""
         likely = "todo.plausible_part" if s.fits is False else "todo.plausible_likely"
@@ -362,7 +367,8 @@ def _predicts(f: Facts, t: Texts) -> Check:
 def _diagnosis(f: Facts, t: Texts) -> Check:
     d = f.diagnosis
     if d is None:
-        return Check("diagnosis", "look", "–", t("check.diagnosis_none", why=f.why_no_diagnosis), t("todo.diagnosis_none"))
+        todo = t("todo.diagnosis_none") if f.judgement.verdict != "implausible" else ""  # what is wrong there comes first
+        return Check("diagnosis", "look", "–", t("check.diagnosis_none", why=f.why_no_diagnosis), todo)
     if d.verdict == "adequate":
         return Check("diagnosis", "good", t(f"judged.{d.verdict}"), t("check.diagnosis_good"))
     if d.findings:
@@ -406,10 +412,14 @@ def _limit(f: Facts, t: Texts) -> Check:
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
     todo = t("todo.limit_open" if passed is None else "todo.limit")
-    if f.control is not None and f.control.older:
+    older = f.control is not None and f.control.older
+    if f.control is not None and older:
+        text = f"{text}; {t('check.limit_older_control', number=f.control.number, target=f.control.target)}"
         todo = t("todo.limit_older", number=f.control.number, target=f.control.target)
     elif f.control is not None and f.control.event != "kept" and not passed:
         todo = t(order(f.control.event), number=f.control.number, target=f.control.target, event=f.control.event)
+    if passed and older:
+        return Check("limit", "look", value, text, todo, trust=False, said="verdict.limit_older", tone="look", label=label)
     return Check("limit", "good" if passed else "look", value, text, todo, trust=False, tone=tone, label=label)
 
 
@@ -433,6 +443,6 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     newer = "_newer" if age == "newer" else ""
     owner = n.owner or f.paper.owner
     todo = t(f"todo.nights{newer}", owner=owner) if owner else t(f"todo.nights{newer}_nobody")
-    told = n.answer(f.wishes.units, t, f.cell.machine)
+    told = n.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     tone = LEVELS[told.may]
     return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}", tone=tone, label=told.word)]

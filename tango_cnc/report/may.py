@@ -35,10 +35,12 @@ def may(f: Facts, t: Texts) -> Told:
     own = _own(f, t)
     if f.nights is None:
         return Told(own, t("may.by_readings"), _most(f, own, t))
-    night = f.nights.answer(f.wishes.units, t, f.cell.machine)
+    night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     if f.nights.beside(f.paper.measured) == "newer" and WORSE[own.may] > WORSE[night.may]:
         return Told(own, t("may.by_newer_readings", date=day(f.nights.date, t), answer=night.word), _most(f, own, t))
-    return Told(night, t("may.by_night", date=day(f.nights.date, t)), "" if night.may == "yes" else f.nights.cause)
+    own_limit = night != f.nights.answer(f.wishes.units, t, f.cell.machine)
+    basis = t("may.by_night_limit" if own_limit else "may.by_night", date=day(f.nights.date, t))
+    return Told(night, basis, "" if night.may == "yes" else f.nights.cause)
 
 
 def _own(f: Facts, t: Texts) -> Answer:
@@ -57,6 +59,9 @@ def _own(f: Facts, t: Texts) -> Answer:
         return replace(found, why=t("may.readings_doubtful"))
     if not limits:
         return replace(found, may="unknown", word=t("may.limitless"), state="", why=t("may.state_limit"))
+    if found.may == "yes" and f.control is not None and f.control.older:
+        why = t("may.older_control", number=f.control.number, target=f.control.target)
+        return replace(found, may="but", word=t("may.but"), state="", why=why)
     if found.may == "yes" and trust.level == "look":
         return replace(found, may="but", word=t("may.but"), state="", why=t("may.with_care"))
     return found

@@ -47,7 +47,11 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     said = may(f, t)
     told = said.answer
     unjudged = told.may == "unknown"  # for want of a limit, though no number is wrong
-    do = [c.todo for c in found.checks if c.todo and (c.level != "good" or (unjudged and c.name == "limit"))]
+    open_checks = [c for c in found.checks if c.level != "good" or (unjudged and c.name == "limit")]
+    # Of numbers that nobody may use nothing follows for the machine: its limit waits until they can be used.
+    # A cause that was found comes before what a large scatter asks for by itself.
+    open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
+    do = [c.todo for c in open_checks if c.todo and (c.trust or trust.level != "stop")]
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {

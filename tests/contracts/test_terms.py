@@ -112,6 +112,7 @@ SAME = {
     "table_drift": ("shape", "tau"),
     "table_growth": ("shape", "tau"),
     "scale_drift": ("axis", "shape", "tau"),
+    "screw_heat": ("axis", "tau", "zero"),
     "ambient_cycle": ("period",),
     "step": ("at", "frame"),
     "backlash": ("axis",),

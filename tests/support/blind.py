@@ -36,6 +36,7 @@ DRAWN = (
     "table_drift",
     "table_growth",
     "scale_drift",
+    "screw_heat",
     "ambient_cycle",
     "step",
     "move_length_memory",
@@ -97,11 +98,16 @@ def draw(b: Bench, cause: str, rng: np.random.Generator) -> dict[str, Any]:
     tilting, turning = min(reach, key=lambda a: reach[a]), max(reach, key=lambda a: reach[a])
     phase = float(rng.uniform(0, 360))
     tau = {"tau": run * float(rng.uniform(0.15, 1.5))}
+    along = b.clean.position[:, machine.column(axis)]
+    held_at = float(
+        along.min() - phase / 1200 * np.ptp(along)
+    )  # as far behind the end as the phase says: no draw of another changes
     settings: dict[str, dict[str, Any]] = {
         "thermal_drift": {"direction": towards, **tau},
         "table_drift": {"direction": towards, **tau},
         "table_growth": {"amplitude": 1e-6, **tau},
         "scale_drift": {"axis": axis, "amplitude": 1e-6, **tau},
+        "screw_heat": {"axis": axis, "amplitude": 1e-6, "tau": tau["tau"] / 5, "zero": held_at},
         "ambient_cycle": {"direction": towards, "period": run / float(rng.uniform(1.5, 8)), "phase": phase},
         "step": {
             "direction": towards,
@@ -299,6 +305,7 @@ COVARIATES = {
     "table_drift": ("time",),
     "table_growth": ("time",),
     "scale_drift": ("time",),
+    "screw_heat": ("way of", "time"),
     "ambient_cycle": ("time",),
     "step": ("time",),
     "move_length_memory": ("way of",),

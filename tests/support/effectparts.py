@@ -47,6 +47,7 @@ LEAST: dict[str, dict[str, object]] = {
     "rotary_radial": {"axis": "C", "amplitude": 0.003, "direction": [1, 0, 0]},
     "rotary_tilt": {"axis": "C", "amplitude": 1e-5, "direction": [1, 0, 0]},
     "scale_drift": {"axis": "X", "amplitude": 4e-5, "tau": 2400},
+    "screw_heat": {"axis": "X", "amplitude": 1e-5, "tau": 600},
     "spindle_orientation": {"amplitude": 0.001},
     "step": {"amplitude": 0.005, "direction": [0, 0, 1], "at": 100},
     "surface_form": {"amplitude": 0.002},
