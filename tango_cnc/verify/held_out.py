@@ -151,9 +151,9 @@ def _chance(worth: Sequence[tuple[float, float, int]]) -> float:
     """of each group: touches predicted, sum of their squared correlations, degrees of freedom of its estimate → `HeldOut.chance`.
 
     The touches of a group are off together, by what its estimate is off: they count for as many as have the same variance of the
-    mean square (Satterthwaite 1946). Every touch serves in the predictions of the other groups, so that groups are off together, too:
-    they count for half of that, as simulated runs of short plans have it. The scatter that they are compared with comes from few
-    touches: F distribution.
+    mean square (Satterthwaite 1946). Every touch serves in the predictions of the other groups, so that groups are off together,
+    too: they count for half of that, as simulated runs of short plans have it. The scatter that they are compared with comes from
+    few touches: F distribution.
     """
     touches, squares = sum(w[0] for w in worth), sum(w[1] for w in worth)
     if not touches:
