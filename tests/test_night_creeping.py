@@ -31,7 +31,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Any:
             }
             for i, row in enumerate(values[:-1])
         ]
-        after = SimpleNamespace(mean=values[-1], std=np.full(20, STD), day=float(len(records)))
+        after = SimpleNamespace(mean=values[-1], std=np.full(20, STD), day=float(len(records)), rates=np.full(20, 1e-9))
         return trend.creeping(known, records[::-1], after)  # type: ignore[arg-type, return-value]
 
     return of

@@ -23,7 +23,8 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import Ports
-from tango_cnc.nightly.alarms import Known, after_repair, effect_of, ignored, since, standing
+from tango_cnc.nightly.alarms import Known, effect_of, since, standing
+from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
 from tango_cnc.nightly.trend import behind
@@ -282,31 +283,19 @@ def test_a_change_without_a_cause_asks_for_a_full_measurement_until_there_is_one
 def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
     alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "std": 0.001, "unit": "mm"}
     alarm |= {"text": "it moved", "since": "2026-10-01"}
+    state = cast(Any, None)
     with opened(tmp_path / "history.db") as history:
         history.add_night(kept(2, alarms=[alarm]))
-        assert ignored(history, "M", alarm, 20727.083 + 3) is None
+        assert ignored(history, "M", state, state, alarm, 20727.083 + 3) is None
         history.decide("M", Decision("2026-10-02-1", "ignore", "Ann", until="2026-10-20", utc="2026-10-02T08:00:00Z"))
-        told = ignored(history, "M", alarm, 20727.083 + 3)
-        assert told is not None and ignored(history, "M", alarm | {"parameter": "EY0C"}, 20727.083 + 3) is None
-        assert ignored(history, "M", alarm, 20727.083 + 30) is None
+        told = ignored(history, "M", state, state, alarm, 20727.083 + 3)
+        assert told is not None and not told["beyond"] and told["seen"] == "+20.0 ± 1.0 µm"
+        assert ignored(history, "M", state, state, alarm | {"parameter": "EY0C"}, 20727.083 + 3) is None
+        assert ignored(history, "M", state, state, alarm, 20727.083 + 30) is None
+        larger = ignored(history, "M", state, state, alarm | {"size": 0.035}, 20727.083 + 3)
+        assert larger is not None and larger["beyond"]
     record = night(ignored=[told], change={"p_value": 1e-9})
     assert headline(record).startswith("no alarm, as Ann ignores it until 2026-10-20: it moved")
-
-
-@pytest.mark.parametrize(("now", "gone"), [(0.0001, True), (0.019, False)])
-def test_an_alarm_after_a_repair_says_whether_what_was_wrong_is_gone(tmp_path: Path, now: float, gone: bool) -> None:
-    alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "text": "it moved", "do": "ask"}
-    numbers = {"std": 0.0002, "unit": "mm"}
-    then = numbers | {"value": 0.02, "change": 0.02}
-    with opened(tmp_path / "history.db") as history:
-        history.add_night(kept(2, alarms=[alarm], parameters={"EX0C": then}), None, knowledge(2))
-        history.add_night(kept(3, parameters={"EX0C": then}), None, knowledge(3))
-        tonight = {"EX0C": numbers | {"value": now, "change": now - 0.02}}
-        assert after_repair(history, "M", alarm, tonight, "full") == alarm
-        history.decide("M", Decision("2026-10-02-1", "repaired", "Bo", utc="2026-10-03T08:00:00Z"))
-        told = after_repair(history, "M", alarm, tonight, "full")
-    assert told["text"].startswith("it moved, after the repair by Bo on 2026-10-03 (EX0C ")
-    assert ("gone again" in told["text"]) == gone == told["do"].startswith("Nothing")
 
 
 def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say_so() -> None:

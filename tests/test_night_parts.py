@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tango_cnc.files import read_cell
-from tango_cnc.nightly.alarms import Known, Since, alarm_of, effect_of
+from tango_cnc.nightly.alarms import Known, Since, alarms_of, effect_of
 from tango_cnc.nightly.words import _about
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
@@ -90,9 +90,9 @@ def test_a_pivot_whose_height_has_changed_is_not_told_as_a_stylus_alone(root: Pa
     named = Named(longer, np.array([0.0, 0.0, 15 * UM]), np.full(3, 0.3 * UM), 900.0, 900.0, 1.0, ())
     known = Known(cell, cast(Any, SimpleNamespace(names=("EXt", "EYt", "EZt"))), np.zeros((1, 3, 3)))
     tonight = cast(Any, SimpleNamespace(statistic=900.0, scale=1.0, dof=3, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0)))
-    alarm = alarm_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, named)
+    (alarm,) = alarms_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, named)
     assert alarm["cause"] == "stylus" and alarm["instead"] == ["EZ0A"]
     assert alarm["on_part_um"] == pytest.approx(15 * 2 * math.sin(math.radians(60)), abs=0.05)
     assert "where it is the stylus" in alarm["on_part"] and "A is turned by 120°" in alarm["on_part"] and "A axis" in alarm["do"]
     aside = replace(named, size=np.array([15 * UM, 0.0, 0.0]))  # no pivot does that
-    assert alarm_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, aside)["instead"] == []
+    assert alarms_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, aside)[0]["instead"] == []

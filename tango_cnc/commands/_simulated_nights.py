@@ -34,6 +34,7 @@ class Event:
     table: tuple[float, float, float] | None = None  # mm
     warmer: float = 0.0
     drift: Mapping[str, float] = field(default_factory=dict)
+    stylus: Mapping[str, float] = field(default_factory=dict)  # mm: another one
 
 
 @dataclass(frozen=True)
@@ -207,7 +208,7 @@ def nights(
             errors[name] += (
                 rng.normal() * story.wander * WANDER.get(units.get(name, ""), 0.0) * (0.3 if name.endswith("b") else 1.0)
             )
-        facets = dict(machine.truth.facets)
+        facets, stylus = dict(machine.truth.facets), dict(machine.truth.stylus)
         for event in story.events:
             for name, drift in event.drift.items():
                 errors[name] = errors.get(name, 0.0) + (drift if number >= event.night else 0.0)
@@ -215,13 +216,14 @@ def nights(
                 continue
             for name, size in event.errors.items():
                 errors[name] = errors.get(name, 0.0) + size
+            stylus |= {name: stylus.get(name, 0.0) + size for name, size in event.stylus.items()}
             mean += event.warmer
             if event.table is not None:
                 facets = {i: facets.get(i, 0.0) + float(np.dot(event.table, f.normal)) for i, f in cell.artefact.facets.items()}
         machine.temperature = mean + rng.normal(0, 0.3)
         change = machine.temperature - STANDARD
         now = {name: value + story.warm.get(name, 0.0) * change for name, value in errors.items()}
-        machine.truth = replace(truth, errors=now, facets=facets)
+        machine.truth = replace(truth, errors=now, facets=facets, stylus=stylus)
         clock = Time(moment + timedelta(days=number - 1, minutes=float(rng.uniform(0, 5))))
         machine.clock = clock
         world = Ports(clock, Folder(keep), machine, Nobody(), history, analysis, nullcontext())

@@ -20,7 +20,7 @@ from ._common import cells_in, folders_option, json_option, on_terminal, table, 
 from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:
-    from ..history import Standing
+    from ..history import History, Standing
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
@@ -116,6 +116,7 @@ def command(
                         note_simulated(history, s.machine, t)
                 there = {s.machine for s in own}
                 found += [_Row(_never(c.name), c.folder) for c in known if c.name not in there]
+                found += [row for c in known for row in _former(history, place, c, known, c.name not in there)]
         except TangoError as error:  # one machine that cannot be read hides no other one
             if not known or len(cells) == 1:
                 raise
@@ -148,6 +149,21 @@ def wants_somebody(standing: Standing) -> bool:
     """machine of a fleet → whether somebody has to look: it is late, an alarm has no answer, or its last night is not in order."""
     last = standing.last
     return last is None or standing.late or standing.alarms_open > 0 or last.verdict in NOT_IN_ORDER
+
+
+def _former(history: History, place: str | Path, own: _Known, known: Sequence[_Known], new: bool) -> list[_Row]:
+    """history, where it is, a cell, all cells that name this history, whether it has no night yet → a line for every other name
+    of its machine with an alarm that nobody has closed, or with nights where it has none.
+    """
+    from ..history import Standing
+    from ..history.former import formers, of_folder
+
+    rows = []
+    for f in formers(history, own.name, own.folder, of_folder(place, own.folder), {c.name for c in known}):
+        if f.alarms or new:
+            last = history.nights(f.machine, last=1)[0]
+            rows.append(_Row(Standing(f.machine, last, f.nights, len(f.alarms), False), own.folder, (), f.told(own.name, new)))
+    return rows
 
 
 def _never(name: str) -> Standing:

@@ -296,21 +296,22 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
 
     acknowledge: somebody has it and looks into it. The alarm stays in every morning's message, with that name.
 
-    repaired: somebody put it right. The alarm is closed, and the next night measures everything.
+    repaired: somebody put it right. The alarm is closed. The next night measures everything, and alarms where it is not right.
 
-    ignore: not now. Until the date of --until nothing is said of this cause and parameter.
+    ignore: not now. Until the date of --until no alarm while it stays within what was seen: its size, and the rate of a drift. More
+    than that alarms again, and every morning says what has moved.
     """
     from ..history import Decision
+    from ..nightly.answered import meaning
     from ..nightly.words import decided
     from ..report.texts import code
 
-    before = [d for d in history.decisions(machine) if d.alarm == alarm]
-    history.decide(machine, Decision(alarm, action, owner, note, until))
-    t = here()
+    before, t = [d for d in history.decisions(machine) if d.alarm == alarm], here()
+    history.decide(machine, decision := Decision(alarm, action, owner, note, until))
     for d in before:
         click.echo(t("cli.history.decided_before", text=decided(replace(d, note=""))))
     click.echo(t("cli.history.decided", alarm=alarm, action=code(action), owner=owner))
-    click.echo(t(f"cli.history.decided_{action}", **({"until": until} if until else {})))
+    click.echo(t.of(meaning(history, machine, decision)))
 
 
 @command.command()

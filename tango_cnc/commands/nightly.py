@@ -252,6 +252,7 @@ def _status(
     folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
 ) -> int:
     from ..history import opened
+    from ..history.former import formers, of_folder
     from ..nightly.words import answer
     from ..report.repeated import shortened
     from ..report.texts import code
@@ -262,8 +263,10 @@ def _status(
         name = read_cell(folder).machine.name
     except TangoError as error:
         wrong = wrong or error
-    with opened(_looked_at(history_of(folder, settings, where))) as history:
+    place = history_of(folder, settings, where)
+    with opened(_looked_at(place)) as history:
         name = name or machine_of(folder, history.machines())
+        renamed = formers(history, name, folder, of_folder(place, folder))
         nights = history.nights(name, last=7) if name in history.machines() else ()
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
         waiting = [stamp for stamp, _ in disk.unsent()]
@@ -284,11 +287,15 @@ def _status(
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
         "trouble": None if wrong is None else str(wrong),
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming},
+        "former": [{"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms)} for f in renamed],
     }
     if not write_json(json_file, data):
         click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
         if wrong is not None:
             click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
+        for f in renamed:
+            if f.alarms or not nights:
+                click.echo(f"  {t.of(f.told(name, not nights))}")
         for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
             kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))
             click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {' '.join(t.of(text).split())}")
@@ -301,4 +308,4 @@ def _status(
             click.echo("  " + t("cli.nightly.begun", stamp=stamp))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
-    return 1 if late or alarms or wrong is not None else 0
+    return 1 if late or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

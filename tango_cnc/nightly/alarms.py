@@ -20,6 +20,7 @@ from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
+from ..state.naming import SCALES
 from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, on_part, value
@@ -96,54 +97,72 @@ def since(past: Past, machine: str, day: float) -> Since:
     return Since(last.night, joined("", (last.night, skipped)))
 
 
-def alarm_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> dict[str, Any]:
-    """what is known, since when, prediction, test of the night, its best story → the alarm of the record."""
-    alarm: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
-    moved = np.zeros(len(k.followed.names))
-    if named is None or (named.remains < FAR and named.told < 0.5 * tonight.statistic / tonight.scale):
-        if tonight.p_noise < tonight.p_machine:
-            dof = max(tonight.noise[1], 1)
-            size = float(np.sqrt(tonight.noise[0] / dof))
-            sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
-            usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
-            text = texts()("changed.noise_level", size=f"{size * 1e3:.2f} µm", usual=usual)
-            cause, std, unit, parameter = "noise_level", size / float(np.sqrt(2 * dof)), "mm", "probe"
-        else:
-            sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
-            text = texts()("changed.unknown")
-            cause, size, std, unit, parameter = "unknown", 0.0, 0.0, "", "several"
-            if named is not None:
-                alarm["instead"] = [named.hypothesis.parameter, *named.instead]
-    else:
-        h = named.hypothesis
-        cause, parameter, unit, sigmas = h.cause, h.parameter, h.unit, named.sigmas
-        moved = h.directions @ named.size
-        size, std, text = _said(k, before, named)
-        if named.besides is not None:
-            text = texts()("changed.besides", text=text, other=_said(k, before, named.besides)[2])
-        if named.remains < FAR and named.told < MOSTLY * tonight.statistic / tonight.scale:
-            text = texts()("changed.more", text=text)
-        alarm["instead"] = others(k, parameter, named.instead)
-    effect, on_part, do = effect_of(k, cause, parameter, size, unit, moved, before.date)
-    if cause == "stylus" and named is not None and (pivot := _pivot(k, named)) is not None:
+def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> list[dict[str, Any]]:
+    """what is known, since when, prediction, test of the night, its best story → the alarms of the record: one for each cause, so
+    that each is answered by itself, and one for what they do not explain.
+    """
+    whole = tonight.statistic / tonight.scale
+    if named is None or (named.remains < FAR and named.told < 0.5 * whole):
+        return [_unnamed(k, before, ahead, tonight, named)]
+    found = [_named(k, before, one) for one in named.all]
+    left = whole - named.told
+    plain = bool(named.more) and named.more[0].explained >= 0.5 * (left - tonight.dof)
+    if plain or (named.all[-1].remains < FAR and named.told < MOSTLY * whole):
+        found.append(_rest(k, before, named, left - tonight.dof))
+    return found
+
+
+def _named(k: Known, before: Since, named: Named) -> dict[str, Any]:
+    h = named.hypothesis
+    size, std, text = said_of(k, before, named)
+    alarm = _alarm(before, h.cause, h.parameter, text, named.sigmas) | {"size": size, "std": std, "unit": h.unit}
+    alarm["instead"] = others(k, h.parameter, named.instead)
+    effect, on_part, do = effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ named.size, before.date)
+    if h.cause == "stylus" and (pivot := _pivot(k, named)) is not None:
         name, found = pivot
         (axis, angle), *_ = found.turned.items()
         told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": f"{found.worst:.1f} µm", "since": before.date}
         effect, on_part, do = found.worst, texts()("part.pivot_since", **told), texts()("part.pivot_do", axis=axis)
         alarm["instead"] = [name, *(x for x in alarm["instead"] if x != name)]
-    if named is not None and named.besides is not None and cause == named.hypothesis.cause:
-        other = _effect_besides(k, before, named.besides)
-        effect, on_part, do = max(effect, other[0]), joined(" ", (on_part, other[1])), joined(" ", (do, other[2]))
-    return alarm | {
-        **{"cause": cause, "parameter": parameter, "text": text, "size": size, "std": std, "unit": unit},
-        **{"sigmas": sigmas, "on_part_um": effect, "on_part": on_part, "do": do},
-    }
+    return alarm | {"on_part_um": effect, "on_part": on_part, "do": do}
 
 
-def _effect_besides(k: Known, before: Since, second: Named) -> tuple[float, str, str]:
-    h = second.hypothesis
-    size = _said(k, before, second)[0]
-    return effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ second.size, before.date)
+def _alarm(before: Since, cause: str, parameter: str, text: str, sigmas: float) -> dict[str, Any]:
+    told: dict[str, Any] = {"id": "", "since": before.date, "rate_per_day": None, "instead": []}
+    told |= {"cause": cause, "parameter": parameter}
+    return told | {"text": text, "size": 0.0, "std": 0.0, "unit": "", "sigmas": sigmas}
+
+
+def _unnamed(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> dict[str, Any]:
+    """→ the alarm of a night that no cause explains: single touches scatter, or the machine is not as it was."""
+    if tonight.p_noise < tonight.p_machine:
+        dof = max(tonight.noise[1], 1)
+        size = float(np.sqrt(tonight.noise[0] / dof))
+        sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
+        usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
+        text = texts()("changed.noise_level", size=f"{size * 1e3:.2f} µm", usual=usual)
+        alarm = _alarm(before, "noise_level", "probe", text, sigmas)
+        alarm |= {"size": size, "std": size / float(np.sqrt(2 * dof)), "unit": "mm"}
+    else:
+        sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
+        alarm = _alarm(before, "unknown", "several", texts()("changed.unknown"), sigmas)
+        if named is not None:
+            alarm["instead"] = [named.hypothesis.parameter, *named.instead]
+    nothing = np.zeros(len(k.followed.names))
+    told = effect_of(k, alarm["cause"], alarm["parameter"], alarm["size"], alarm["unit"], nothing, before.date)
+    return alarm | dict(zip(("on_part_um", "on_part", "do"), told, strict=True))
+
+
+def _rest(k: Known, before: Since, named: Named, left: float) -> dict[str, Any]:
+    """→ the alarm of what the causes of the night leave, above chance: what it looks like, where it looks like anything."""
+    alarm = _alarm(before, "unknown", "several", texts()("changed.rest"), float(np.sqrt(max(left, 0.0))))
+    if named.more:
+        first = named.more[0]
+        like = said_of(k, before, first)[2]
+        alarm |= {"text": texts()("changed.rest_like", like=like), "instead": [n.hypothesis.parameter for n in named.more]}
+    nothing = np.zeros(len(k.followed.names))
+    told = effect_of(k, "unknown", "several", 0.0, "", nothing, before.date)
+    return alarm | dict(zip(("on_part_um", "on_part", "do"), told, strict=True))
 
 
 def effect_of(
@@ -211,7 +230,8 @@ def _range(cell: Cell, axis: str, endless: float) -> float:
     return endless if travel is None else travel[1] - travel[0]
 
 
-def _said(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
+def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
+    """what is known, since when, a cause with its size → size, standard deviation, a sentence without its full stop."""
     h = named.hypothesis
     if h.cause == "temperature":
         worst = k.worst(h.directions @ named.size)
@@ -235,45 +255,6 @@ def _place(parameter: str) -> str:
     """facet 12, ball 1 → the same as a text."""
     kind, _, name = parameter.partition(" ")
     return say(f"followed.{kind}", name=name)
-
-
-def ignored(past: Past, machine: str, alarm: Mapping[str, Any], day: float) -> dict[str, Any] | None:
-    """→ what the record says of an alarm that somebody has decided not to hear of until a later day, by cause and parameter; else
-    None.
-    """
-    if not past.knows(machine):
-        return None
-    today = date_of(day)
-    wanted = {d.alarm: d for d in past.decisions(machine) if d.action == "ignore" and (d.until or "") >= today}
-    if not wanted:
-        return None
-    earlier = [a for r in past.alarmed(machine) for a in r.record["alarms"] if a["id"] in wanted]
-    same = [wanted[a["id"]] for a in earlier if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
-    told = {key: alarm[key] for key in ("cause", "parameter", "text", "size", "std", "unit")}
-    return told | {"owner": same[0].owner, "until": same[0].until} if same else None
-
-
-def after_repair(past: Past, machine: str, alarm: dict[str, Any], parameters: Mapping[str, Any], kind: str) -> dict[str, Any]:
-    """history, machine, alarm of tonight, what is known tonight, kind of night → the alarm; where somebody has repaired since the
-    last night with a result, it says so, and whether what was wrong has gone.
-    """
-    before = past.latest_knowledge(machine)
-    done = [d for d in past.decisions(machine) if d.action == "repaired" and before is not None and d.utc >= before[0].end_utc]
-    if not done:
-        return alarm
-    last = done[-1]
-    first = next((s.record for s in past.alarmed(machine, LISTED) if any(a["id"] == last.alarm for a in s.record["alarms"])), None)
-    wrong = {} if first is None else next(a for a in first["alarms"] if a["id"] == last.alarm)
-    now = "" if first is None else _now(wrong, first, parameters, kind)
-    what = joined("", (" (", wrong["parameter"], " ", now, ")")) if now else ""
-    text = say("changed.after_repair", text=alarm["text"], owner=last.owner, date=last.utc[:10], what=what)
-    gone = _gone(now) and wrong["parameter"] == alarm["parameter"]
-    return alarm | {"text": text} | ({"do": say("night.repaired_do")} if gone else {})
-
-
-def _gone(now: str) -> bool:
-    """what `_now` says → whether what moved is back where it was."""
-    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
 def standing(
@@ -309,7 +290,7 @@ def standing(
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
-            gone = _gone(told["now"])
+            gone = is_gone(told["now"])
             told["confirmed"] = full if full and told["now"] and not gone else None
             told |= {"do": say("night.gone_do")} if gone else {}
             told |= since_full(told, measured[0] if measured[1] >= stored.night.start_utc else "")  # or by itself
@@ -343,9 +324,14 @@ def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:
     return answered, change(alarm["cause"]).of_the_probe, -abs(alarm["on_part_um"] or 0.0) * grown
 
 
+def is_gone(now: str) -> bool:
+    """what `_now` says → whether what moved is back where it was."""
+    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+
+
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
     """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
-    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
@@ -357,12 +343,25 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 
+def own_of(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
+    """what a night knows, parameter of an alarm → what it knows of that: of scales that change alike their mean; None of others."""
+    if name != "scales":
+        return parameters.get(name)
+    scales = [parameters[n] for n in SCALES if n in parameters]
+    if len(scales) < len(SCALES):
+        return None
+    numbers = {key: [p.get(key) for p in scales] for key in ("value", "std", "change")}
+    told = {key: None if None in values else float(np.mean(values)) for key, values in numbers.items()}
+    return told | {"unit": scales[0]["unit"], "seen": all(p.get("seen") for p in scales)}
+
+
 def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:
     """alarm, its night, what is known tonight → change since before the alarm, in its unit; None for what is no one parameter."""
-    then, now = (record.get("parameters") or {}).get(alarm["parameter"]), parameters.get(alarm["parameter"])
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
     if then is None or now is None or then.get("change") is None:
         return None
-    step = alarm["size"] if alarm.get("rate_per_day") else then["change"]  # a drift was not made in its last night alone
+    made_before = alarm.get("rate_per_day") or alarm.get("repair")  # a drift, or what a repair left, was not made in its night
+    step = alarm["size"] if made_before else then["change"]
     return float(now["value"] - (then["value"] - step))
 
 

@@ -15,15 +15,12 @@ from .. import __version__
 from ..estimate import Estimate
 from ..files.nightly import Nightly
 from ..history import Knowledge, Night
-from ..identify import Selection
 from ..loaded import Event
-from ..model import Model
 from ..records import Array, Cell, Readings
 from ..state import (
     Frame,
     Seen,
     State,
-    Tonight,
     choose,
     hypotheses,
     judge,
@@ -35,15 +32,15 @@ from ..state import (
     updated,
 )
 from ..state.filter import as_numbers, matched, restored, sigma_of
+from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
-from ..touches import from_readings
-from . import parts
-from .alarms import Known, after_repair, alarm_of, date_of, ignored, since, since_full, standing
+from . import answered, parts
+from .alarms import Known, alarms_of, date_of, since, since_full, standing
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
-from .trend import SLOPE, as_alarm, behind, drift, slopes
+from .trend import ALIKE, SLOPE, as_alarm, behind, drift, slopes
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -215,9 +212,16 @@ class Nights:
         named, opened = None, ahead
         if alarm and tonight.p_machine <= tonight.p_noise:
             tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
-            named = name_change(ahead, self.followed, tonight, tried)
+            done = answered.expected(past, machine)
+            named = name_change(ahead, self.followed, tonight, tried, done)
+            if (far := parts.far(named)) is not None:  # touches are linear near where the machine is, and it is not near any more
+                what = seen(self.followed, readings, ahead.mean + far, ahead.reference, self.settings.sensor)
+                tonight = judge(ahead, what, self.followed.points, self._again(recent))
+                named = name_change(ahead, self.followed, tonight, tried, done)
             opened = parts.opened(ahead, self.followed, named)
-        after = updated(opened, what, tonight, quiet=not alarm and not first)
+        repaired = not first and bool(answered.repaired(past, machine))
+        opened = answered.may_have_moved(past, machine, known, opened) if repaired else opened
+        after = updated(opened, what, tonight, quiet=not (alarm or first or repaired))
         for _ in range(2 if first else 0):  # the first night begins far from the truth: linearise where it ended
             what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
             tonight = judge(ahead, what)
@@ -225,40 +229,45 @@ class Nights:
         if measured.text is not None:  # learning asks for them again, in this program or in a later one
             self._keep(measured.text, ahead, what)
         after, learned, since_learned = self._learned(past, recent, after)
-        result = None if self.judged is None and self.written is None else self._estimate(readings, after, tonight)
+        result = None if self.judged is None and self.written is None else parts.estimated(self.followed, readings, after, tonight)
         judged = Judged("trustworthy")
         if self.judged is not None and result is not None:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
-        alarms = [alarm_of(known, since(past, machine, day), ahead, tonight, named)] if alarm else []
+        alarms = alarms_of(known, since(past, machine, day), ahead, tonight, named) if alarm else []
         diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         judged = believed(judged, diagnosis, alarms, first)
-        unheard = [x for a in alarms if judged.believed and (x := ignored(past, machine, a, day))]
-        alarms = [a for a in alarms if judged.believed and not unheard]
-        moving = None if first or alarm or not judged.believed else drift(known, recent, after, tonight.scale)
+        helped, unheard = list[dict[str, Any]](), list[dict[str, Any]]()
+        if not judged.believed:
+            alarms = []
+        elif not first:
+            alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
+            alarms, unheard = answered.split(past, machine, known, after, alarms, day)
+        quiet = judged.believed and not (first or alarm or repaired)
         gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
         parts_have = replace(after, mean=after.mean - gone)
         chart = over_volume(self.lever, parts_have.mean, after.covariance)
         limits = limited(self.followed, self.settings.limits, parts_have, chart)
+        moving = drift(known, recent, after, tonight.scale, limits, gone) if quiet else None
         beyond = [limit for limit in limits if limit["passed"] is False]
         parameters = self._parameters(recent, ahead, after, what, first)
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
-            parameters[moving.parameter]["rate_per_day"] = moving.rate_per_day
+            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
+                parameters[name]["rate_per_day"] = moving.rate_per_day
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
-        alarms = [after_repair(past, machine, a, parameters, kind) for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         waiting = standing(past, machine, day, parameters if judged.believed else {}, kind, self.happened)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
-            unheard = [x for x in [ignored(past, machine, as_alarm(moving, known), day)] if x]
             told_of = as_alarm(moving, known)
-            alarms = [] if unheard else [{**told_of, "was": parts.was(told_of, parameters, ())}]
+            alarms, unheard = answered.split(past, machine, known, after, [told_of], day)
+            alarms = [{**a, "was": parts.was(told_of, parameters, ())} for a in alarms]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         if self.control is not None and not self.control.measured:
@@ -288,6 +297,7 @@ class Nights:
         told |= {"standing": waiting} if waiting else {}
         told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
+        told |= {"repaired": helped} if helped else {}
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
@@ -372,7 +382,7 @@ class Nights:
             seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
             rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
             noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
-            if night.alarms or record.get("ignored"):
+            if night.alarms or record.get("ignored") or record.get("repaired"):
                 opened.append(place)
         found = learn(self.followed, begin, seen_then, opened)
         agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement
@@ -404,32 +414,6 @@ class Nights:
     @cached_property
     def _near(self) -> Array:
         return np.array([NEAR.get(unit, NEAR[""]) for unit in self.followed.units])
-
-    def _estimate(self, readings: Readings, after: State, tonight: Tonight) -> Estimate:
-        """→ what is known after tonight, as the estimate that every other stage reads."""
-        from ..model import known, linearise
-
-        whole = self.followed.model
-        touches = from_readings(whole.touches.machine, whole.touches.artefact, readings)
-        model = Model(touches, whole.coefficients)
-        places = [self.followed.place[name] for name in model.names]
-        values = after.mean[places]
-        gaps, jacobian = linearise(model, values)
-        offsets, rows, uncertainty = known(model, values)
-        sigma = float(np.sqrt(tonight.noise[0] / tonight.noise[1])) if tonight.noise[1] > 0 else sigma_of(after)
-        selection = Selection(model, self.followed.selection.unseen, self.followed.selection.mismatch)
-        return Estimate(
-            selection,
-            values,
-            after.covariance[np.ix_(places, places)],
-            gaps,
-            max(sigma, 1e-6),
-            max(int(tonight.noise[1]), 1),
-            0,
-            np.vstack([jacobian, rows]),
-            offsets,
-            np.asarray(max(sigma, 1e-6) / uncertainty),
-        )
 
     def _parameters(
         self, records: Sequence[Mapping[str, Any]], ahead: State, after: State, what: Seen, first: bool

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..records import Array
 from ..report.compensated import ENTERING, order
 from ..report.units import shown
@@ -84,3 +86,25 @@ def limited(followed: Frame, stated: Mapping[str, float], have: State, chart: Vo
         passed = True if high <= limit else False if low > limit else None
         found.append({"what": name, "value": size, "unit": unit, "low": low, "high": high, "limit": limit, "passed": passed})
     return found
+
+
+def reached(followed: Frame, lever: Array, mean: Array, a_day: Array, limit: Mapping[str, Any]) -> float:
+    """what is followed, (m, 3, p) of the volume, (p,) errors that parts have, (p,) what goes on a day, limit → days until it is
+    reached if that goes on; infinite for one that is crossed already or never reached.
+    """
+    if limit["passed"] is False:
+        return np.inf
+    if limit["what"] != "volume":
+        place = next((i for i in followed.machine if followed.selection.label(followed.names[i]) == limit["what"]), None)
+        if place is None or a_day[place] == 0.0:
+            return np.inf
+        most = float(limit["limit"]) / shown(followed.units[place])[0]
+        return max((np.copysign(most, a_day[place]) - float(mean[place])) / float(a_day[place]), 0.0)
+    # |e + t d| = limit at each pose: the larger root of a square; the first pose that gets there counts
+    error, way, most = lever @ mean, lever @ a_day, float(limit["limit"]) * 1e-3
+    a, b, c = np.sum(way**2, axis=1), np.sum(way * error, axis=1), np.sum(error**2, axis=1) - most**2
+    moving = a > 1e-30
+    if not moving.any():
+        return np.inf
+    root = (-b + np.sqrt(np.maximum(b**2 - a * c, 0.0)))[moving] / a[moving]
+    return float(np.maximum(root, 0.0).min())

@@ -11,6 +11,7 @@ from ..report.texts import texts
 from ..state.changes import change
 from ..terms import serving
 from ..texts import unstopped
+from .words import every
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
         warming or judged.incomplete or judged.verdict == "implausible" or (judged.verdict == "doubtful" and (first or not alarms))
     )
     if not teaches and alarms:
-        reasons.append(t("night.by_itself", text=alarms[0]["text"]))
+        reasons.append(t("night.by_itself", text=every(alarms)))
     verdict = judged.verdict
     known = {u.get("shape") for u in diagnosis.get("unexplained", ())} == {"undecided"}  # one of a few causes explains it all
     if teaches and diagnosis.get("verdict") == "unexplained" and not known:

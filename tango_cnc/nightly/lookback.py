@@ -22,7 +22,9 @@ from scipy import linalg, optimize, special
 from ..history import History, Stored, Trend
 from ..records import Array, InputError
 from ..state.filter import restored
+from ..state.naming import SCALES
 from ..state.smooth import Filtered, smoothed
+from .alarms import own_of
 
 NIGHTS = 400  # looked back over
 LEAST = 12  # nights that tell anything
@@ -32,6 +34,7 @@ STIRRED = 0.3  # K, standard deviation of the temperature before it is tried
 AFTER = 8  # nights since an alarm before wear is tried
 RARE = 0.01  # chance that a history without any cause gets one named, all tries together
 TWICE = 3.0  # of the logarithm of the likelihood: what is nearer than that fits nearly as well
+ALIKE = "scales"  # the linear scales together
 FAINT = 0.02  # of the variance: a night that took out less knows nothing by itself
 
 
@@ -68,12 +71,49 @@ def looked_back(history: History, machine: str) -> tuple[Followed, ...]:
     warmth = _temperature(records)
     alarms = [day[i] for i, r in enumerate(records) if r["alarms"]]
     found: list[Followed] = []
-    series = {name: s for name in names if (s := _series(records, day, name, rates)) is not None}
-    tries = sum(len(_causes(s.day, _at(s.day, day, warmth), alarms)) for s in series.values())
+    together = (ALIKE,) if set(SCALES) <= set(names) else ()
+    series = {name: s for name in (*names, *together) if (s := _series(records, day, name, rates)) is not None}
+    causes = {name: _causes(s.day, _at(s.day, day, warmth), alarms) for name, s in series.items()}
+    tries = sum(len(own) for own in causes.values())
     for name, s in series.items():
-        unit = next(r["parameters"][name]["unit"] for r in records if name in r["parameters"])
-        found += _explained(name, unit, s, _causes(s.day, _at(s.day, day, warmth), alarms), RARE / max(tries, 1), alarms)
-    return tuple(sorted(found, key=lambda f: f.p_value))
+        unit = next(own["unit"] for r in records if (own := own_of(r["parameters"], name)) is not None)
+        found += _explained(name, unit, s, causes[name], RARE / max(tries, 1), alarms)
+    return tuple(sorted(_one_or_alike(found, series, causes), key=lambda f: f.p_value))
+
+
+def _one_or_alike(
+    found: Sequence[Followed], series: Mapping[str, _Series], causes: Mapping[str, Mapping[str, Array]]
+) -> list[Followed]:
+    """what is followed, nights of each parameter, causes that they can tell → the same; where the linear scales follow a cause
+    together and each of them as much, that is one story, and else none of them together.
+    """
+    whole = [f for f in found if f.parameter == ALIKE]
+    kept = [f for f in found if f.parameter != ALIKE]
+    for f in whole:
+        own = [_size(series[n], causes[n][f.cause]) for n in SCALES if n in series and f.cause in causes[n]]
+        if len(own) == len(SCALES) and all(abs(size - f.size) < 3 * np.hypot(std, f.std) for size, std in own):
+            kept = [f, *(x for x in kept if (x.parameter, x.cause) not in {(n, f.cause) for n in SCALES})]
+    return kept
+
+
+def _size(s: _Series, columns: Array) -> tuple[float, float]:
+    """nights of a parameter, (n, 1) what a cause would do → its size and standard deviation; infinite of a cause of several."""
+    if columns.shape[1] > 1:
+        return np.inf, 0.0
+    _, size, spread = _fitted(s, np.column_stack([np.ones(len(s.day)), s.steps, columns]))
+    return float(size[-1]), float(np.sqrt(spread[-1, -1]))
+
+
+def drifting(records: Sequence[Mapping[str, Any]], name: str, rates: Mapping[str, float]) -> float:
+    """records oldest first, parameter, {unknown: variance a day} → probability that a parameter which only wanders goes as far one
+    way as this one; 1 where these nights tell nothing.
+    """
+    s = _series(records, np.array([float(r["state"]["day"]) for r in records]), name, rates)
+    if s is None:
+        return 1.0
+    base = np.column_stack([np.ones(len(s.day)), s.steps])
+    gain = _fitted(s, np.column_stack([base, s.day - s.day.mean()]))[0] - _fitted(s, base)[0]
+    return float(special.chdtrc(1, max(2 * gain, 0.0)))
 
 
 def smooth(history: History, machine: str, name: str) -> Trend:
@@ -138,11 +178,13 @@ def _series(records: Sequence[Mapping[str, Any]], day: Array, name: str, rates: 
     """→ what each night by itself says of a parameter; None for one that too few nights have seen."""
     raw = _raw(name, list(rates))
     rate = rates.get(raw, 0.0) if raw else 0.0
+    if name == ALIKE:
+        rate = float(np.mean([rates.get(n, 0.0) for n in SCALES]))
     rows: list[tuple[float, float, float]] = []
     stepped: list[float] = []
     before: tuple[float, float, float] | None = None
     for when, record in zip(day, records, strict=True):
-        told = record["parameters"].get(name)
+        told = own_of(record["parameters"], name)
         if told is None:
             continue
         value, variance = float(told["value"]), float(told["std"]) ** 2

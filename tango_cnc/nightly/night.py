@@ -21,6 +21,7 @@ from ..files.nightly import Nightly
 from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
+from ..history.former import formers
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
@@ -64,7 +65,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     try:
         with world.lock:
             left = _left_behind(machine, cell, settings, world, begun)
-            base |= _before(machine, world)
+            base |= _before(machine, world, cell)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
             record = base | found
@@ -75,7 +76,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     except Exception as error:  # whatever it is: no night ends without a message
         record = base | {"why": sentence(error)}
         try:  # it may have come to nothing before the history was asked
-            record = _before(machine, world) | record
+            record = _before(machine, world, cell) | record
         except (TangoError, OSError):
             record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
@@ -225,10 +226,13 @@ def _added(world: Ports, stamp: str) -> bool:
     return True
 
 
-def _before(machine: str, world: Ports) -> dict[str, Any]:
-    """→ date of the last night that measured, and a sentence on each night since that did not."""
+def _before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
+    """→ date of the last night that measured, and a sentence on each night since that did not; of a machine without a night what
+    its cell has under another name.
+    """
     if not world.past.knows(machine):
-        return {}
+        renamed = [f.told(machine, True) for f in formers(world.past, machine, Path(cell))] if cell else []
+        return {"former": renamed} if renamed else {}
     for many in (MISSED + 1, 60):  # the last one that measured is nearly always among the first
         nights = world.past.nights(machine, last=many)
         last = next((n for n in nights if n.touches), None)

@@ -8,12 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from ..estimate import Estimate
 from ..history import Knowledge
+from ..identify import Selection
+from ..model import Model, known, linearise
 from ..records import Array, Indexation, Readings, Strategy
 from ..state import Frame, Named, Seen, State, Tonight, reopened
 from ..state.filter import sigma_of
 from ..texts import say
+from ..touches import from_readings
 
+LINEAR = 0.05  # mm: on a ball of 20 mm, a probe that is off by more meets it elsewhere by more than a tenth of a micrometre
 UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
 
 
@@ -39,13 +44,48 @@ def opened(ahead: State, followed: Frame, named: Named | None) -> State:
         return reopened(wide, followed, None, True) if named is not None and named.hypothesis.cause == "temperature" else wide
     if named.hypothesis.cause == "temperature":
         return reopened(ahead, followed, None, True)
-    return reopened(ahead, followed, np.hstack([_wide(one) for one in (named, named.besides) if one is not None]))
+    return reopened(ahead, followed, np.hstack([_wide(one) for one in named.all]))
+
+
+def far(named: Named | None) -> Array | None:
+    """what changed → (p,) change of the unknowns by the first cause, where it is so large that touches are not linear over it; else
+    None. What is named beside it may be no more than that.
+    """
+    if named is None:
+        return None
+    moved: Array = named.hypothesis.directions @ named.size
+    return moved if float(np.abs(moved).max()) > LINEAR else None
 
 
 def _wide(named: Named) -> Array:
     """a cause → (p, m) its directions, as long as it may have moved along them."""
     spread = np.maximum(np.abs(named.size), 3 * np.where(np.isfinite(named.std), named.std, 0.0))
     return named.hypothesis.directions * (3 * np.maximum(spread, 1e-9))
+
+
+def estimated(followed: Frame, readings: Readings, after: State, tonight: Tonight) -> Estimate:
+    """frame, readings, state after tonight, its judgement → what is known now, as the estimate that every other stage reads."""
+    whole = followed.model
+    touches = from_readings(whole.touches.machine, whole.touches.artefact, readings)
+    model = Model(touches, whole.coefficients)
+    places = [followed.place[name] for name in model.names]
+    values = after.mean[places]
+    gaps, jacobian = linearise(model, values)
+    offsets, rows, uncertainty = known(model, values)
+    sigma = float(np.sqrt(tonight.noise[0] / tonight.noise[1])) if tonight.noise[1] > 0 else sigma_of(after)
+    selection = Selection(model, followed.selection.unseen, followed.selection.mismatch)
+    return Estimate(
+        selection,
+        values,
+        after.covariance[np.ix_(places, places)],
+        gaps,
+        max(sigma, 1e-6),
+        max(int(tonight.noise[1]), 1),
+        0,
+        np.vstack([jacobian, rows]),
+        offsets,
+        np.asarray(max(sigma, 1e-6) / uncertainty),
+    )
 
 
 def change(tonight: Tonight, limit: float, rate: float) -> dict[str, Any]:
@@ -109,7 +149,7 @@ def was(alarm: Mapping[str, Any], parameters: Mapping[str, Any], recent: Sequenc
     parts had of its parameter before it, in its unit; None for what is no one parameter.
     """
     own = parameters.get(alarm["parameter"])
-    step = None if own is None else alarm["size"] if alarm.get("rate_per_day") else own["change"]
+    step = None if own is None else alarm["size"] if alarm.get("rate_per_day") or alarm.get("repair") else own["change"]
     if own is None or step is None:
         return None
     last = next((r["parameters"] for r in recent if r.get("parameters")), parameters)

@@ -11,7 +11,7 @@ has a normal tail; together by Welch and Satterthwaite (GUM, G.4.1).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,21 +20,40 @@ from scipy import special
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
-from ..state.changes import change_of
+from ..state.naming import SCALES
 from .alarms import Known, effect_of, others
-from .words import changed, value
+from .control import reached
+from .course import (
+    ALIKE,
+    Place,
+    alone_or_alike,
+    cause_of,
+    followed,
+    is_steady,
+    moved_since,
+    name_of,
+    names_of,
+    now_of,
+    on_record,
+    only,
+    places_of,
+    told,
+)
+from .lookback import drifting
+from .words import changed, value, what_of
 
-AT_ONCE = 0.7  # share of a change that one night makes: no drift, but a step
 MONTH = 30  # nights that what stands behind a limit is looked for over
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
-WINDOWS = (5, 7, 9, 11, 14, 17, 21)  # measured nights over which steps that go one way are looked for
+WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
+YEAR = 365.0  # d: what reaches a limit later than that is for the table
 PLAIN = (
     6.0  # standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders
 )
+SLOW = 12  # measured nights before a wander is told from a slow drift by likelihood
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -55,91 +74,159 @@ class Drift:
     do: str
     steady: bool  # night after night; false: most of it in one night
     alarms: bool = True  # where it is sure enough; false: a sentence, however sure
+    limit: str = ""  # what reaches its limit if it goes on so
+    nights: float | None = None  # in how many days that is
 
     @property
     def text(self) -> str:
         """→ a sentence without its full stop."""
-        moved = changed(self.parameter, value(self.size, self.unit, self.std), self.since)
+        size = value(self.size, self.unit, self.std)
+        if self.parameter == ALIKE:
+            moved = texts()("changed.scales", size=size, since=self.since)
+        else:
+            moved = changed(self.parameter, size, self.since)
         if not self.steady:
             return moved
-        rate = value(self.rate_per_day, self.unit)
-        return texts()("changed.drift", moved=moved, rate=rate)
+        moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))
+        if self.nights is None:
+            return moved
+        return texts()("changed.reaches", moved=moved, what=what_of(self.limit), nights=f"{max(self.nights, 1.0):.0f}")
 
 
-def drift(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
-    """what is known, records newest first, state after tonight, scale of quiet nights' statistic → the surest drift, or else what
-    creeps, or else what has plainly moved on a machine that is hardly known.
+def drift(
+    k: Known,
+    records: Sequence[Mapping[str, Any]],
+    after: State,
+    scale: float,
+    limits: Sequence[Mapping[str, Any]] = (),
+    gone: Array | None = None,
+) -> Drift | None:
+    """what is known, records newest first, state after tonight, scale of quiet nights' statistic, limits of tonight, (p,) what the
+    control takes away from parts → the surest drift, or else what creeps, or else what has plainly moved on a machine that is
+    hardly known; a steady one with the limit that it reaches.
     """
-    return _beyond(k, records, after, scale) or creeping(k, records, after) or _young(k, records, after)
+    found = _beyond(k, records, after, scale) or creeping(k, records, after, limits, gone) or _young(k, records, after)
+    return None if found is None else _limited(k, found, after, limits, gone)
+
+
+def _limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any]], gone: Array | None) -> Drift:
+    """→ the same, with the limit that it reaches first and when; as it is where it reaches none within a year."""
+    if not limits or not d.steady:
+        return d
+    place = next((i for i in followed(k) if name_of(k, i) == d.parameter), None)
+    if place is None:
+        return d
+    a_day = only(k, place, d.rate_per_day)
+    mean = after.mean if gone is None else after.mean - gone
+    first = min(
+        ((days, str(x["what"])) for x in limits if (days := reached(k.followed, k.lever, mean, a_day, x)) < YEAR), default=None
+    )
+    return d if first is None else replace(d, nights=first[0], limit=first[1])
 
 
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
     """→ the surest of what has moved farther than it wanders.
 
-    Looks back to the last alarm and no farther: what it told is told. None where nothing has moved by `TOLD` and `LEAST`.
+    Looks back to the last alarm or repair and no farther: what it told is told. None where nothing has moved by `TOLD` and `LEAST`.
     """
     back = []
     for record in records:
         if record.get("parameters") and record.get("state"):
             back.append(record)
-        if record["alarms"] or len(back) == SPANS[-1]:
+        if told(record) or len(back) == SPANS[-1]:
             break
-    places = k.followed.machine
-    names = [k.followed.selection.label(k.followed.names[i]) for i in places]
-    best: tuple[float, float, int, Mapping[str, Any], float, float] | None = None
-    tried, sure = 0, after.std
+    best: tuple[float, float, Place, Mapping[str, Any], float, float] | None = None
+    tried = 0
     for record in [back[span - 1] for span in SPANS if span <= len(back)]:
         days = after.day - float(record["state"]["day"])
         rates = np.array(record["state"]["rates"], dtype=float)
-        rates = rates[places] if len(rates) == len(k.followed.names) else k.followed.wander[places]
+        rates = rates if len(rates) == len(k.followed.names) else k.followed.wander
         nights = float(record["state"].get("learned") or 0) or UNLEARNED
-        for j, (i, name) in enumerate(zip(places, names, strict=True)):
-            then = record["parameters"].get(name)
+        for i in followed(k):
+            then = on_record(k, i, record, after)
             if then is None:
                 continue
             tried += 1
-            size = float(after.mean[i]) - then["value"]
-            known = float(sure[i]) ** 2 + then["std"] ** 2
-            wandered = float(rates[j]) * max(days, 0.0)
+            now, sure = now_of(i, after)
+            size, known = now - then[0], sure**2 + then[1] ** 2
+            rate = float(np.sum(rates[list(i)])) / len(i) ** 2 if isinstance(i, tuple) else float(rates[i])
+            wandered = rate * max(days, 0.0)
             sigmas = abs(size) / float(np.sqrt((known + wandered) * max(scale, 1.0)))
             chance = by_chance(sigmas, known, wandered, nights)
             if best is None or chance < best[0]:
-                best = (chance, sigmas, int(i), record, size, float(np.sqrt(known)))
+                best = (chance, sigmas, i, record, size, float(np.sqrt(known)))
     if best is None or best[1] < TOLD:
         return None
     chance, sigmas, i, record, size, std = best
-    if k.worst(_only(k, i, size)) < LEAST:
+    if (other := alone_or_alike(k, i, record, after)) != i:
+        i, size, std = other, *moved_since(k, other, record, after)
+    if k.worst(only(k, i, size)) < LEAST:
         return None
-    p_value = min(1.0, tried * chance)
-    return _drift(k, i, record, size, std, after, sigmas, p_value, records)
+    return _drift(k, i, record, size, std, after, sigmas, min(1.0, tried * chance), records)
 
 
-def creeping(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:
-    """what is known, records newest first, state after tonight → the parameter that goes one way night after night, surest first.
+def creeping(
+    k: Known,
+    records: Sequence[Mapping[str, Any]],
+    after: State,
+    limits: Sequence[Mapping[str, Any]] = (),
+    gone: Array | None = None,
+) -> Drift | None:
+    """what is known, records newest first, state after tonight, limits, what the control takes away → the parameter that goes one
+    way night after night, surest first.
 
     What wanders goes as often one way as the other, however fast it is thought to wander: Student's t of the steps a day, all
     parameters and windows paid for. Looks back to the last alarm about that parameter. None where it may be chance, and where it
-    does less than `LEAST`.
+    does less than `LEAST` and comes to no limit within a year.
     """
-    tried, best = 0, (CREEPS, 0.0, -1, 0)
+    tried = 0
+    best: tuple[float, float, Place, int] = (CREEPS, 0.0, -1, 0)
     back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
-    for i in k.followed.machine:
-        name = k.followed.selection.label(k.followed.names[i])
-        day, values = _course(name, float(after.mean[i]), after.day, back)
+    for i in followed(k):
+        day, values = _course(k, i, after, back)
         for nights in (n for n in WINDOWS if n <= len(day)):
             steps = np.diff(values[:nights]) / np.diff(day[:nights])
             sigmas = abs(steps.mean()) / max(float(steps.std(ddof=1)) / np.sqrt(len(steps)), 1e-15)
             tried += 1
-            best = min(best, (2 * float(special.stdtr(len(steps) - 1, -sigmas)), sigmas, int(i), nights))
+            chance = 2 * float(special.stdtr(len(steps) - 1, -sigmas))
+            if (chance, sigmas) < best[:2]:
+                best = (chance, float(sigmas), i, nights)
     chance, sigmas, i, nights = best
-    if i < 0 or tried * chance > CREEPS:
+    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after)) is not None:
+        tried, (chance, sigmas, i, nights) = len(followed(k)), slow
+    if i == -1 or tried * chance > CREEPS:
         return None
     record = back[nights - 2]
-    then = record["parameters"][k.followed.selection.label(k.followed.names[i])]
-    size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
-    if abs(size) < TOLD * std or k.worst(_only(k, i, size)) < LEAST:
+    i = alone_or_alike(k, i, record, after)
+    size, std = moved_since(k, i, record, after)
+    if abs(size) < TOLD * std:
         return None
-    return _drift(k, i, record, size, std, after, sigmas, tried * chance, back, alarms=False)
+    found = _drift(k, i, record, size, std, after, sigmas, tried * chance, back, alarms=False)
+    if k.worst(only(k, i, size)) >= LEAST:
+        return found
+    return found if limits and _limited(k, found, after, limits, gone).nights is not None else None
+
+
+def _slow(k: Known, back: Sequence[Mapping[str, Any]], after: State) -> tuple[float, float, Place, int] | None:
+    """what is known, measured nights newest first, state after tonight → what has gone farthest one way against its wander, by
+    maximum likelihood over all nights: chance, standard deviations, parameter, nights. It costs more than steps that are counted,
+    so it is asked only of what stands out.
+    """
+    found = []
+    for i in followed(k):
+        nights = len(_course(k, i, after, back)[0])
+        if nights < SLOW:
+            continue
+        size, std = moved_since(k, i, back[nights - 2], after)
+        if abs(size) < TOLD * std:
+            continue
+        own = {
+            n: {"value": v[0], "std": v[1]} for n, j in zip(names_of(k, i), places_of(i), strict=True) if (v := now_of(j, after))
+        }
+        tonight = {"parameters": own, "state": {"day": after.day}, "alarms": []}
+        rates = dict(zip(k.followed.names, after.rates, strict=False))
+        found.append((drifting([*back[: nights - 1][::-1], tonight], name_of(k, i), rates), abs(size) / std, i, nights))
+    return min(found, key=lambda one: one[:2], default=None)
 
 
 def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:
@@ -156,7 +243,7 @@ def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drif
         if (then := last["parameters"].get(k.followed.selection.label(k.followed.names[i]))) is not None:
             size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
             found.append((abs(size) / std, int(i), size, std))
-    plain = [one for one in found if one[0] >= PLAIN and k.worst(_only(k, one[1], one[2])) >= LEAST / 2]
+    plain = [one for one in found if one[0] >= PLAIN and k.worst(only(k, one[1], one[2])) >= LEAST / 2]
     if not plain:
         return None
     sigmas, i, size, std = max(plain)
@@ -164,15 +251,17 @@ def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drif
     return _drift(k, i, last, size, std, after, sigmas, chance, records, alarms=False)
 
 
-def _course(name: str, tonight: float, day: float, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
-    """parameter, its value tonight, the day, measured nights newest first → (m,) days, (m,) values, back to its last alarm."""
-    days, values = [day], [tonight]
+def _course(k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
+    """what is known, a parameter, state after tonight, measured nights newest first → (m,) days, (m,) values, back to its last
+    alarm or repair.
+    """
+    days, values, names = [after.day], [now_of(i, after)[0]], names_of(k, i)
     for r in back:
-        if name not in r["parameters"] or not r["state"]["day"] < days[-1]:
+        if any(name not in r["parameters"] for name in names) or not r["state"]["day"] < days[-1]:
             break
         days.append(float(r["state"]["day"]))
-        values.append(float(r["parameters"][name]["value"]))
-        if any(a.get("parameter") == name for a in r["alarms"]):
+        values.append(float(np.mean([r["parameters"][name]["value"] for name in names])))
+        if told(r, *names, *((ALIKE,) if names[0] in SCALES else ())):
             break
     return np.array(days), np.array(values)
 
@@ -186,7 +275,7 @@ def by_chance(sigmas: float, known: float, wandered: float, nights: float) -> fl
 
 def _drift(
     k: Known,
-    i: int,
+    i: Place,
     record: Mapping[str, Any],
     size: float,
     std: float,
@@ -196,31 +285,25 @@ def _drift(
     records: Sequence[Mapping[str, Any]],
     alarms: bool = True,
 ) -> Drift:
-    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
-    cause = change_of(name, k.followed.families[i])
-    effect, on_part, do = effect_of(k, cause, name, size, unit, _only(k, i, size), record["night"])
+    name, one = name_of(k, i), i[0] if isinstance(i, tuple) else i
+    unit, cause = k.followed.units[one], cause_of(k, i)
+    effect, on_part, do = effect_of(k, cause, name, size, unit, only(k, i, size), record["night"])
     begun = float(record["state"]["day"])
-    between = [r for r in records if r.get("state") and name in (r.get("parameters") or {}) and r["state"]["day"] >= begun]
-    values = [float(after.mean[i]), *(r["parameters"][name]["value"] for r in between)]
-    steady = bool(np.max(np.abs(np.diff(values)), initial=0.0) < AT_ONCE * abs(size))
-    do = texts()("night.drift_do", name=name) if steady else do
+    between = [r for r in records if r.get("state") and r.get("parameters") and r["state"]["day"] >= begun]
+    known = [[r["parameters"].get(n, {}).get("value") for n in names_of(k, i)] for r in between]
+    steady = is_steady([now_of(i, after)[0], *(float(np.mean(row)) for row in known if None not in row)], size)
+    do = texts()("night.drift_do", name=name) if steady and name != ALIKE else do
     rate = size / max(after.day - begun, 1e-3)
     return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms)
 
 
-def _only(k: Known, i: int, size: float) -> Array:
-    moved = np.zeros(len(k.followed.names))
-    moved[i] = size
-    return moved
-
-
 def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     """drift → the alarm of the record."""
-    place = next(i for i in k.followed.machine if k.followed.selection.label(k.followed.names[i]) == found.parameter)
+    place = next(i for i in followed(k) if name_of(k, i) == found.parameter)
     return {
         **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady},
         "instead": others(k, found.parameter),
-        **{"cause": change_of(found.parameter, k.followed.families[place])},
+        **{"cause": cause_of(k, place)},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},
     }
@@ -246,14 +329,14 @@ def behind(
             continue
         size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
         if abs(size) > 3 * std:
-            share.append((k.worst(_only(k, int(i), size)), int(i), size, std))
+            share.append((k.worst(only(k, int(i), size)), int(i), size, std))
     if not share:
         return None
     worst, i, size, std = max(share)
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
     told = {"what": limit["what"], "parameter": name, "unit": unit}
     if not kept:
-        _, on_part, _ = effect_of(k, change_of(name, k.followed.families[i]), name, size, unit, _only(k, i, size))
+        _, on_part, _ = effect_of(k, cause_of(k, i), name, size, unit, only(k, i, size))
         text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
         return (
             told
@@ -268,7 +351,7 @@ def behind(
     later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
     again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
     return told | {
-        **{"cause": change_of(name, k.followed.families[i]), "confirmed": again[-1] if again else None},
+        **{"cause": cause_of(k, i), "confirmed": again[-1] if again else None},
         **{
             "text": found.text,
             "since": found.since,
@@ -286,7 +369,7 @@ def slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     recent = []
     for r in records:  # newest first, as far as the last change
         recent.append(r)
-        if r["alarms"]:
+        if told(r):
             break
     if len(recent) < 5:
         return {}
@@ -299,5 +382,5 @@ def slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     rest = values - values.mean(axis=0) - np.outer(centred, slope)
     spread = np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - 2, 1) / (centred @ centred))
     # What wanders looks like a slope: only one that is far beyond its own scatter is told.
-    told = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
-    return {n: float(slope[i]) for i, n in enumerate(names) if told[i]}
+    plain = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
+    return {n: float(slope[i]) for i, n in enumerate(names) if plain[i]}

@@ -56,7 +56,7 @@ def headline(record: Mapping[str, Any]) -> str:
         return say("night.words.readings_not_be_relied_on", reason=reasons[0])
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if alarms and not beyond:
-        return str(alarms[0]["text"])
+        return every(alarms)
     part = (
         say("night.words.stopped_after_touches", touches=record["touches"], planned=record["planned"])
         if record["status"] == "partial"
@@ -66,10 +66,10 @@ def headline(record: Mapping[str, Any]) -> str:
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
-        cause = next((joined("", (": ", text)) for text in (*(str(a["text"]) for a in alarms), *stands)), "")
+        cause = next((joined("", (": ", text)) for text in (*([every(alarms)] if alarms else []), *stands)), "")
         return say(
             "night.words.allowed",
-            what=_what(b["what"]),
+            what=what_of(b["what"]),
             value=f"{b['value']:.1f}",
             unit=b["unit"],
             limit=f"{b['limit']:g}",
@@ -99,7 +99,9 @@ def headline(record: Mapping[str, Any]) -> str:
         trend = record.get("trend")
         return waiting if trend is None else say("night.words.besides", told=waiting, text=trend["text"])
     nothing = say("night.words.nothing_has_changed")
-    if unheard := record.get("ignored"):
+    if helped := record.get("repaired"):
+        nothing = say("night.words.after_repair", text=joined("; ", [one["text"] for one in helped]))
+    elif unheard := record.get("ignored"):
         told = unheard[0]
         nothing = say("night.words.no_alarm_as_ignored", text=told["text"], owner=told["owner"], until=told["until"])
     elif trend := record.get("trend"):
@@ -111,7 +113,7 @@ def headline(record: Mapping[str, Any]) -> str:
             "night.words.whether_within_not_certain",
             nothing=nothing,
             part=part,
-            what=_what(o["what"]),
+            what=what_of(o["what"]),
             limit=f"{o['limit']:g}",
             unit=o["unit"],
             gap=gap,
@@ -119,10 +121,19 @@ def headline(record: Mapping[str, Any]) -> str:
     volume = (record.get("volume") or {}).get("worst_um")
     told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
     first_time = (record.get("change") or {}).get("p_value") is None
-    return joined("", (say("night.words.first_time") if first_time else nothing, part, told, gap))
+    first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
+    return joined("", (first_word if first_time else nothing, part, told, gap))
 
 
-def _what(name: str) -> str:
+def every(alarms: Sequence[Mapping[str, Any]]) -> str:
+    """alarms of a night, one at least → all of them in one sentence."""
+    text = alarms[0]["text"]
+    for other in alarms[1:]:
+        text = say("changed.besides", text=text, other=other["text"])
+    return str(text)
+
+
+def what_of(name: str) -> str:
     """name of a limit → its word; a symbol stays as it is."""
     return say("followed.volume") if name == "volume" else name
 
@@ -174,7 +185,7 @@ def message(
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
     named = {alarm.get("parameter") for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
     for cause in record.get("behind") or ():
-        lines += [f"* {t('mail.behind', what=_what(cause['what']), text=cause['text'])}"]
+        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=cause['text'])}"]
         lines += [*([] if cause.get("parameter") in named else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
@@ -202,6 +213,7 @@ def message(
         lines.append("* " + t("mail.chance", text=change["text"], p=f"{change['p_value']:.2g}"))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
     before = [t.of(text) for text in record.get("unmeasured") or ()]
     lines += [
         f"* {text}" for text in (*before, *(t.of(x) for x in left if x not in before and x[:10] not in {b[:10] for b in before}))
@@ -227,7 +239,7 @@ def message(
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
-    what, value, most = _what(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
     return f"* {t(key, what=what, value=value, limit=most)}"
 
 

@@ -95,7 +95,7 @@ def dated(alarm: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]
     if alarm.get("was") is not None:
         return {**alarm, "utc": record.get("start_utc")}
     own = (record.get("parameters") or {}).get(alarm.get("parameter")) or {}
-    step = alarm.get("size") if alarm.get("rate_per_day") else own.get("change")
+    step = alarm.get("size") if alarm.get("rate_per_day") or alarm.get("repair") else own.get("change")
     was = None if step is None or "value" not in own else float(own["value"]) - float(step) - float(own.get("in_control") or 0.0)
     return {**alarm, "utc": record.get("start_utc"), "was": was}
 

@@ -30,10 +30,15 @@ def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequenc
     """{entry: alarms of that night}, entries of a series, parameter, factor to its unit → its jumps, oldest first."""
     found = []
     for place, entry in enumerate(entries):
-        own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and not a.get("rate_per_day")]
+        own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and _at_once(a)]
         if own and place:
             found.append((place, float(own[0]["size"]) * factor))
     return found
+
+
+def _at_once(alarm: Mapping[str, Any]) -> bool:
+    """alarm → whether it moved in its night: a drift did not, nor what a repair has left."""
+    return not alarm.get("rate_per_day") and not alarm.get("repair")
 
 
 def jumps_of_tip(
@@ -47,7 +52,7 @@ def jumps_of_tip(
     another compensation → its jumps on such nights."""
     found = []
     for place, entry in enumerate(entries):
-        moved = any(not a.get("rate_per_day") and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
+        moved = any(_at_once(a) and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
         if (moved or place in begins) and place and abs(float(value[place] - value[place - 1])) > SURE * np.sqrt(2) * std:
             found.append((place, float(value[place] - value[place - 1])))
     return found

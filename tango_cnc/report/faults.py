@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ..history import History
 
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
+WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
+KNOCK = 3.0  # times what a drift makes a day, from which one night is a knock on top of it
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
 
 
@@ -141,16 +143,17 @@ def _together(
     """alarms, what happened to compensations, moments of repairs → one for each parameter, with all that has come together since
     the oldest of them; what a compensation has settled is apart from what came after it.
     """
-    groups: dict[tuple[str, bool], list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
     for a in alarms:
-        groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled"))), []).append(a)
+        groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled")), _on_a_drift(a, alarms)), []).append(a)
     found, written = [], last_written(events)
-    for same in groups.values():
+    for (parameter, settled, knocked), same in groups.items():
         same.sort(key=_moment)
         first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
         own, every = sizes[0], sum(sizes)
-        if first.get("total") is not None:
-            every = float(first["total"])
+        if first.get("total") is not None and not knocked:
+            knocks = groups.get((parameter, settled, True), ())
+            every = float(first["total"]) - sum(float(a["size"]) for a in knocks if _moment(a) > _moment(first))
         drifts = any(a.get("rate_per_day") for a in same) or _one_way(same, events, repaired)
         open_since = [str(a["since"]) for a in same if a.get("since") and not _closed(a)]
         first = first | {"begun": min(open_since, default=first["begun"])}
@@ -170,6 +173,13 @@ def _together(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
         )
     return found
+
+
+def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bool:
+    """alarm, all alarms → whether it is a knock on a parameter that drifts: far more in one night than the drift makes in one."""
+    same = [x for x in alarms if x.get("rate_per_day") and x.get("steady", True) and x.get("parameter") == a.get("parameter")]
+    rates = [abs(float(x["rate_per_day"])) for x in same]
+    return bool(rates) and not a.get("rate_per_day") and abs(float(a.get("size") or 0.0)) > KNOCK * max(rates)
 
 
 def _moment(a: Mapping[str, Any]) -> str:
@@ -200,7 +210,7 @@ def _whole(
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
-        whole["todo"] = t("morning.drift_do")
+        whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])
         large = abs(small * every / own)

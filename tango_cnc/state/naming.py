@@ -6,7 +6,7 @@ along them (Willsky & Jones 1976); ln k a direction is the price, so that six di
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from .changes import change_of
 from .filter import State, Tonight
 from .frame import Frame
 
-FAR = 1e-6  # p-value of what a second cause explains, over all that are tried, below which it is named beside the first
-ALIKE = 0.05  # share of a direction that the first cause cannot make, below which a second one is no other
+FAR = 1e-5  # p-value of what another cause explains, over all that are tried, below which it is named beside the first
+ALIKE = 0.05  # share of a direction that the first cause cannot make, below which another one is the same
+MANY = 4  # causes of one night that are named
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
 SCALES = ("EXX1", "EYY1", "EZZ1")
@@ -47,7 +48,8 @@ class Named:
     score: float
     remains: float  # p-value of what it leaves
     instead: tuple[str, ...]  # other hypotheses that fit nearly as well
-    besides: Named | None = None  # a second cause that explains most of what this one leaves; both sizes are then of one fit
+    besides: Named | None = None  # another cause that explains most of what is left, with its own besides; sizes are of one fit
+    more: tuple[Named, ...] = ()  # of the first: what would explain most of what all of them leave, the best one first
 
     @property
     def sigmas(self) -> float:
@@ -55,9 +57,14 @@ class Named:
         return float(np.sqrt(self.explained))
 
     @property
+    def all(self) -> tuple[Named, ...]:
+        """→ itself and the causes beside it."""
+        return (self, *(() if self.besides is None else self.besides.all))
+
+    @property
     def told(self) -> float:
-        """→ how much of the statistic it explains together with the cause beside it."""
-        return self.explained + (self.besides.explained if self.besides is not None else 0.0)
+        """→ how much of the statistic it explains together with the causes beside it."""
+        return sum(one.explained for one in self.all)
 
     @property
     def length(self) -> float:
@@ -80,7 +87,7 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
         name, slot = followed.selection.label(model.names[i]), model.coefficients[i].slot
         found.append(Hypothesis(change_of(name, followed.families[i]), name, unit(i), followed.units[i], (slot.axis,)))
     scales = [i for i in followed.machine if model.names[i] in SCALES]
-    if len(scales) > 1:  # a machine that is warmer than before, where no sensor says so
+    if len(scales) > 1 and not followed.selection.mismatch:  # a machine that is warmer than before, where no sensor says so
         found.append(Hypothesis("scales", "scales", np.eye(p)[:, scales].sum(axis=1, keepdims=True), followed.units[scales[0]]))
     stylus = [i for i in range(count) if model.coefficients[i].slot.axis == "t"]
     if stylus:
@@ -104,6 +111,17 @@ def hypotheses(followed: Frame, warmer: float | None) -> tuple[Hypothesis, ...]:
     return tuple(found)
 
 
+def alike_scales(size: Array, covariance: Array) -> int | None:
+    """(m,) changes of scales, (m, m) covariance → which one of them explains the changes better alone than all of them alike do;
+    None: alike. By the generalised likelihood ratio along each direction.
+    """
+    weighted = np.linalg.pinv(covariance)
+    ways = np.vstack([np.ones(len(size)), np.eye(len(size))])
+    explained = (ways @ weighted @ size) ** 2 / np.einsum("ij,jk,ik->i", ways, weighted, ways)
+    best = int(np.argmax(explained))
+    return None if best == 0 else best - 1
+
+
 def _table(followed: Frame) -> Array | None:
     """→ (p, 3) what a displacement of the table along X, Y, Z of its own frame does to facets and balls."""
     model, p = followed.model, len(followed.names)
@@ -118,8 +136,14 @@ def _table(followed: Frame) -> Array | None:
     return columns if np.linalg.matrix_rank(columns) == 3 else None
 
 
-def name_change(state: State, followed: Frame, tonight: Tonight, tried: Sequence[Hypothesis]) -> Named | None:
-    """predicted state, frame, judgement, hypotheses → the one that explains the change best; None where none explains any."""
+def name_change(
+    state: State, followed: Frame, tonight: Tonight, tried: Sequence[Hypothesis], expected: Collection[tuple[str, str]] = ()
+) -> Named | None:
+    """predicted state, frame, judgement, hypotheses → the one that explains the change best, with those beside it; None where none
+    explains any.
+
+    `expected`: (cause, parameter) of what somebody has worked at; where it fits as well as the best one, it is that.
+    """
     k = len(tonight.innovation)
     if not k or not tried:
         return None
@@ -135,12 +159,8 @@ def name_change(state: State, followed: Frame, tonight: Tonight, tried: Sequence
         if (story := _seen(h, patterns[:, begin : begin + m])) is not None:
             seen.append(story)
         begin += m
-    found = _best(seen, white, tonight)
-    if found is None:
-        return None
-    best, its = found
-    second = _besides(best, its, seen, white, tonight)
-    return best if second is None else second
+    found = _best(seen, white, tonight, expected)
+    return None if found is None else _with_others(*found, seen, white, tonight)
 
 
 def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
@@ -156,8 +176,12 @@ def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
     return replace(h, directions=h.directions[:, visible], axes=axes), pattern[:, visible]
 
 
-def _best(seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> tuple[Named, Array] | None:
-    """hypotheses with their patterns, (k,) white innovation, judgement → the one of the best score, and its pattern."""
+def _best(
+    seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight, expected: Collection[tuple[str, str]]
+) -> tuple[Named, Array] | None:
+    """hypotheses with their patterns, (k,) white innovation, judgement, what is expected → the one of the best score, and its
+    pattern.
+    """
     k, scored = len(white), []
     for h, pattern in seen:
         m = pattern.shape[1]
@@ -169,8 +193,9 @@ def _best(seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonig
     if not scored:
         return None
     scored.sort(key=lambda item: -item[0])
-    score, best, pattern = scored[0]
-    near = tuple(n.hypothesis.parameter for other, n, _ in scored[1:] if _alike(best, n, score - other))[:4]
+    own = (item for item in scored if (item[1].hypothesis.cause, item[1].hypothesis.parameter) in expected)
+    score, best, pattern = next((item for item in own if scored[0][0] - item[0] < CLOSE), scored[0])
+    near = tuple(n.hypothesis.parameter for other, n, _ in scored if n is not best and _alike(best, n, score - other))[:4]
     return replace(best, instead=near), pattern
 
 
@@ -187,36 +212,66 @@ def _fitted(pattern: Array, white: Array, scale: float) -> tuple[float, Array, A
     return float(along @ along) / scale, size, std, rank
 
 
-def _besides(best: Named, its: Array, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named | None:
-    """best story, its (k, m) pattern, every hypothesis with its pattern, innovation, judgement → the best story with a second
-    cause beside it, sizes and standard deviations of both from one fit; None where no second one stands out.
-
-    It has to explain more than half of what the first one leaves above chance, and more than any other by `CLOSE`: a
-    second name that another would do as well is none.
+def _with_others(best: Named, its: Array, seen: Sequence[tuple[Hypothesis, Array]], white: Array, tonight: Tonight) -> Named:
+    """best story, its (k, m) pattern, every hypothesis with its pattern, innovation, judgement → the same with the causes beside
+    it, sizes and standard deviations of all from one fit, and with what would explain what is left then.
     """
-    k, m = len(white), its.shape[1]
-    if best.remains >= FAR or best.hypothesis.cause == "temperature":
-        return None
-    basis = linalg.orth(its)
+    causes, patterns, more = [best], [its], list[Named]()
+    while True:
+        found = _next(causes, patterns, seen, white, tonight)
+        more = [one for one, _, _ in found][:MANY]
+        if not found or not found[0][2] or len(causes) == MANY:
+            break
+        causes.append(found[0][0])
+        patterns.append(found[0][1])
+        _, size, std, rank = _fitted(np.hstack(patterns), white, tonight.scale)
+        left = max(tonight.statistic / tonight.scale - sum(c.explained for c in causes), 0.0)
+        remains = float(special.chdtrc(len(white) - rank, left)) if len(white) > rank else 1.0
+        begin, again = 0, []
+        for cause, pattern in zip(causes, patterns, strict=True):
+            part = slice(begin, begin := begin + pattern.shape[1])
+            again.append(replace(cause, size=size[part], std=std[part], remains=remains))
+        causes = again
+    chain: Named | None = None
+    for cause in reversed(causes[1:]):
+        chain = replace(cause, besides=chain)
+    return replace(causes[0], besides=chain, more=tuple(more))
+
+
+def _next(
+    causes: Sequence[Named],
+    patterns: Sequence[Array],
+    seen: Sequence[tuple[Hypothesis, Array]],
+    white: Array,
+    tonight: Tonight,
+) -> list[tuple[Named, Array, bool]]:
+    """causes, their (k, m) patterns, every hypothesis with its pattern, innovation, judgement → what explains more of what they
+    leave than chance, with its pattern and whether it is a name: the best one first.
+
+    A name explains more than half of what is left above chance, and more than any other by `CLOSE`: one that another would do as
+    well is none.
+    """
+    k, m = len(white), sum(p.shape[1] for p in patterns)
+    if causes[0].hypothesis.cause == "temperature":
+        return []
+    basis = linalg.orth(np.hstack(patterns))
     left = white - basis @ (basis.T @ white)
     others = []
     for h, pattern in seen:
         own = pattern - basis @ (basis.T @ pattern)
         if np.all(np.linalg.norm(own, axis=0) > ALIKE * np.linalg.norm(pattern, axis=0)):
-            others.append((h, pattern, _fitted(own, left, tonight.scale)[0] - np.log(k) * pattern.shape[1]))
-    if not others:
-        return None
-    others.sort(key=lambda item: -item[2])
-    h, pattern, score = others[0]
-    gain = score + np.log(k) * pattern.shape[1]
-    rest = max(tonight.statistic / tonight.scale - best.explained, 0.0) - (k - m)
-    by_chance = float(special.chdtrc(pattern.shape[1], gain)) * len(others)
-    if by_chance > FAR or gain < 0.5 * rest or (len(others) > 1 and score - others[1][2] < CLOSE):
-        return None
-    explained, size, std, rank = _fitted(np.hstack([its, pattern]), white, tonight.scale)
-    remains = float(special.chdtrc(k - rank, max(tonight.statistic / tonight.scale - explained, 0.0))) if k > rank else 1.0
-    second = Named(h, size[m:], std[m:], gain, score, remains, ())
-    return replace(best, size=size[:m], std=std[:m], remains=remains, besides=second)
+            gain, size, std, _ = _fitted(own, left, tonight.scale)
+            score = gain - np.log(k) * pattern.shape[1]
+            others.append((Named(h, size, std, gain, score, causes[-1].remains, ()), pattern))
+    others.sort(key=lambda item: -item[0].score)
+    rest = max(tonight.statistic / tonight.scale - sum(c.explained for c in causes), 0.0) - (k - m)
+    found = []
+    for place, (one, pattern) in enumerate(others):
+        by_chance = float(special.chdtrc(pattern.shape[1], one.explained)) * len(others)
+        alone = place == 0 and (len(others) == 1 or one.score - others[1][0].score >= CLOSE)
+        if by_chance <= FAR:
+            found.append((one, pattern, alone and one.explained >= 0.5 * rest))
+    return found
 
 
 def _alike(best: Named, other: Named, behind: float) -> bool:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..history import History, Night, Standing, opened
+from ..history.former import formers, of_folder
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
 from .settings import Settings
@@ -35,6 +36,7 @@ class Machine:
     folder: Path | None
     history: History | None
     trouble: str = ""  # why its cell cannot be read
+    former: tuple[str, ...] = ()  # what its cell has under other names, as sentences
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class Places:
     def _machines(self) -> dict[str, Machine]:
         shared = self._history(self.settings.history) if self.settings.history else None
         found: dict[str, Machine] = {}
-        for folder in self.settings.cells:
+        for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
             own, why = (shared, "") if shared is not None else self._own(folder)
@@ -112,7 +114,29 @@ class Places:
         if shared is not None:
             for name in shared.machines():
                 found.setdefault(slug_of(name), Machine(slug_of(name), name, None, shared))
-        return found
+        return self._with_former(found)
+
+    def _with_former(self, found: dict[str, Machine]) -> dict[str, Machine]:
+        """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
+        names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Machine]()
+        for slug, m in list(found.items()):
+            if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
+                continue
+            new = m.name not in m.history.machines()
+            if self.settings.history and not new:  # every name of a history that all share is in the list by itself
+                continue
+            known = formers(m.history, m.name, m.folder, not self.settings.history and self._within(m.folder), names)
+            told = tuple(f.told(m.name, new) for f in known if f.alarms or new)
+            found[slug] = replace(m, former=told)
+            more |= {slug_of(f.machine): Machine(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms}
+        return {**more, **found}
+
+    def _within(self, folder: Path) -> bool:
+        """folder of a cell → whether its history is a file in it."""
+        try:
+            return of_folder(history_of(folder, read_nightly(folder)), folder)
+        except TangoError:
+            return True
 
     def geometry(self, machine: Machine) -> Geometry | None:
         """machine → its chain of axes, None where its cell is not on this computer or cannot be read."""

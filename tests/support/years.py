@@ -444,6 +444,11 @@ class Year:
             raise Broken("entries have gone from the history")
         self.fault = fault
 
+    def _origins(self) -> list[str]:
+        """→ start of every night with an alarm; one that only says that a repair has not helped is the alarm before once more."""
+        nights = reversed(self.history.alarmed(self.name))
+        return [s.night.start_utc for s in nights if not all(a.get("repair") for a in s.record["alarms"])]
+
     def run(self, nights: int = 365) -> dict[str, Any]:
         """→ what became of every night, and alarms that nothing caused. Raises Broken, with the night."""
         became: list[str] = []
@@ -456,8 +461,8 @@ class Year:
         if wrong := self.history.verify():
             raise Broken(f"seed {self.seed}: {wrong[0]}")
         first = {c: True for c in self.changes}
-        alarms = [n for n in self.history.nights(self.name) if n.alarms]
-        days = [(datetime.fromisoformat(n.start_utc) - datetime(2026, 1, 1, tzinfo=UTC)).days for n in alarms]
+        alarms = self._origins()
+        days = [(datetime.fromisoformat(start) - datetime(2026, 1, 1, tzinfo=UTC)).days for start in alarms]
         blamed = [d for d in days if not any(0 <= d - c <= 3 for c in self.changes)]
         measured = len([n for n in self.history.nights(self.name) if n.p_value is not None])
         self.engine.dispose()

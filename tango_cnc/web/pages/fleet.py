@@ -58,6 +58,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
+        "former": [t.of(text) for text in row.machine.former],
         "unmeasured": t("may.first_run") if busy else t("may.ran", date=ran) if ran else t("may.never"),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",

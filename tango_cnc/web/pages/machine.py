@@ -201,10 +201,16 @@ def course_of_tip(request: Request, machine: Machine) -> str:
     value = np.array([float(n.volume_um or 0.0) * k for n in known])
     first = date.fromisoformat(known[0].night)
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
-    anew = begins(events_of(state, machine), [n.night for n in known])
+    anew = {*begins(events_of(state, machine), [n.night for n in known]), *_after_repairs(request, machine, known)}
     jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std, anew)
     limit = allowed["volume"] * k if "volume" in allowed else None
     return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
+
+
+def _after_repairs(request: Request, machine: Machine, nights: Sequence[Night]) -> list[int]:
+    """request, machine, nights oldest first → places of the first night after each repair."""
+    done = [d.utc for d in _unclosed(request, machine)[1] if d.action == "repaired"]
+    return [place for utc in done if (place := next((i for i, n in enumerate(nights) if n.start_utc >= utc), None)) is not None]
 
 
 def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:

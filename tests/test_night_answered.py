@@ -1,0 +1,183 @@
+"""What somebody has answered to an alarm is held against the nights that follow: a repair that helped or not, what is ignored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from support.answers import UNTIL, accept_stylus, answered
+from support.histories import record as kept
+
+from tango_cnc.cli import tango
+from tango_cnc.commands._simulated_nights import Event, Story
+from tango_cnc.history import opened
+from tango_cnc.nightly.answered import Moved
+from tango_cnc.nightly.night import EXIT
+from tango_cnc.nightly.words import message
+from tango_cnc.report.faults import faults
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+from tango_cnc.state.naming import Hypothesis
+
+KNOCK = 20e-6  # rad, EC0X on night 8
+
+
+def one(then: float, now: float) -> Moved:
+    h = Hypothesis("axis_location", "EX0C", np.eye(4)[:, :1], "mm", ("C",))
+    return Moved(np.array([then]), np.array([now]), np.array([0.0005]), np.array([0.0005]), np.array([0.0002]), h)
+
+
+@pytest.mark.parametrize(
+    ("now", "apart"),
+    [(0.0, False), (0.0012, False), (-0.0012, False), (0.0019, False), (0.01, True), (0.02, True), (0.03, True), (-0.01, True)],
+)
+def test_a_repair_has_helped_where_no_more_is_left_than_touches_leave_open(now: float, apart: bool) -> None:
+    assert one(0.02, now).apart() == apart
+
+
+@pytest.mark.parametrize(
+    ("now", "grown", "beyond"),
+    [
+        *((0.01, 1.0, False), (0.0117, 1.0, False), (0.0, 1.0, False), (0.013, 1.0, True), (0.035, 1.0, True), (-0.01, 1.0, True)),
+        *((0.013, 1.5, False), (0.035, 1.5, True), (-0.01, 1.5, True)),
+    ],
+)
+def test_what_is_ignored_is_what_was_seen_and_what_a_drift_has_added_since(now: float, grown: float, beyond: bool) -> None:
+    assert one(0.01, now).beyond(grown) == beyond
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("then", "verdict", "said"),
+    [
+        ({}, "changed", "as before the repair"),
+        ({"EC0X": -KNOCK / 2}, "changed", "that is left of"),
+        ({"EC0X": KNOCK}, "changed", "before the repair"),
+        ({"EC0X": -2 * KNOCK}, "changed", "went too far"),
+        ({"EC0X": -KNOCK, "EY0C": 0.015}, "changed", "C axis has moved along Y"),
+        ({"EC0X": -KNOCK}, "good", "as before, after the repair by Ann on 2026-10-08"),
+    ],
+)
+def test_a_repair_is_measured(root: Path, tmp_path: Path, then: dict[str, float], verdict: str, said: str) -> None:
+    story = Story((Event(8, {"EC0X": KNOCK}), Event(9, then)), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {8: "repaired"})
+    night = records[8]
+    assert [a["parameter"] for a in records[7]["alarms"]] == ["EC0X"] and night["kind"] == "full"
+    assert night["verdict"] == verdict and said in night["headline"]
+    assert EXIT[night["verdict"]] == (0 if verdict == "good" else 1)
+    assert {r["verdict"] for r in records[9:]} == {verdict}  # nobody has answered the new alarm; a good end stays one
+    assert not any(a for r in records[9:] for a in r["alarms"])  # and it is told once
+    left = KNOCK + then.get("EC0X", 0.0)
+    for found in (*(a for a in night["alarms"] if a["parameter"] == "EC0X"), *night.get("repaired", ())):
+        assert abs(found["size"] - left) < 4 * found["std"]
+    if abs(left) > 1e-9:
+        (alarm,) = night["alarms"]
+        assert alarm["repair"]["alarm"] == records[7]["alarms"][0]["id"] and "Ask Ann" in alarm["do"]
+        assert "still there" in records[9]["standing"][0]["now"]  # and not gone: the repair did not make it
+    else:
+        assert [h["parameter"] for h in night["repaired"]] == ["EC0X"]
+
+
+@pytest.mark.long
+def test_a_table_that_was_not_put_back_is_off_as_before(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, table=(0.0, 0.012, 0.008)),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 9, {8: "repaired"})
+    assert [a["cause"] for a in records[7]["alarms"]] == ["table"]
+    (alarm,) = records[8]["alarms"]
+    assert alarm["cause"] == "table" and alarm["size"] == pytest.approx(0.0144, abs=0.001)
+    assert "as before the repair" in alarm["text"] and records[8]["verdict"] == "changed"
+
+
+@pytest.mark.long
+def test_what_is_ignored_alarms_again_when_it_is_larger_and_not_before(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.010}), Event(11, {"EY0C": 0.025})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 13, {8: "ignore"})
+    assert [r["verdict"] for r in records[8:10]] == ["good", "good"]
+    (alarm,) = records[10]["alarms"]
+    assert alarm["parameter"] == "EY0C" and alarm["size"] == pytest.approx(0.025, abs=0.002)
+    assert f"that Ann ignores until {UNTIL}" in alarm["text"] and alarm["ignored"]["seen"].startswith("+10.")
+    assert {r["verdict"] for r in records[10:]} == {"changed"}
+
+
+@pytest.mark.long
+def test_an_ignored_change_that_goes_back_is_said_and_does_not_alarm(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.010}), Event(11, {"EY0C": -0.010})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 12, {8: "ignore"})
+    assert records[10]["verdict"] == "good" and "as Ann ignores it" in records[10]["headline"]
+    assert records[10]["ignored"][0]["size"] == pytest.approx(-0.010, abs=0.002)
+
+
+@pytest.mark.long
+def test_a_knock_on_top_of_an_ignored_drift_is_told_with_its_own_size(root: Path, tmp_path: Path) -> None:
+    """Also after weeks, when the drift alone has come farther than the knock is large."""
+    story = Story((Event(6, drift={"EY0C": 0.0012}), Event(34, {"EY0C": 0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 36, {n: "ignore" for n in range(7, 33)})
+    first = next(i for i, r in enumerate(records) if r["alarms"])
+    assert all(r["verdict"] == "good" for r in records[first + 1 : 33])  # it goes on as it was seen
+    (alarm,) = records[33]["alarms"]
+    assert alarm["rate_per_day"] is None and alarm["size"] == pytest.approx(0.0212, abs=0.002)
+    with opened(tmp_path / "h.db") as history:
+        decided = {d.alarm: d for d in history.decisions("trunnion")}
+        waiting = [a | {"utc": s.record["start_utc"]} for s in history.alarmed("trunnion") for a in s.record["alarms"]]
+    shown = faults(records[35], waiting, decided, Units(), texts(), today=records[35]["night"])
+    knock, drift = shown
+    assert "21 µm" in knock["text"] and not knock["drifts"] and "drift" not in knock["text"]
+    assert drift["drifts"] and knock["night"] == records[33]["night"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("example", "bent"), [("trunnion", "EC0X"), ("hu40t", "EC0Y")])
+def test_a_stylus_that_is_accepted_takes_no_knock_with_it(root: Path, tmp_path: Path, example: str, bent: str) -> None:
+    story = Story((Event(8, {bent: 15e-6}, stylus={"EXt": 0.3, "EYt": -0.1, "EZt": 0.5}),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 10, {8: accept_stylus}, example=example)
+    assert {a["parameter"] for a in records[7]["alarms"]} == {"stylus", bent}
+    assert "besides" in records[7]["headline"] and bent in records[7]["headline"]
+    for later in records[8:]:
+        assert later["verdict"] == "changed" and [a["parameter"] for a in later["standing"]] == [bent]
+        assert not later["alarms"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("example", ["hu40t"])
+def test_a_longer_stylus_alone_is_a_stylus_alone(root: Path, tmp_path: Path, example: str) -> None:
+    """Touches on balls are not linear over a millimetre: what that leaves is no second change."""
+    story = Story((Event(8, stylus={"EXt": 0.6, "EYt": -0.3, "EZt": 1.2}),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 9, {8: accept_stylus}, example=example)
+    assert [a["parameter"] for a in records[7]["alarms"]] == ["stylus"] and records[8]["verdict"] == "good"
+
+
+@pytest.mark.long
+def test_three_causes_of_one_night_are_three_alarms(root: Path, tmp_path: Path) -> None:
+    truth = {"EC0X": 20e-6, "EY0C": 0.015, "EA0C": 30e-6}
+    records = answered(root, tmp_path / "h.db", Story((Event(8, truth),), wander=0.5), 9, {})
+    alarms = {a["parameter"]: a for a in records[7]["alarms"]}
+    assert set(alarms) == set(truth) and len({a["id"] for a in alarms.values()}) == 3
+    assert all(abs(a["size"] - truth[name]) < 4 * a["std"] for name, a in alarms.items())
+    assert all(name in records[7]["headline"] for name in truth) and not records[8]["alarms"]
+    assert message(records[7], (), ())[1].count("to answer") == 3
+
+
+def test_a_decision_says_what_follows_from_it(tmp_path: Path) -> None:
+    alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "std": 0.001, "unit": "mm"}
+    alarms: list[dict[str, Any]] = [
+        alarm | {"text": "it moved", "since": "2026-10-01"},
+        alarm | {"id": "2026-10-02-2", "text": "it goes on", "since": "2026-10-01", "rate_per_day": 0.0013, "steady": True},
+        {"id": "2026-10-02-3", "cause": "unknown", "parameter": "several", "size": 0.0, "std": 0.0, "unit": "", "text": "changed"},
+    ]
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(2, alarms=alarms))
+
+    def decide(which: int, *more: str) -> str:
+        command = ["history", "decide", f"2026-10-02-{which}", "--history", str(tmp_path / "history.db"), "--owner", "Ann"]
+        result = CliRunner().invoke(tango, [*command, "--action", *more])
+        assert result.exit_code == 0, result.output
+        return " ".join(result.output.split())
+
+    until = ("ignore", "--until", "2099-12-24")
+    assert "within what was seen: +20.0 ± 1.0 µm. More than that alarms again" in decide(1, *until)
+    assert "+20.0 ± 1.0 µm, +1.3 µm a day" in decide(2, *until)
+    assert "any further change alarms again" in decide(3, *until)
+    assert "it alarms again" in decide(1, "repaired")

@@ -1,0 +1,94 @@
+"""A name in machine.yaml that was changed: alarms under the old name are not gone, and every page says what to do."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from support.nights import knock, night
+from support.server import cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.cli import tango
+from tango_cnc.history import Decision, opened
+from tango_cnc.history.former import formers
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+
+@pytest.fixture
+def renamed(tmp_path: Path) -> Path:
+    folder = tmp_path / "cell"
+    records = [night("OLD 5", i, cell=str(folder)) for i in range(4)]
+    records[2] |= {"verdict": "changed", "alarms": [knock(records[2]["night"])]}
+    cell(folder, "OLD 5", records)
+    file = folder / "machine.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace("name: 'OLD 5'", "name: NEW"), encoding="utf-8")
+    return folder
+
+
+def run(*words: str) -> tuple[int, str]:
+    result = CliRunner().invoke(tango, list(words), standalone_mode=False)
+    assert result.exception is None
+    return result.return_value, " ".join(result.output.split())
+
+
+def test_status_and_fleet_name_the_nights_of_the_old_name_and_its_alarms(renamed: Path) -> None:
+    status, text = run("nightly", "-C", str(renamed), "--status")
+    assert status == 1 and "nights of OLD 5 in this history are of this cell: 4" in text and "put the name OLD 5 back" in text
+    assert "nobody has closed: 1" in text and "--machine 'OLD 5'" in text
+    status, text = run("fleet", str(renamed))
+    assert status == 1 and "NEW was never measured" in text and "OLD 5" in text
+    status, text = run("fleet", str(renamed), "--json", "-")
+    lines = {m["machine"]: m for m in json.loads(text)["machines"]}
+    assert lines["OLD 5"]["alarms_open"] == 1 and lines["NEW"]["last"] is None
+
+
+def test_once_its_alarms_are_closed_and_the_new_name_is_measured_nothing_more_is_said(renamed: Path) -> None:
+    with opened(renamed / "history.db") as history:
+        (alarm,) = history.open_alarms("OLD 5")
+        history.decide("OLD 5", Decision(alarm["id"], "accept", "Ann"))
+        (other,) = formers(history, "NEW", renamed, within=True)
+        assert other.alarms == () and other.nights == 4
+        assert "nobody has closed: 0" in other.told("NEW", True)
+        history.add_night(night("NEW", 5, cell=str(renamed)))
+    assert "OLD 5" not in run("nightly", "-C", str(renamed), "--status")[1] and "OLD 5" not in run("fleet", str(renamed))[1]
+
+
+def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_path: Path) -> None:
+    with opened(renamed / "history.db") as history:
+        assert [f.machine for f in formers(history, "NEW", renamed)] == ["OLD 5"]
+        assert formers(history, "NEW", tmp_path / "elsewhere") == ()
+        assert formers(history, "NEW", renamed, within=True, others={"OLD 5"}) == ()
+
+
+@pytest.mark.parametrize("path", ["/", "/alarms", "/machine/NEW"])
+def test_pages_show_the_alarm_of_the_old_name_and_what_to_do(renamed: Path, path: str) -> None:
+    with TestClient(create(Settings((renamed,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        text = client.get(path).text
+    if path == "/alarms":
+        assert "OLD 5" in text and "moved along X" in text
+    else:
+        assert "NEW was never measured, but nights of OLD 5" in text and "put the name OLD 5 back" in text
+
+
+@pytest.mark.long
+def test_the_first_night_under_a_new_name_says_so(root: Path, tmp_path: Path) -> None:
+    from tango_cnc.commands._simulated_nights import Story, nights
+    from tango_cnc.files import read_cell, read_world
+    from tango_cnc.files.nightly import Nightly
+    from tango_cnc.nightly.words import message
+
+    folder = root / "examples" / "trunnion"
+    mine = read_cell(folder)
+    with opened(tmp_path / "h.db") as history:
+        old = night("OLD 5", 0, "changed", cell=str(folder))
+        history.add_night(old | {"alarms": [knock(old["night"])]})
+        settings = Nightly(diagnose=False)
+        ((record, _),) = nights(mine, read_world(folder / "world.yaml"), history, 1, 3, Story(), settings)
+    assert "under this name" in record["headline"]
+    assert "nights of OLD 5 in this history are of this cell: 1" in message(record, (), ())[1]
