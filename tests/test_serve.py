@@ -327,7 +327,9 @@ def test_a_run_says_when_it_began_as_every_other_page_says_a_date(tmp_path: Path
 def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST) as site:
-        assert "There is no run" in site.get("/machine/HU40T-like/run").text
+        waiting = site.get("/machine/HU40T-like/run").text
+        assert "There is no run" in waiting and "as soon as it starts" in waiting and "data-begin" in waiting
+        assert site.get("/machine/HU40T-like/run/step").headers["x-run-state"] == "none"
         run = Recorded(folder, 20)
         assert "Waiting for the control to start" in site.get("/machine/HU40T-like/run").text
         run.begin()
@@ -449,6 +451,60 @@ def test_the_history_is_the_one_that_the_nights_write_to(tmp_path: Path) -> None
         fleet = client.get("/").text
     assert "24 Oct 2026" in fleet and "Another" in fleet and "history.db" in fleet  # the broken one is named and hides nothing
     assert nights(place, read_cell(place).machine, Units(), texts()) is not None
+
+
+@pytest.mark.long
+def test_who_has_not_seen_what_was_decided_decides_nothing(tmp_path: Path) -> None:
+    """A tab that was left open shows an alarm as nobody's; somebody has it by now."""
+    folder = cell(tmp_path / "one")
+    site = signed_in(folder, tmp_path / "users.json")
+    page = site.get("/alarms").text
+    (seen,) = set(re.findall(r'name="seen" value="([^"]+)"', page))
+    form = {"csrf": re.findall(r'name="csrf" value="([^"]+)"', page)[0], "alarm": "2026-11-05-1", "seen": seen, "owner": "Bob"}
+    first = site.post("/machine/HU40T-like/decide", data={**form, "action": "acknowledge"})
+    assert "Recorded: acknowledged." in first.text
+    stale = site.post("/machine/HU40T-like/decide", data={**form, "action": "accept", "owner": "Eve", "note": "fine by me"})
+    assert stale.status_code == 400 and "Bob has decided about this alarm meanwhile (acknowledged," in stale.text
+    for what in ('value="accept" required checked', 'value="Eve"', 'value="fine by me"'):
+        assert what in stale.text, "and what was typed is still there"
+    with opened(folder / "history.db") as history:
+        assert [d.owner for d in history.decisions("HU40T-like")] == ["Bob"]
+
+
+@pytest.mark.long
+def test_an_answer_that_lacks_something_is_said_in_words_of_the_page(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one")
+    site = signed_in(folder, tmp_path / "users.json")
+    form = {"csrf": re.findall(r'name="csrf" value="([^"]+)"', site.get("/alarms").text)[0], "alarm": "2026-11-05-1"}
+    text = site.post("/machine/HU40T-like/decide", data={**form, "action": "ignore"}).text
+    assert "Ignored needs a day until when." in text and "--until" not in text.partition("<h2>")[0]
+    odd = site.post("/machine/HU40T-like/decide", data={**form, "action": "accept", "note": "a\x00b\x1b[31m"})
+    assert odd.status_code == 400 and "found the character U+0000" in odd.text
+    with opened(folder / "history.db") as history:
+        assert not history.decisions("HU40T-like")
+
+
+@pytest.mark.long
+def test_a_form_that_comes_after_its_sign_in_says_that_nothing_was_carried_out(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one")
+    site = signed_in(folder, tmp_path / "users.json")
+    site.cookies.clear()
+    asked = site.get("/machine/HU40T-like/nights", follow_redirects=False)
+    assert asked.headers["location"] == "/sign-in?next=/machine/HU40T-like/nights"
+    late = site.post("/machine/HU40T-like/decide", data={"alarm": "2026-11-05-1", "action": "accept"})
+    assert "was not carried out" in late.text and 'name="next" value="/alarms"' in late.text
+    for away in ("//evil.example/x", "https://evil.example", "/sign-out", "/a?b=c", "/\\evil"):
+        assert 'name="next" value="/"' in site.get("/sign-in", params={"next": away}).text, away
+
+
+def test_a_cell_that_is_new_is_shown_without_a_new_start(tmp_path: Path) -> None:
+    one = cell(tmp_path / "one", records=[])
+    find = lambda: tuple(sorted(f.parent for f in tmp_path.glob("*/tango.yaml")))  # noqa: E731
+    with TestClient(create(Settings((one,), find=find)), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert "Another" not in site.get("/").text
+        cell(tmp_path / "two", "Another", records=[])
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined] # five seconds later
+        assert "Another" in site.get("/").text
 
 
 @pytest.mark.long

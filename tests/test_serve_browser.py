@@ -119,6 +119,16 @@ def test_every_page_is_whole_accessible_and_fits(size: tuple[int, int], site: Si
         assert all(address.startswith((site.base, "data:")) for address in asked), asked
 
 
+@pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+def test_two_lines_under_one_word_stay_beside_it(size: tuple[int, int], site: Site, browser: webdriver.Chrome) -> None:
+    """A night in doubt has several reasons: all text keeps its column, as wide as the page has room for."""
+    sized(browser, size)
+    browser.get(f"{site.base}/machine/HU40T-like")
+    browser.execute_script("document.querySelector('.facts dd').insertAdjacentHTML('afterend', '<dd>one more</dd>')")
+    widths = browser.execute_script("return [...document.querySelectorAll('.facts dd')].map(d => d.getBoundingClientRect().width)")
+    assert len(widths) > 3 and min(widths) > 0.5 * size[0]
+
+
 @pytest.mark.parametrize(("colors", "media"), [("dark", ""), ("light", "print")], ids=["dark", "print"])
 def test_every_page_can_be_read_at_night_and_on_paper(colors: str, media: str, site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, DESK)

@@ -92,13 +92,17 @@ def command(
             raise InputError(f"{file}: no such file; allowed: a PEM file")
     if certificate is not None and key is not None:
         checked(certificate, key)
-    cells = tuple(cell for folder in folders or (Path("."),) for cell in cells_in(folder))
+
+    def find() -> tuple[Path, ...]:
+        return tuple(cell for folder in folders or (Path("."),) for cell in cells_in(folder))
+
+    cells = find()
     if not cells and history is None:
         raise InputError(
             f"{', '.join(map(str, folders)) or '.'}: found no cell; allowed: a folder with tango.yaml, or one of such folders"
         )
     called = tuple(dict.fromkeys((*LOOPBACK, *(() if host in ("0.0.0.0", "::") else (host,)), *names)))
-    settings = Settings(cells, history, users, called, tls, late_hours, templates)
+    settings = Settings(cells, history, users, called, tls, late_hours, templates, find)
     app = create(settings)
     if unit == "inch":
         from ..report.units import Units

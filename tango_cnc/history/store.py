@@ -10,6 +10,7 @@ A night and everything that belongs to it is one transaction: after a power cut 
 from __future__ import annotations
 
 import json
+import unicodedata
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -100,6 +101,10 @@ class History:
                 raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
         if not decision.owner.strip():
             raise InputError("decision: found no owner; allowed: the name of who decides")
+        for key, text in (("owner", decision.owner), ("note", decision.note)):
+            if strange := [c for c in text if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Zl", "Zp")]:
+                code = f"U+{ord(strange[0]):04X}"
+                raise InputError(f"decision: {key}: found the character {code}; allowed: one line of characters that are seen")
         known = {alarm["id"] for stored in self.alarmed(machine) for alarm in stored.record["alarms"]}
         if decision.alarm not in known:
             raise InputError(f"decision: found no alarm {decision.alarm!r} of {machine}; allowed: {_listed(sorted(known)[-5:])}")

@@ -33,6 +33,7 @@ SPARE = 20.0  # touches to spare, at least
 MOVED = 2.0  # standard deviations by which a pattern moves a parameter before the result is doubtful
 TOUCHED = 1.0  # the same before the parameter is not to be trusted
 RIDGE = 1e-10
+NOTHING = 1e-12  # of the largest square of a pattern's columns: a smaller one is rounding
 NEAR_ANGLE, NEAR_PLACE = 1e-3, 0.01  # rad, mm between two places of an axis
 MOST = 60  # places of an axis of which every stretch is tried
 SHOWN = 4  # parameters that a sentence names
@@ -304,7 +305,9 @@ def _stretch(
 def gained(plain: Array, gram: Array, pull: Array) -> tuple[Array, Array, Array]:
     """(m, k, k) squares of patterns, the same of what the unknowns leave of them, (m, k) → χ² that each takes out, its degrees of
     freedom, (m, k) its size."""
-    size = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))
+    square = np.diagonal(plain, axis1=1, axis2=2)
+    # A column that these touches do not see is rounding: made as long as the others it would explain anything.
+    size = np.sqrt(np.maximum(square, NOTHING * square.max(axis=1, initial=0.0)[:, None] + 1e-30))
     scaled = gram / (size[:, :, None] * size[:, None, :])
     value, turn = np.linalg.eigh(scaled)
     along = np.einsum("mij,mi->mj", turn, pull / size)

@@ -18,6 +18,7 @@ from ._shared import Figures, figures
 
 Groups = tuple[tuple[int, ...], ...]
 SELDOM = 1e-3  # chance of a ratio that is taken for more than chance
+TOGETHER = 2.0  # groups whose predictions count for those of one that stands alone
 SAME = 1e-3  # of what an unknown does to a touch: less is the same
 
 
@@ -150,13 +151,15 @@ def _chance(worth: Sequence[tuple[float, float, int]]) -> float:
     """of each group: touches predicted, sum of their squared correlations, degrees of freedom of its estimate → `HeldOut.chance`.
 
     The touches of a group are off together, by what its estimate is off: they count for as many as have the same variance of the
-    mean square (Satterthwaite 1946). The scatter that they are compared with comes from few touches, too: F distribution.
+    mean square (Satterthwaite 1946). Every touch serves in the predictions of the other groups, so that groups are off together,
+    too: they count for half of that, as simulated runs of short plans have it. The scatter that they are compared with comes from
+    few touches: F distribution.
     """
     touches, squares = sum(w[0] for w in worth), sum(w[1] for w in worth)
     if not touches:
         return 0.0
     dof = sum(w[2] for w in worth) / len(worth)
-    return float(special.fdtri(touches**2 / squares, max(dof, 1.0), 1 - SELDOM) ** 0.5)
+    return float(special.fdtri(touches**2 / squares / TOGETHER, max(dof, 1.0), 1 - SELDOM) ** 0.5)
 
 
 def _told(whole: Model, few: Model, used: NDArray[np.int64], rows: NDArray[np.int64], out: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, quote
 
 import jinja2
 from starlette.applications import Starlette
@@ -260,7 +260,11 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
 def _refused(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     if error.status_code == 401:
-        return RedirectResponse("/sign-in", 303)
+        # A form that comes after its sign-in was not carried out: its page is where to go on.
+        where = request.url.path if request.method == "GET" else "/alarms" if request.url.path.endswith("/decide") else "/"
+        lost = "" if request.method == "GET" or request.url.path == "/sign-out" else "&lost=1"
+        then = f"?next={quote(where, safe='/')}{lost}" if where != "/" or lost else ""
+        return RedirectResponse(f"/sign-in{then}", 303)
     t = state_of(request).texts
     said = t("web.not_found") if error.status_code == 404 else str(error.detail)
     return page(request, "told.html", error.status_code, said=said)

@@ -103,7 +103,7 @@ class Places:
     def _machines(self) -> dict[str, Machine]:
         shared = self._history(self.settings.history) if self.settings.history else None
         found: dict[str, Machine] = {}
-        for folder in self.settings.cells:
+        for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
             own, why = (shared, "") if shared is not None else self._own(folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -22,6 +23,7 @@ class Settings:
     https: bool = False
     late_hours: float = 36.0
     templates: Path | None = None
+    find: Callable[[], tuple[Path, ...]] | None = None  # the cells that there are now; None: always those of `cells`
     rate: float = 200.0  # requests a second of one address, and twice as many at once
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from starlette.requests import Request
@@ -12,7 +13,9 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.faults import size_of, still_open
+from ...report.days import at
+from ...report.faults import sentence, size_of, still_open
+from ...report.plain import plain
 from ..app import State, machine_of, needs, page, proven, state_of
 from .fleet import answer_of, faults_of, made_up
 
@@ -24,7 +27,9 @@ DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 def decisions(request: Request) -> Response:
     """request → all alarms of all machines that are not closed: unanswered ones, and those that somebody has."""
     needs(request, "view")
-    return page(request, "decisions.html", said="", **_values(request))
+    done = request.query_params.get("recorded", "")
+    told = state_of(request).texts(f"decision.recorded_{done}") if done in ACTIONS else ""
+    return page(request, "decisions.html", said="", told=told, typed={}, **_values(request))
 
 
 def _values(request: Request) -> Mapping[str, Any]:
@@ -42,10 +47,19 @@ def _read(state: State) -> dict[str, Any]:
             continue
         found = faults_of(row, state)
         if asked := still_open(found):
+            answers = Counter(d.alarm for d in history.decisions(name))
             shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
+            shown = [{**a, "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
             card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
             waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
-        past += [{"machine": row.machine, "d": d} for d in history.decisions(name)[-20:]]
+        newest = history.decisions(name)[-20:]
+        texts = (
+            {a["id"]: a.get("text") or "" for stored in history.alarmed(name) for a in stored.record["alarms"]} if newest else {}
+        )
+        place = state.places.geometry(row.machine)
+        for d in newest:
+            what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
+            past.append({"machine": row.machine, "d": d, "what": sentence(what, state.units)})
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
     waits = {c["machine"].slug: any(a["decision"] is None for a in c["open"]) for c in waiting}
     waiting.sort(
@@ -67,7 +81,7 @@ def decide(request: Request) -> Response:
     form = request.state.form
     state = state_of(request)
     if state.settings.users is None:
-        return page(request, "decisions.html", 403, said=state.texts("decision.read_only"), **_values(request))
+        return page(request, "decisions.html", 403, said=state.texts("decision.read_only"), told="", typed={}, **_values(request))
     visitor = proven(request, form)
     needs(request, "operate")
     found = machine_of(request)
@@ -80,18 +94,33 @@ def decide(request: Request) -> Response:
             raise InputError("this machine has no history")
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
+        if action == "ignore" and until is None:
+            raise InputError(state.texts("decision.until_needed"))
         signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
         alarms = form.get("alarm", "").split()[:MANY] or [""]
         known = {a["id"] for stored in found.history.alarmed(found.name) for a in stored.record["alarms"]}
+        _still_as_seen(found.history.decisions(found.name), alarms, form.get("seen"), state)
         unknown = [a for a in alarms if a not in known]
         for alarm in unknown[:1] or alarms:  # an unknown one is refused before any other is decided
             decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
             found.history.decide(found.name, decision)
     except InputError as error:
         said = state.texts("decision.wrong", why=str(error))
-        return page(request, "decisions.html", 400, said=said, **_values(request))
+        state.places.forget()  # the page shows what is so now
+        return page(request, "decisions.html", 400, said=said, told="", typed=form, **_values(request))
     state.places.forget()
-    return RedirectResponse("/alarms", 303)
+    return RedirectResponse(f"/alarms?recorded={action}", 303)
+
+
+def _still_as_seen(decisions: Sequence[Decision], alarms: Sequence[str], seen: str | None, state: State) -> None:
+    """decisions so far, alarms of a form, how many decisions its page showed of them → nothing.
+
+    Raises InputError where somebody has decided since: who filled the form has not read that.
+    """
+    own = [d for d in decisions if d.alarm in alarms]
+    if seen is not None and seen != str(len(own)) and own:
+        t, last = state.texts, own[-1]
+        raise InputError(t("decision.stale", owner=last.owner, action=t(f"decision.{last.action}"), date=at(last.utc, t)))
 
 
 ROUTES = [

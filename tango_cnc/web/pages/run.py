@@ -58,6 +58,8 @@ async def step(request: Request) -> Response:
     needs(request, "view")
     asked = (request.path_params["slug"], request.query_params.get("run", "0"))
     tag, state, text = await state_of(request).looks.at(asked, lambda: _seen(request))
+    if not tag:  # nothing to see yet: who waits asks again
+        return Response("", media_type="text/html; charset=utf-8", headers={"x-run-state": "none"})
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
     headers = {"etag": tag, "cache-control": "no-cache", "x-run-state": state}
@@ -65,10 +67,10 @@ async def step(request: Request) -> Response:
 
 
 def _seen(request: Request) -> tuple[str, str, str]:
-    """request → tag, state and drawing of its run as it is now. Raises HTTPException 404 where there is none."""
+    """request → tag, state and drawing of its run as it is now; empty where there is none yet."""
     found, chosen, cell = _chosen(request)
     if chosen is None:
-        raise HTTPException(404)
+        return "", "", ""
     tag = f'"{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
     return tag, chosen.state, _step(request, found, chosen, cell)
 

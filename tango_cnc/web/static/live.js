@@ -1,5 +1,7 @@
 (function(){
 "use strict";
+var wall=document.querySelector("[data-again]");
+if(wall)setTimeout(function(){if(navigator.onLine!==false)location.reload();},1000*wall.dataset.again);
 var box=document.getElementById("step"),where=box&&box.dataset.follow;
 if(!where)return;
 var tag="",pause=2000;
@@ -9,6 +11,8 @@ function look(){
   if(answer.status===304){again();return;}
   if(answer.redirected){location.reload();return;}
   if(!answer.ok)throw answer.status;
+  if(answer.headers.get("x-run-state")==="none"){pause=5000;again();return;}
+  if(box.hasAttribute("data-begin")){location.reload();return;}
   tag=answer.headers.get("etag")||"";
   var state=answer.headers.get("x-run-state");
   return answer.text().then(function(text){
