@@ -8,9 +8,10 @@ import time
 
 import pytest
 
+from tango_cnc.link._address import WAYS
 from tango_cnc.link._wire import Paced, unmarked
 from tango_cnc.link.protocols import dnc
-from tango_cnc.link.transport import Lost, open_port, parse
+from tango_cnc.link.transport import OPENERS, Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
@@ -28,6 +29,11 @@ def pty():
     os.close(ours)
     yield controller, name
     os.close(controller)
+
+
+def test_every_way_says_how_it_is_opened():
+    """One that is in WAYS alone would be opened as something else: put it into OPENERS of link/transport/__init__.py, too."""
+    assert set(OPENERS) == set(WAYS)
 
 
 @pytest.fixture

@@ -79,6 +79,8 @@ def test_a_drift_that_has_not_settled_is_told_as_far_as_it_was_seen(fitted: Esti
     text = said(f)
     seen = f.size.amplitude * (1 - np.exp(-0.5)) * 1e3
     assert f"the table creeps {seen:.1f} µm" in text and "has not settled" in text
+    undirected = {key: value for key, value in f.detail.items() if key != "direction"}
+    assert f"{seen:.1f} µm" in said(replace(f, detail=undirected)), "nor is the end of one without a direction told"
     assert "a tenth" not in advice(f)
 
 

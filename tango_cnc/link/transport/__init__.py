@@ -40,7 +40,9 @@ from ._port import Port
 from ._remote import Remote
 from ._tcp import Tcp
 
-OPENERS: dict[str, Callable[[Address], Transport]] = {"socket": Tcp, "tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc, "file": File}
+# How each of WAYS (_address.py) is opened: one that is missing here must not be opened as something else.
+OPENERS: dict[str, Callable[[Address], Transport]] = {"serial": Port, "rfc2217": Port, "socket": Tcp, "file": File}
+OPENERS |= {"tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc}
 FORESEEN: dict[str, Callable[[Address], None]] = {"rsh": _linuxcnc.foreseen, "file": _file.foreseen, "opcua": _opcua.foreseen}
 FORESEEN |= dict.fromkeys(REMOTE, _remote.foreseen)
 OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote), "lsv2": AtRest}
@@ -60,7 +62,7 @@ def foreseen(address: Address) -> None:
 def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:
-        port: Transport = OPENERS.get(address.scheme, Port)(address)
+        port: Transport = OPENERS[address.scheme](address)
     except (
         OSError,
         EOFError,
