@@ -162,7 +162,7 @@ def test_a_machine_that_only_a_run_has_measured_is_not_called_unmeasured(tmp_pat
         for path in ("/", "/machine/HU40T-like"):
             text = site.get(path).text
             assert "No night has measured this machine yet. A run has: " in text and "never measured" not in text, path
-        assert "Read the report of the run" in text and "tango report -C one" in text
+        assert "Have the report of the run written" in text and "tango report -C one" in text
 
 
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
@@ -342,7 +342,7 @@ def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
         run.touch(status="miss", deviation=None)
         run.touch(drift=3.25)
         text = site.get("/machine/HU40T-like/run/step").text
-        assert "7 of 20" in text and "miss" in text and "+3.2" in text and "Faces touched again" in text
+        assert "7 of 20" in text and "miss" in text and "+3.2" in text and "Facets touched again" in text
         run.end(False, "the line was lost")
         last = site.get("/machine/HU40T-like/run/step")
         assert last.headers["x-run-state"] == "stopped" and "tango run --resume" in last.text and "the line was lost" in last.text

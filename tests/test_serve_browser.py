@@ -203,7 +203,7 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
     wait(lambda: "Running" in browser.page_source)
     run.end()
     wait(lambda: "Complete" in browser.page_source)
-    assert browser.execute_script("return window.kept") and "Faces touched again" in browser.page_source
+    assert browser.execute_script("return window.kept") and "Facets touched again" in browser.page_source
     assert not axe(browser) and not complaints(browser)
 
 
@@ -258,3 +258,27 @@ def test_a_report_opens_without_a_network_and_can_be_turned(browser: webdriver.C
 def readings(folder: Path) -> Path:
     """What `tango simulate` has written."""
     return next(f for f in (folder / "simulated.csv", folder / "readings.csv") if f.exists())
+
+
+def test_a_run_page_that_stays_open_shows_every_run_that_begins(tmp_path: Path, browser: webdriver.Chrome) -> None:
+    found = Site(tmp_path / "one", tmp_path / "users.json")
+    next(found.folder.glob("*.journal")).unlink()
+    sized(browser, DESK)
+    browser.get(f"{found.base}/machine/HU40T-like/run")
+    browser.switch_to.active_element.send_keys("ann", Keys.TAB, PASSWORD, Keys.ENTER)
+    wait(lambda: "There is no run" in browser.page_source)  # the sign-in has led back to this page
+    run = Recorded(found.folder, 20)
+    run.begin()
+    for _ in range(4):
+        run.touch()
+    wait(lambda: "4 of 20 touches" in browser.page_source, 20)
+    run.touch()
+    wait(lambda: "5 of 20 touches" in browser.page_source, 20)
+    run.end()
+    wait(lambda: "Complete" in browser.page_source, 20)
+    (found.folder / "readings.journal").rename(found.folder / "readings.2026-11-23.journal")
+    run = Recorded(found.folder, 30)
+    run.begin()
+    run.touch()
+    wait(lambda: "1 of 30 touches" in browser.page_source, 20)
+    found.server.should_exit = True

@@ -7,6 +7,7 @@ import importlib
 import inspect
 import logging
 import pkgutil
+import re
 import threading
 import time
 from collections import Counter, defaultdict
@@ -37,6 +38,7 @@ from .places import Machine, Places
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns
 
+PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
 LOG = logging.getLogger("tango.serve")
 
 
@@ -55,6 +57,7 @@ class State:
     seconds: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
     started: float = field(default_factory=time.time)
     lock: threading.Lock = field(default_factory=threading.Lock)
+    deciding: threading.Lock = field(default_factory=threading.Lock)
     units: Units = field(default_factory=Units)
     looks: Looks = field(default_factory=Looks)
 
@@ -262,6 +265,7 @@ def _refused(request: Request, error: Exception) -> Response:
     if error.status_code == 401:
         # A form that comes after its sign-in was not carried out: its page is where to go on.
         where = request.url.path if request.method == "GET" else "/alarms" if request.url.path.endswith("/decide") else "/"
+        where = where if PAGE.fullmatch(where) else "/"  # no header says again what a stranger has sent
         lost = "" if request.method == "GET" or request.url.path == "/sign-out" else "&lost=1"
         then = f"?next={quote(where, safe='/')}{lost}" if where != "/" or lost else ""
         return RedirectResponse(f"/sign-in{then}", 303)

@@ -104,13 +104,23 @@ def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None
     facets = _facets(cell)
     left = Counter(facets[n] for n in wanted if n not in done and n in facets)
     seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
-    pace = seconds / len(readings) if readings else None
+    pace = _pace(entries)
     remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
     refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
     head = segments[-1] if segments else None
     started = segments[0].utc if segments else ""
     found = Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
     return replace(found, simulated=any(by_no_machine(s) for s in segments))
+
+
+def _pace(entries: Sequence[Entry]) -> float | None:
+    """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock)."""
+    last = max((i for i, e in enumerate(entries) if isinstance(e, Begun)), default=0)
+    for part in (entries[last:], entries):
+        times = [e.time_s for e in part if isinstance(e, Begun | Reading)]
+        if len(times) > 1 and times[-1] > times[0]:
+            return (times[-1] - times[0]) / (len(times) - 1)
+    return None
 
 
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
 from starlette.requests import Request
@@ -14,7 +15,7 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.days import at
-from ...report.faults import sentence, size_of, still_open
+from ...report.faults import earlier, sentence, size_of, still_open
 from ...report.plain import plain
 from ..app import State, machine_of, needs, page, proven, state_of
 from .fleet import answer_of, faults_of, made_up
@@ -52,14 +53,12 @@ def _read(state: State) -> dict[str, Any]:
             shown = [{**a, "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
             card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
             waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
-        newest = history.decisions(name)[-20:]
-        texts = (
-            {a["id"]: a.get("text") or "" for stored in history.alarmed(name) for a in stored.record["alarms"]} if newest else {}
-        )
+        newest = list(enumerate(history.decisions(name)))[-20:]
+        texts = {a["id"]: a["text"] for stored in history.alarmed(name) for a in earlier(stored.record["alarms"])} if newest else {}
         place = state.places.geometry(row.machine)
-        for d in newest:
+        for number, d in newest:
             what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
-            past.append({"machine": row.machine, "d": d, "what": sentence(what, state.units)})
+            past.append({"machine": row.machine, "d": d, "place": number, "what": sentence(what, state.units)})
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
     waits = {c["machine"].slug: any(a["decision"] is None for a in c["open"]) for c in waiting}
     waiting.sort(
@@ -70,7 +69,7 @@ def _read(state: State) -> dict[str, Any]:
             c["machine"].name,
         )
     )
-    past.sort(key=lambda p: p["d"].utc, reverse=True)
+    past.sort(key=lambda p: (p["d"].utc, p["place"]), reverse=True)  # two of one second stand in their order
     listed = [a for card in waiting for a in card["open"]]
     missing = sum(a["decision"] is None for a in listed)
     return {"waiting": waiting, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
@@ -94,22 +93,42 @@ def decide(request: Request) -> Response:
             raise InputError("this machine has no history")
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
-        if action == "ignore" and until is None:
-            raise InputError(state.texts("decision.until_needed"))
+        if wrong := _incomplete(action, until):
+            raise InputError(state.texts(wrong))
         signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
         alarms = form.get("alarm", "").split()[:MANY] or [""]
         known = {a["id"] for stored in found.history.alarmed(found.name) for a in stored.record["alarms"]}
-        _still_as_seen(found.history.decisions(found.name), alarms, form.get("seen"), state)
         unknown = [a for a in alarms if a not in known]
-        for alarm in unknown[:1] or alarms:  # an unknown one is refused before any other is decided
-            decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
-            found.history.decide(found.name, decision)
+        with state.deciding:  # of two at one moment the second sees what the first has decided
+            _still_as_seen(found.history.decisions(found.name), alarms, form.get("seen"), state)
+            for alarm in unknown[:1] or alarms:  # an unknown one is refused before any other is decided
+                decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
+                found.history.decide(found.name, decision)
     except InputError as error:
-        said = state.texts("decision.wrong", why=str(error))
         state.places.forget()  # the page shows what is so now
-        return page(request, "decisions.html", 400, said=said, told="", typed=form, **_values(request))
+        values = _values(request)
+        said = _not_recorded(values, found.slug, form.get("alarm", ""), str(error), state)
+        return page(request, "decisions.html", 400, said=said, told="", typed=form, **values)
     state.places.forget()
     return RedirectResponse(f"/alarms?recorded={action}", 303)
+
+
+def _incomplete(action: str, until: str | None) -> str:
+    """what was chosen, date or None → key of the sentence that says what is missing; '' where nothing is."""
+    if action not in ACTIONS:
+        return "decision.no_action"
+    if action != "ignore":
+        return ""
+    today = datetime.now().astimezone().strftime("%Y-%m-%d")
+    return "decision.until_needed" if until is None else "decision.date_over" if until < today else ""
+
+
+def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, state: State) -> str:
+    """values of the page, machine, alarms of a form, what is wrong → the sentence that says so; it names an open alarm."""
+    asked = set(alarms.split())
+    cards = (c for c in values["waiting"] if c["machine"].slug == slug)
+    what = next((a["text"] for c in cards for a in c["faults"] if asked & {*a["ids"], *a["held"]}), "")
+    return state.texts("decision.wrong_about", what=what, why=why) if what else state.texts("decision.wrong", why=why)
 
 
 def _still_as_seen(decisions: Sequence[Decision], alarms: Sequence[str], seen: str | None, state: State) -> None:

@@ -18,10 +18,9 @@ from ...report.pace import Ahead, ahead
 from ...report.plain import plain
 from ...report.units import Units
 from ..app import State, needs, page, state_of
-from ..live import title
 from ..places import Row
 from ..places import told as verdict_of
-from .machine import busy_of, happened_to, run_of
+from .machine import busy_of, happened_to, ran_of, run_of, unmeasured
 
 STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
 
@@ -48,7 +47,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
-    ran = title(run, t) if told is None and run is not None and run.state == "complete" else ""
+    ran = ran_of(request, row.machine) if told is None else ""
     verdict = "" if told is None else f"morning.{told.state}"
     said = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -59,7 +58,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "name": row.machine.name,
         "trouble": row.machine.trouble,
         "former": [t.of(text) for text in row.machine.former],
-        "unmeasured": t("may.first_run") if busy else t("may.ran", date=ran) if ran else t("may.never"),
+        "unmeasured": unmeasured(ran, busy, row.machine, state),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
         "may": ("wait" if busy else "none") if told is None else told.may,

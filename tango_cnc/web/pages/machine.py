@@ -26,9 +26,11 @@ from ..app import State, machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet, title
 from ..places import STRIP, Machine, told
 from ..places import measured_before as before
+from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
+OLD = 10  # runs that are looked through for a complete one
 LAST = 365  # nights whose alarms are looked for in a curve
 QUARTER = 90  # nights of the curve; on a phone it has those of the strip
 
@@ -44,7 +46,9 @@ def machine(request: Request) -> Response:
     values["busy"] = busy_of(request, found)
     owner = state.places.owner(found)
     values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
-    values["ran"] = "" if run is None or nights or run.state != "complete" else title(run, state.texts)
+    values["ran"] = "" if nights else ran_of(request, found)
+    values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
+    values["reported"] = file_of_cell(found) is not None
     if nights and found.history is not None:
         entry, allowed = nights[0].entry, limits_of(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
@@ -143,6 +147,28 @@ def run_of(request: Request, machine: Machine) -> Run | None:
     state = state_of(request)
     cell = state.places.cell(machine.folder)
     return state.journals.run(files[0], None if isinstance(cell, str) else cell) if files else None
+
+
+def ran_of(request: Request, machine: Machine) -> str:
+    """request, machine → when its newest complete run on this computer began, in words; '' where there is none."""
+    if machine.folder is None:
+        return ""
+    state, cell = state_of(request), state_of(request).places.cell(machine.folder)
+    for file in journals(machine.folder)[:OLD]:
+        run = state.journals.run(file, None if isinstance(cell, str) else cell)
+        if run is not None and run.state == "complete":
+            return title(run, state.texts)
+    return ""
+
+
+def unmeasured(ran: str, busy: str, machine: Machine, state: State) -> str:
+    """complete run or '', minutes left or '', machine, state → what is known of a machine that no night has measured."""
+    t = state.texts
+    if busy:
+        return t("may.another_run", date=ran) if ran else t("may.first_run")
+    if not ran:
+        return t("may.never")
+    return t("may.ran" if file_of_cell(machine) is not None else "may.ran_bare", date=ran)
 
 
 def busy_of(request: Request, machine: Machine) -> str:

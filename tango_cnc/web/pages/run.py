@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
 from collections import Counter
@@ -45,6 +46,8 @@ def run(request: Request) -> Response:
         machine=found,
         run=chosen,
         step=Markup(step),
+        mark=_mark(chosen),
+        follow=_follow(request, found, chosen),
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
         who=who_of(None, {"owner": owner}, (), state.texts),
@@ -57,22 +60,33 @@ async def step(request: Request) -> Response:
     """request → what changes on that page, for those who follow it; 304 where nothing has."""
     needs(request, "view")
     asked = (request.path_params["slug"], request.query_params.get("run", "0"))
-    tag, state, text = await state_of(request).looks.at(asked, lambda: _seen(request))
-    if not tag:  # nothing to see yet: who waits asks again
-        return Response("", media_type="text/html; charset=utf-8", headers={"x-run-state": "none"})
+    tag, state, mark, text = await state_of(request).looks.at(asked, lambda: _seen(request))
     if request.headers.get("if-none-match") == tag:
         return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
-    headers = {"etag": tag, "cache-control": "no-cache", "x-run-state": state}
+    kept = "no-store" if state == "none" else "no-cache"
+    headers = {"etag": tag, "cache-control": kept, "x-run-state": state, "x-run": mark}
     return Response(text, media_type="text/html; charset=utf-8", headers=headers)
 
 
-def _seen(request: Request) -> tuple[str, str, str]:
-    """request → tag, state and drawing of its run as it is now; empty where there is none yet."""
+def _seen(request: Request) -> tuple[str, str, str, str]:
+    """request → tag, state, mark and drawing of its run as it is now; the state none where there is no run yet."""
     found, chosen, cell = _chosen(request)
     if chosen is None:
-        return "", "", ""
-    tag = f'"{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
-    return tag, chosen.state, _step(request, found, chosen, cell)
+        return '"none"', "none", "", str(escape(state_of(request).texts("web.no_run")))
+    tag = f'"{_mark(chosen)}-{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
+    return tag, chosen.state, _mark(chosen), _step(request, found, chosen, cell)
+
+
+def _mark(run: Run | None) -> str:
+    """run or None → what tells it from another run: a page that follows one loads itself again when another begins."""
+    return "" if run is None else hashlib.sha256(run.started.encode()).hexdigest()[:12]
+
+
+def _follow(request: Request, machine: Machine, run: Run | None) -> str:
+    """request, machine, its run → the address that its page follows; '' for a run of before that is complete."""
+    present = request.query_params.get("run", "0") == "0" and machine.folder is not None
+    going = run is not None and run.state != "complete"
+    return f"/machine/{machine.slug}/run/step" if present or going else ""
 
 
 def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
@@ -106,7 +120,7 @@ def _drawn(request: Request, run: Run, cell: Cell | None, silent: int | None) ->
         "run": run,
         "silent": silent,
         "done": len(run.readings),
-        "left": "" if run.remaining is None or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
+        "left": "" if not run.remaining or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
         "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
         "drift": [Markup(_drift(run, t("web.drift"), unit, k, wide)) for wide in (WIDE, NARROW)],
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",

@@ -2,7 +2,7 @@
 "use strict";
 var wall=document.querySelector("[data-again]");
 if(wall)setTimeout(function(){if(navigator.onLine!==false)location.reload();},1000*wall.dataset.again);
-var box=document.getElementById("step"),where=box&&box.dataset.follow;
+var box=document.getElementById("step"),where=box&&box.dataset.follow,mine=box&&box.dataset.run;
 if(!where)return;
 var tag="",pause=2000;
 function again(){setTimeout(look,pause);}
@@ -11,13 +11,12 @@ function look(){
   if(answer.status===304){again();return;}
   if(answer.redirected){location.reload();return;}
   if(!answer.ok)throw answer.status;
-  if(answer.headers.get("x-run-state")==="none"){pause=5000;again();return;}
-  if(box.hasAttribute("data-begin")){location.reload();return;}
+  if((answer.headers.get("x-run")||"")!==mine){location.reload();return;}
   tag=answer.headers.get("etag")||"";
   var state=answer.headers.get("x-run-state");
   return answer.text().then(function(text){
-   box.innerHTML=text;pause=state==="stopped"?10000:2000;
-   if(state!=="complete")again();
+   box.innerHTML=text;pause=state==="running"||state==="waiting"?2000:5000;
+   again();
   });
  }).catch(function(){pause=Math.min(pause*2,30000);again();});
 }

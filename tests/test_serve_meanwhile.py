@@ -1,0 +1,142 @@
+"""Forms that are not complete, the order of decisions, runs that begin, stop and go on while a page is open."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from support.nights import knock, night
+from support.server import PASSWORD, Recorded, cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.history import Decision, opened
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import add_user
+
+HOST, M = "http://127.0.0.1", "HU40T-like"
+ALARM = "2026-10-25-1"
+
+
+def struck(folder: Path) -> Path:
+    """folder → a cell of two nights; the second has an alarm."""
+    return cell(folder, records=[night(M, 0), night(M, 1, "changed", alarms=[knock("2026-10-25")])])
+
+
+def client(folder: Path, users: Path) -> TestClient:
+    add_user(users, "ann", PASSWORD, "operate")
+    return TestClient(create(Settings((folder,), users=users)), base_url=HOST, client=("127.0.0.1", 5000))
+
+
+def enter(site: TestClient) -> dict[str, str]:
+    """site → the form of its alarm, as a browser has it."""
+    assert site.post("/sign-in", data={"user": "ann", "password": PASSWORD}).status_code == 200
+    return shown(site)
+
+
+def shown(site: TestClient) -> dict[str, str]:
+    """site → hidden fields of the form of its first alarm, and who is asked to have it."""
+    form = site.get("/alarms").text.partition('class="decide"')[2]
+    return dict(re.findall(r'type="hidden" name="(\w+)" value="([^"]*)"', form)) | {"owner": "ann"}
+
+
+def decided(folder: Path) -> list[tuple[str, str, str]]:
+    with opened(folder / "history.db") as history:
+        return [(d.action, d.owner, d.note) for d in history.decisions(M)]
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ({"action": "ignore"}, "Ignored needs a day until when."),
+        ({"action": "ignore", "until": "2020-01-01"}, "is over. Give today or a later one"),
+        ({}, "No decision was chosen."),
+    ],
+)
+def test_a_form_that_is_not_complete_comes_back_as_it_was_filled(tmp_path: Path, typed: dict[str, str], said: str) -> None:
+    place = struck(tmp_path / "one")
+    with client(place, tmp_path / "users.json") as site:
+        form = enter(site)
+        text = site.post(f"/machine/{M}/decide", data={**form, **typed, "owner": "Bob", "note": "after the shift"}).text
+    told = text.partition('role="alert">')[2].partition("</p>")[0]
+    assert said in told and "axis of C" in told and "--" not in told
+    assert '<details class="answer" open>' in text and 'value="Bob"' in text and 'value="after the shift"' in text
+    assert ('value="ignore" required checked' in text) == ("action" in typed) and not decided(place)
+
+
+def test_decisions_of_one_second_stand_in_their_order_and_name_the_alarm(tmp_path: Path) -> None:
+    place, utc = struck(tmp_path / "one"), "2026-11-01T06:00:00+00:00"
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(ALARM, "acknowledge", "first", utc=utc))
+        history.decide(M, Decision(ALARM, "acknowledge", "second", utc=utc))
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        past = site.get("/alarms").text.partition("Decisions so far")[2]
+    assert past.index("second") < past.index("first") and ALARM not in past and "axis of C" in past
+
+
+def test_a_run_page_that_was_open_before_the_run_follows_it(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[])
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        before = site.get(f"/machine/{M}/run").text
+        assert f'data-run="" data-follow="/machine/{M}/run/step"' in before
+        none = site.get(f"/machine/{M}/run/step")
+        assert (none.status_code, none.headers["x-run-state"], none.headers["x-run"]) == (200, "none", "")
+        run = Recorded(place, 20)
+        run.begin()
+        run.touch()
+        step = site.get(f"/machine/{M}/run/step")
+        assert step.headers["x-run"] and f'data-run="{step.headers["x-run"]}"' in site.get(f"/machine/{M}/run").text
+        run.end()
+        assert f'data-follow="/machine/{M}/run/step"' in site.get(f"/machine/{M}/run").text  # the next run is seen, too
+
+
+def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> None:
+    """96 touches made before an interruption of an hour; at four seconds a touch the other twenty take two minutes."""
+    from tango_cnc.link.entries import Begun, Reading, Segment
+    from tango_cnc.web.live import run_of
+
+    def touch(n: int, at: float) -> Reading:
+        return Reading(n, "3", (0.0,) * 6, at, "ok", 1.0, None, (0,) * 6, "P")
+
+    control, every = {"post": "fanuc", "port": "x"}, tuple(range(1, 31))
+    head = Segment("2026-11-23T06:00:00.000+00:00", "0", "M", control, "p", "3F02A91C77D0", every)
+    entries = [head, Begun("2026-11-23T06:00:01.000+00:00", 0.0), *(touch(n, 60.0 * n) for n in range(1, 6))]
+    entries += [Begun("2026-11-23T07:00:01.000+00:00", 3600.0), *(touch(n, 3600.0 + 4 * (n - 5)) for n in range(6, 11))]
+    assert run_of(tmp_path, "1", entries, None).remaining == pytest.approx(80.0)
+    rest = [touch(n, 3600.0 + 4 * (n - 5)) for n in range(11, 31)]
+    assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining
+
+
+def test_a_stopped_run_says_that_the_control_may_go_on(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[])
+    run = Recorded(place, 20)
+    run.begin()
+    run.touch()
+    run.end(False, "the control has been silent for longer than 41 s")
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert "The control may still execute what it has received" in site.get(f"/machine/{M}/run").text
+
+
+def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[])
+    first = Recorded(place, 1)
+    first.begin()
+    first.touch()
+    first.end()
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("/", f"/machine/{M}"):
+            assert "Its report is not written yet." in site.get(path).text and "its report says" not in site.get(path).text.lower()
+        (place / "readings.journal").rename(place / "readings.2026-11-23.journal")
+        second = Recorded(place, 20)
+        second.begin()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        for path in ("/", f"/machine/{M}"):
+            assert "first measurement" not in site.get(path).text and "A run is going on." in site.get(path).text
+        second.end(False, "the line was lost")
+        (place / "report.html").write_text("<p>report</p>")
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        for path in ("/", f"/machine/{M}"):
+            assert "never measured" not in site.get(path).text and "Its report says what it found." in site.get(path).text
