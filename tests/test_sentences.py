@@ -24,7 +24,7 @@ from tango_cnc.diagnose import Finding, _seen, diagnose
 from tango_cnc.diagnose._candidates import candidate
 from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._size import _one, _told
-from tango_cnc.diagnose.sentences import advice, chance, covariate, meaning, minutes, said
+from tango_cnc.diagnose.sentences import _words, advice, chance, covariate, meaning, minutes, said
 from tango_cnc.diagnose.words import telling
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.model import known, linearise
@@ -80,7 +80,7 @@ def test_a_drift_that_has_not_settled_is_told_as_far_as_it_was_seen(fitted: Esti
     seen = f.size.amplitude * (1 - np.exp(-0.5)) * 1e3
     assert f"the table creeps {seen:.1f} µm" in text and "has not settled" in text
     undirected = {key: value for key, value in f.detail.items() if key != "direction"}
-    assert f"{seen:.1f} µm" in said(replace(f, detail=undirected)), "nor is the end of one without a direction told"
+    assert _words(replace(f, detail=undirected))["size"] == f"{seen:.1f} µm", "nor is the end of one without a direction told"
     assert "a tenth" not in advice(f)
 
 
