@@ -6,12 +6,14 @@ import re
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from support.nights import knock, night
 from support.server import PASSWORD, Recorded, cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
+from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -140,3 +142,23 @@ def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> No
         site.app.state.tango.places.forget()  # type: ignore[attr-defined]
         for path in ("/", f"/machine/{M}"):
             assert "never measured" not in site.get(path).text and "Its report says what it found." in site.get(path).text
+
+
+def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(tmp_path: Path) -> None:
+    told = CliRunner().invoke(tango, ["serve", "--users", str(tmp_path / "users.json"), "--add-user", "Zoë"])
+    assert "Password" not in told.output and "letters from A to Z" in str(told.exception)
+
+
+def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
+    records = [night(M, i) for i in range(3)]
+    for i, record in enumerate(records):
+        first = next(iter(record["parameters"].values()))
+        record["parameters"] |= {f"X{n}": {**first, "value": first["value"] + i * n} for n in range(20)}
+    with TestClient(create(Settings((cell(tmp_path / "one", records=records),))), base_url=HOST) as site:
+        text = site.get(f"/machine/{M}/trend").text
+    assert re.search(r"The 12 of \d\d parameters that have moved most", text)
+
+
+def test_a_square_is_a_night_that_is_not_believed_as_well(tmp_path: Path) -> None:
+    with TestClient(create(Settings((struck(tmp_path / "one"),))), base_url=HOST) as site:
+        assert "■ beyond a limit or not to be believed" in site.get("/").text

@@ -131,6 +131,7 @@ def command(
 
 
 def _add(accounts: Any, users: Path, name: str, role: str) -> None:
+    accounts.check_name(name)  # before anybody types a password twice
     password = click.prompt("Password", hide_input=True, confirmation_prompt=True)
     accounts.add_user(users, name, password, role)
     click.echo(f"{name}, {role} → {users}")

@@ -58,10 +58,15 @@ def read_users(file: Path) -> dict[str, tuple[str, Role]]:
     return found
 
 
+def check_name(name: str) -> None:
+    """name of a new user → nothing. Raises InputError for one that no user may have."""
+    if not NAME.fullmatch(name):
+        raise InputError(f"--add-user: found {name!r}; allowed: letters from A to Z, digits, . _ @ -, at most 64")
+
+
 def add_user(file: Path, name: str, password: str, role: Role) -> None:
     """users file, who, password, role → the user is in it, in the place of one with that name. Raises InputError."""
-    if not NAME.fullmatch(name):
-        raise InputError(f"--add-user: found {name!r}; allowed: letters, digits, . _ @ -, at most 64")
+    check_name(name)
     if not SHORTEST <= len(password) <= LONGEST:
         raise InputError(f"password: found {len(password)} characters; allowed: {SHORTEST} to {LONGEST}")
     users = read_users(file) if file.exists() else {}
