@@ -441,6 +441,24 @@ def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) 
             assert "Yes, but" in text and ("Bob has it." in text) == bool(mark) and "nobody has answered" not in text
 
 
+@pytest.mark.parametrize(
+    ("action", "answer", "todo"),
+    [("accept", "Yes", "Nothing"), ("repaired", "Yes, but", "Run the full measurement: it shows whether the repair has helped.")],
+)
+def test_what_was_decided_is_the_answer_until_the_next_night(tmp_path: Path, action: str, answer: str, todo: str) -> None:
+    """The machine is what it is: accepted, parts may be made. Repaired, nobody has measured it yet."""
+    place = cell(
+        tmp_path / "one", records=[night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])]
+    )
+    with opened(place / "history.db") as history:
+        history.decide("HU40T-like", Decision("2026-10-25-1", action, "Bob"))
+    with TestClient(create(Settings((place,), late_hours=1e6)), base_url=HOST, client=("127.0.0.1", 5000)) as client:
+        fleet, machine = (" ".join(re.sub("<[^>]+>", " ", client.get(p).text).split()) for p in ("/", "/machine/HU40T-like"))
+    assert ("Yes, but: 1." in fleet) == (answer == "Yes, but")
+    assert f"May I make parts? {answer}" in machine and ("Yes, but" in machine) == (answer == "Yes, but")
+    assert f"What to do {todo}" in machine and "Measure the first part" not in machine.partition("What to do")[2][:120]
+
+
 def test_the_history_is_the_one_that_the_nights_write_to(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])
     (place / "history.db").rename(place / "nights.db")

@@ -253,7 +253,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         return None
     from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night
     from ..history import opened
-    from ..report.faults import answered, earlier, faults, still_open, unclosed
+    from ..report.faults import answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
     from ..report.pace import ahead
 
@@ -277,7 +277,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         open_ones, soon = len(still_open(found)), ahead(before or record, volumes_of(lately), today)
         said = as_decided(record, history.decisions(machine)) or n.headline
         return Nights(
-            n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner
+            *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
+            settled(found),
         )
 
 

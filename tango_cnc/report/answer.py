@@ -47,16 +47,20 @@ def answer(
     late: str = "",
     has: str = "",
     ahead: Ahead | None = None,
+    closed: str = "",
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
-    complete night is missing, who has an alarm that is not closed, how soon it is at its limit → the answer.
+    complete night is missing, who has an alarm that is not closed, how soon it is at its limit, by what every alarm of the night
+    was closed since → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
     verdict = str(record.get("verdict"))
     missing = verdict == "not_measured"
     known = before if missing else record
-    may, state, why = _measured(known, t, waiting, has) if known is not None else ("unknown", "not_measured", t("may.never"))
+    may, state, why = (
+        _measured(known, t, waiting, has, closed) if known is not None else ("unknown", "not_measured", t("may.never"))
+    )
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
         why = t("may.long_ago", date=day(record["last_measured"], t))
@@ -99,7 +103,7 @@ def measuring(known: Answer, t: Texts) -> Answer:
     return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="")
 
 
-def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str) -> tuple[May, str, str]:
+def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, closed: str = "") -> tuple[May, str, str]:
     verdict = str(record.get("verdict"))
     passed = [x.get("passed") for x in record.get("limits") or ()]
     if verdict == "doubtful":
@@ -108,7 +112,9 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str) -> tu
         return "no", "out_of_limits", t("may.beyond")
     if verdict not in MEASURED:
         return "no", verdict, ""
-    if verdict == "changed" or waiting or has:
+    if verdict == "changed" and closed == "repaired":
+        return "but", "changed", t("may.repaired")
+    if (verdict == "changed" and closed != "accept") or waiting or has:
         also = "may.open_other" if has else "may.open"  # somebody has another one
         why = t(also, date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
         return "but", "changed" if verdict == "changed" else "alarm_open", why

@@ -98,8 +98,11 @@ def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
 
 
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:
-    """faults, what stands behind a crossed limit → date of the last night before any of them that is open; '' where none is."""
-    dates = [str(a["begun"]) for a in found if a.get("begun") and not _closed(a)]
+    """faults, what stands behind a crossed limit → date of the last night before any of them; '' where none is.
+
+    What this night found counts though it was closed since: parts were made with it.
+    """
+    dates = [str(a["begun"]) for a in found if a.get("begun") and not (_closed(a) and a.get("older"))]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 
@@ -110,6 +113,14 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     if unanswered and record.get("alarms"):
         return "", ""
     return min(unanswered, default=""), next((str(a["decision"].owner) for a in listed if a["decision"] is not None), "")
+
+
+def settled(found: Sequence[Mapping[str, Any]]) -> str:
+    """faults → accept, or repaired, where every alarm of the night is closed: by what; '' where one is open or none was."""
+    own = [a for a in found if a["id"] and not a["older"]]
+    if not own or still_open(found):
+        return ""
+    return "accept" if {a["decision"].action for a in own} == {"accept"} else "repaired"
 
 
 def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -15,7 +15,7 @@ from . import svg
 from .answer import Answer, answer, measuring
 from .compensated import after, held
 from .days import day, ended
-from .faults import alarm, answered, begun, faults, sentence, still_open, whole_sentence
+from .faults import alarm, answered, begun, faults, sentence, settled, still_open, whole_sentence
 from .look import looks
 from .pace import ahead
 from .plain import amount, office, plain, shop, value_text
@@ -98,7 +98,10 @@ def context(
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events)
     waits, has = answered(found, record)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
-    told = answer(record, u, t, waits, before, machine, late, has, coming)
+    closed = settled(found)
+    told = answer(record, u, t, waits, before, machine, late, has, coming, closed)
+    if closed:
+        found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun(found, record.get("behind") or ())
     suspect = _suspect(told.may, within, never, began, t)
     if busy:

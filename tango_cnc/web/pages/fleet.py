@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from ...report.answer import Answer, answer, measuring
 from ...report.days import day
-from ...report.faults import answered, earlier, faults, sentence, still_open, unclosed, whole_sentence
+from ...report.faults import answered, earlier, faults, sentence, settled, still_open, unclosed, whole_sentence
 from ...report.morning import strip, volumes_of, who_of
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain
@@ -96,6 +96,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
         late if row.standing is not None and row.standing.late else "",
         has,
         _ahead(row, state),
+        settled(found),
     )
 
 
