@@ -280,6 +280,22 @@ def test_a_change_without_a_cause_asks_for_a_full_measurement_until_there_is_one
         assert doubted["do"] == told["do"]  # a full night in doubt has found nothing
 
 
+def test_a_night_in_doubt_leaves_an_alarm_as_large_as_it_was_seen_last(tmp_path: Path) -> None:
+    """A drift that has grown to three times its first size is not told with that first size because tonight knows nothing."""
+
+    def known(micrometers: float) -> dict[str, Any]:
+        return {"EX0C": {"value": micrometers * 1e-3, "change": 0.005, "std": 3e-4, "unit": "mm"}}
+
+    alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.005, "std": 3e-4, "unit": "mm"}
+    alarm |= {"text": "it moved", "since": "2026-10-01", "on_part_um": 10.0}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(2, alarms=[alarm], parameters=known(105.0)))
+        history.add_night(kept(3, parameters=known(115.0)))
+        (told,) = standing(history, "M", 20727.083 + 4, {}, "check")
+    assert told["total"] == pytest.approx(0.015, abs=1e-4)
+    assert re.search(r"it was \+?15\.0 ± .* µm in the night of 2026-10-03", str(told["now"]))
+
+
 def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
     alarm = {"id": "2026-10-02-1", "cause": "axis_location", "parameter": "EX0C", "size": 0.02, "std": 0.001, "unit": "mm"}
     alarm |= {"text": "it moved", "since": "2026-10-01"}

@@ -270,6 +270,7 @@ def standing(
     if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    known, when = (parameters, "") if parameters else _known(past, machine)
     found = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
     for stored in past.alarmed(machine, LISTED):
@@ -289,7 +290,8 @@ def standing(
             told |= {"compensation": alarm["compensation"]} if alarm.get("compensation") else {}
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
-            told |= {"now": _now(alarm, stored.record, parameters, kind), "total": _total(alarm, stored.record, parameters)}
+            now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
+            told |= {"now": now, "total": _total(alarm, stored.record, known)}
             gone = is_gone(told["now"])
             told["confirmed"] = full if full and told["now"] and not gone else None
             told |= {"do": say("night.gone_do")} if gone else {}
@@ -299,6 +301,25 @@ def standing(
                 told["owner"] = decision.owner
             found.append(told)
     return sorted(found, key=_urgency)
+
+
+def _known(past: Past, machine: str) -> tuple[Mapping[str, Any], str]:
+    """history, machine → what its last believed night knew of its parameters, and the date of it; nothing, '' for none.
+
+    A night that is in doubt, or did not measure, knows nothing of its own: an alarm stays as large as it was seen last.
+    """
+    night = next((n for n in past.nights(machine, last=LISTED) if n.verdict not in ("doubtful", "not_measured")), None)
+    return ({}, "") if night is None else (past.night(night.entry).record.get("parameters") or {}, night.night)
+
+
+def _was(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], when: str) -> str:
+    """alarm, its night, what is known since and from when → what moved as far as it was seen then; '' for what is no parameter."""
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
+    change = _total(alarm, record, parameters)
+    if change is None or then is None or now is None:
+        return ""
+    told = value(change, now["unit"], math.hypot(now["std"], then["std"]))
+    return say("night.alarms.was", told=told, night=when)
 
 
 def _measured(past: Past, machine: str) -> tuple[str, str]:
