@@ -67,7 +67,7 @@ def test_scatter_that_the_budget_leaves_out_is_added_and_said(cell: Path, capsys
     spoil(cell, np.random.default_rng(3).normal(0, 0.01, 226))
     (cell / "uncertainty.yaml").write_text("contributions:\n- {source: repeatability, std: 0.0000007}\n", encoding="utf-8")
     code, data, _ = intervals(capsys, cell)
-    assert (code, data["verdict"]) == (0, "doubtful") and far(cell, data) < 4
+    assert (code, data["verdict"], data["nothing_trusted"]) == (1, "doubtful", True) and far(cell, data) < 4
     assert any("the residuals show more than the budget allows for" in reason for reason in data["reasons"])
     assert data["parameters"]["EX0S"]["contributions"]["scatter seen in the residuals"] > 1e-4
 

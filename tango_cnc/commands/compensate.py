@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -163,6 +164,8 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[s
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=source)
+    if options["measured"] is not None:  # what was entered is judged all the same: a wrong sign must come out of the control
+        judgement = replace(judgement, nothing=False)
     usable(judgement, options["despite"], "compensate")
     return result, judgement.untrusted
 

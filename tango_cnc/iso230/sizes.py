@@ -36,6 +36,8 @@ ALONE, MOTION, DEGREES = (
 FIRST = 0.03  # of the wide size: where the chain begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
 SMALLEST = 1e-5  # of the wide size: what a family is not smaller than, so that no number is lost
+FITTED = 4  # touches that the scatter of the fit counts for beside those of a machine that was drawn
+LARGEST = 10.0  # times the wide size: so few touches bound none of them, and nothing is that large
 BEGIN, STEPS, EACH = 60, 320, 2  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
 PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
 DEGREE = re.compile(r".*\.P([1-9])")
@@ -76,7 +78,7 @@ class _Shares:
         found = np.ones(size)
         if len(self.own):
             found[self.own] = np.maximum(self.of_kind, self.least)[self.kind] * self.of_one * self.of_motion[self.motion]
-        return found
+        return np.minimum(found, LARGEST**2)
 
     def step(self, drawn: Array, rng: np.random.Generator) -> None:
         """unknowns (q,) → sizes that are likely beside them, drawn one level after the other."""
@@ -91,6 +93,8 @@ class _Shares:
         self.of_kind = (DEGREES * self.of_family[self.family] + summed) / chi(DEGREES + kinds)
         self.of_family = chi(DEGREES * families) / np.bincount(self.family, DEGREES / self.of_kind)
         self.of_family = np.maximum(self.of_family, SMALLEST**2)
+        for sizes in (self.of_one, self.of_motion, self.of_kind, self.of_family):
+            np.minimum(sizes, LARGEST**2, out=sizes)
 
 
 def learned(result: Estimate, wide: Whole) -> Whole:
@@ -144,7 +148,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
 
 def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Array, float]:
     """→ machines (q, d) as parts of the wide sizes, variances (q,) in the middle of the chain, scatter of a touch, mm."""
-    rng = np.random.default_rng(2306)
+    rng, fitted = np.random.default_rng(2306), sigma
     n, q = touched.matrix.shape
     found, logs, scatters = [], np.zeros(q), []
     for i in range(BEGIN + STEPS):
@@ -162,7 +166,8 @@ def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Arr
             logs += np.log(variance) / STEPS
             scatters.append(sigma)
         left = touched.gaps + touched.matrix @ drawn[:, 0]
-        sigma = max(float(np.sqrt(left @ left / rng.chisquare(n))), FINEST)
+        # Where there are more unknowns than touches they explain every residual: the scatter of the fit counts a little, too.
+        sigma = max(float(np.sqrt((left @ left + FITTED * fitted**2) / rng.chisquare(n + FITTED))), FINEST)
         shares.step(drawn[:, 0], rng)
     return np.hstack(found), np.exp(logs), float(np.mean(scatters))
 
