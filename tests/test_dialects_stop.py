@@ -13,6 +13,7 @@ from support.stopped import (
     ran,
 )
 
+from postprocessors._base import load
 from sim_controller.motion import Motion, Skip
 from sim_controller.probing import rig
 from tango_cnc.records import Obstacle, Plan, World
@@ -62,7 +63,7 @@ def test_contact_on_the_way_back_ends_it_with_a_text_and_the_touch_on_record(
     monkeypatch.setattr(Motion, "_collide", colliding)
     touched, text, _ = ran(made, name, World())
     assert touched == ["ok"] and len(text) > 10
-    assert not unguarded or name == "linuxcnc"  # which guards a plain move itself
+    assert not unguarded or load(name).language == "rs274"  # which guards a plain move itself
 
 
 @pytest.mark.few(2)

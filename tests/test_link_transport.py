@@ -8,10 +8,11 @@ import time
 
 import pytest
 
-from tango_cnc.link._address import WAYS
+from tango_cnc.link import transport
+from tango_cnc.link._ways import ways
 from tango_cnc.link._wire import Paced, unmarked
 from tango_cnc.link.protocols import dnc
-from tango_cnc.link.transport import OPENERS, Lost, open_port, parse
+from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
@@ -31,9 +32,21 @@ def pty():
     os.close(controller)
 
 
-def test_every_way_says_how_it_is_opened():
-    """One that is in WAYS alone would be opened as something else: put it into OPENERS of link/transport/__init__.py, too."""
-    assert set(OPENERS) == set(WAYS)
+def test_a_new_way_is_one_file(tmp_path, monkeypatch):
+    """A file of transport/ is enough: its way is known, its URL is checked by what it declares, and it alone opens it."""
+    (tmp_path / "_toy.py").write_text(
+        "from tango_cnc.link._ways import Way\nWAYS = {'toy': Way(lambda address: ('toy', address.target), 'host')}\n"
+    )
+    monkeypatch.setattr(transport, "__path__", [*transport.__path__, str(tmp_path)])
+    monkeypatch.setattr("tango_cnc.link._address.schemes", lambda: {"toy": ("dnc", "toy")})
+    monkeypatch.setattr("tango_cnc.link._address.ways", ways.__wrapped__)
+    monkeypatch.setattr("tango_cnc.link.transport.ways", ways.__wrapped__)
+    monkeypatch.delitem(sys.modules, "tango_cnc.link.transport._toy", raising=False)
+    assert opened("toy://127.0.0.1:5000") == ("toy", "127.0.0.1:5000")
+    with pytest.raises(InputError, match="allowed: host:port"):
+        opened("toy://nonsense")
+    with pytest.raises(InputError, match="parity without bits=7"):
+        opened("toy://127.0.0.1:5000?parity=even")
 
 
 @pytest.fixture

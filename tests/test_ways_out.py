@@ -19,7 +19,7 @@ from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, World
 
 OFF = {"probe_on": "M720", "probe_off": "M721"}
-TIDY = ("centroid", "fagor", "heidenhain", "linuxcnc", "mach3", "okuma", "siemens")
+TIDY = tuple(n for n in names() if load(n).language in ("centroid", "fagor", "klartext", "mach3", "osp", "rs274", "siemens"))
 CLOSED = b"\x14"  # DC4, which a port sends when it is closed
 ALARMED = tuple(n for n in names() if load(n).language in ("macro_b", "mach4"))
 PORTED = tuple(n for n in ALARMED if n != "mach4")
@@ -144,7 +144,8 @@ def test_a_drip_fed_program_cannot_jump_and_says_what_it_leaves_on() -> None:
 
 
 def test_every_dialect_is_one_or_the_other() -> None:
-    assert {*TIDY, *ALARMED, "grbl"} == set(EVERY)
+    left = set(EVERY) - {*TIDY, *ALARMED, "grbl"}
+    assert not left, f"{sorted(left)}: put the language into TIDY if its programs end tidily after a stop, or into ALARMED, above"
     assert "SWITCH IT BY HAND" in "\n".join(lines_of("grbl")[:25])
 
 

@@ -12,6 +12,7 @@ from ..files.checked import printable
 from ..nearest import suggestion
 from ..records import InputError
 from ._secrets import SECRET, named_only, revealed, shown
+from ._ways import ways
 from .protocols import schemes
 
 LINE: Mapping[str, tuple[str, ...]] = {
@@ -24,9 +25,7 @@ LINE: Mapping[str, tuple[str, ...]] = {
 }
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
-SCHEMES = ("serial", "socket", "rfc2217")
-REMOTE = ("ftp", "ftps", "sftp", "smb", "lsv2")  # disks of controls
-WAYS = (*SCHEMES, "tcp", "rtu", "rsh", "opcua", "file", *REMOTE)  # how a protocol may travel: what its SCHEMES may name
+SCHEMES = ("serial", "socket", "rfc2217")  # every protocol may have these
 OWN = (".yaml", ".yml", ".csv", ".json", ".journal", ".lock")  # endings of what a cell consists of
 LAST_PORT = 65535
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
@@ -38,7 +37,7 @@ class Address:
     """A port's URL taken apart: what to open, the settings of the line, and what the protocol client is told."""
 
     url: str  # as it may be shown
-    scheme: str  # serial, socket, rfc2217, tcp and rtu (of Modbus), rsh (of LinuxCNC), file
+    scheme: str  # the way, one of ways(): serial, socket, tcp and rtu (of Modbus), rsh (of LinuxCNC) …
     target: str  # device, or host:port
     line: Mapping[str, str] = field(default_factory=dict)
     uart: bool = True  # somebody keeps to the settings of the line: a driver, a converter
@@ -68,32 +67,30 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
     named_only(url)
     scheme, target, query = _parts(url)
     url = shown(url)
-    unit = 1
-    if scheme in ("tcp", "rtu"):
+    unit, way = 1, ways()[scheme]
+    if way.unit:
         target, _, number = target.rpartition("/")
         if not target or not re.fullmatch("[0-9]{1,3}", number) or not 0 <= int(number) <= 247:
             raise InputError(f"port {url!r}: no device number; e.g. modbus+tcp://192.168.1.20:502/1 or modbus+rtu:///dev/ttyUSB0/1")
         unit = int(number)
-    if scheme in ("serial", "rtu") and not target:
+    if way.needs == "device" and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
-    if scheme in ("socket", "rfc2217", "tcp", "rsh", "opcua") and not _host(target):
+    if way.needs == "host" and not _host(target):
         raise InputError(
             f"port {url!r}: found {printable(repr(target), 80)}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
         )
-    if scheme in REMOTE:
+    if way.needs == "disk":
         place, _, path = target.rpartition("@")[2].partition("/")
         if not _host(place if re.search(r":[0-9]+$", place) else f"{place}:1") or not path or path.endswith("/"):
-            example = f"{scheme}://user@192.168.1.20/folder/TANGO.TXT?password=env:NAME"
-            example = "lsv2://192.168.1.20/TNC:/TANGO.TXT" if scheme == "lsv2" else example
-            raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {example}")
-    if scheme == "file" and not target:
+            raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {way.example}")
+    if way.needs == "file" and not target:
         raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
-    if scheme == "file" and target.lower().endswith(OWN):
+    if way.needs == "file" and target.lower().endswith(OWN):
         raise InputError(
             f"port {url!r}: found {target!r}, a name of tango's own files, into which no control may write; allowed: another name, "
             "e.g. TANGO.TXT"
         )
-    uart = scheme not in ("socket", "tcp", "rsh", "opcua", "file", *REMOTE) and not target.startswith(PTY)
+    uart = way.uart and not target.startswith(PTY)
     line: dict[str, str] = {}
     told: dict[str, str] = {}
     known: dict[str, tuple[str, ...]] = {**LINE, **options}
@@ -145,9 +142,9 @@ def _settings(query: str, url: str) -> list[tuple[str, str]]:
 def written_into(url: str) -> str | None:
     """URL or device → the file that the control writes its records into: '' where it is not on this computer, None for a line."""
     scheme, target, _ = _parts(url)
-    if scheme == "file":
+    if ways()[scheme].needs == "file":
         return target
-    return "" if scheme in ("rsh", *REMOTE) else None
+    return "" if ways()[scheme].stored else None
 
 
 def _parts(url: str) -> tuple[str, str, str]:
@@ -165,6 +162,6 @@ def _parts(url: str) -> tuple[str, str, str]:
     if not scheme:
         allowed = ", ".join(f"{name}://" for name in known)
         raise InputError(f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
-    if scheme == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
+    if ways()[scheme].needs == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
         return scheme, re.sub(r"^/(?=[A-Za-z]:)", "", unquote(parts.netloc + parts.path)), parts.query
-    return scheme, parts.netloc + (parts.path if scheme in ("serial", "tcp", "rtu", *REMOTE) else ""), parts.query
+    return scheme, parts.netloc + (parts.path if ways()[scheme].path else ""), parts.query

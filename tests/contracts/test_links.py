@@ -18,10 +18,11 @@ from support.linkparts import job
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
 from tango_cnc.link import _punched
-from tango_cnc.link._address import SCHEMES, WAYS, parse, spoken
+from tango_cnc.link._address import SCHEMES, parse, spoken
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Identified, Refused, Touched
 from tango_cnc.link._heard import NAMES
 from tango_cnc.link._measure import protocol_of
+from tango_cnc.link._ways import ways
 from tango_cnc.link.protocols import dnc, load, names, schemes
 from tango_cnc.records import InputError
 
@@ -222,7 +223,13 @@ def test_no_time_is_no_silence(protocol):
 @every_protocol
 def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(protocol):
     module = load(protocol)
-    assert all(value in WAYS for value in module.SCHEMES.values()), f"{protocol}.py: SCHEMES: allowed: {', '.join(WAYS)}"
+    assert set(module.SCHEMES.values()) <= set(ways()), (
+        f"{protocol}.py: SCHEMES: allowed: {', '.join(ways())}. A new way is one file: tango_cnc/link/transport/_<way>.py "
+        "with its WAYS (docs/link.md, Another protocol)"
+    )
+    page = (Path(__file__).parents[2] / "docs" / "link.md").read_text(encoding="utf-8")
+    for scheme in module.SCHEMES:
+        assert f"{scheme}://" in page, f"docs/link.md, Ports: the table lacks | `{scheme}://…` | …: see `{protocol}` |"
     assert not set(module.SCHEMES) & set(SCHEMES), f"{protocol}.py: SCHEMES names one that every protocol may have"
     assert {spoken(f"{scheme.upper()}://somewhere") for scheme in module.SCHEMES} <= {protocol}
     assert sum(name == protocol for name, _ in schemes().values()) == len(module.SCHEMES), f"{protocol}.py shares a scheme"

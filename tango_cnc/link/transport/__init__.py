@@ -18,34 +18,18 @@ that the line is lost, serial ports are locked twice, and a character of wrong p
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 import serial
 from serial.tools import list_ports
 
 from ...records import LinkError
-from .._address import REMOTE, Address
+from .._address import Address
 from .._address import parse as parse
+from .._ways import ways
 from .._wire import Paced, Parity
-from . import _file, _linuxcnc, _opcua, _remote
-from ._file import File
 from ._line import Lost as Lost
 from ._line import Transport as Transport
 from ._line import reason
-from ._linuxcnc import LinuxCnc
-from ._lsv2 import AtRest
-from ._modbus import Modbus
-from ._opcua import OpcUa
-from ._port import Port
-from ._remote import Remote
-from ._tcp import Tcp
-
-# How each of WAYS (_address.py) is opened: one that is missing here must not be opened as something else.
-OPENERS: dict[str, Callable[[Address], Transport]] = {"serial": Port, "rfc2217": Port, "socket": Tcp, "file": File}
-OPENERS |= {"tcp": Modbus, "rtu": Modbus, "rsh": LinuxCnc}
-FORESEEN: dict[str, Callable[[Address], None]] = {"rsh": _linuxcnc.foreseen, "file": _file.foreseen, "opcua": _opcua.foreseen}
-FORESEEN |= dict.fromkeys(REMOTE, _remote.foreseen)
-OPENERS |= {"opcua": OpcUa, **dict.fromkeys(REMOTE, Remote), "lsv2": AtRest}
 
 
 def ports() -> list[tuple[str, str]]:
@@ -55,14 +39,13 @@ def ports() -> list[tuple[str, str]]:
 
 def foreseen(address: Address) -> None:
     """address → nothing, and nothing is opened. Raises InputError for what is named there and no run may or can use."""
-    if address.scheme in FORESEEN:
-        FORESEEN[address.scheme](address)
+    ways()[address.scheme].foreseen(address)
 
 
 def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:
-        port: Transport = OPENERS[address.scheme](address)
+        port: Transport = ways()[address.scheme].open(address)
     except (
         OSError,
         EOFError,
@@ -70,7 +53,7 @@ def open_port(address: Address) -> Transport:
         serial.SerialException,
     ) as error:  # SerialException is an OSError; ValueError: baud rates
         raise LinkError(f"port {address.url} does not open: {reason(error)}. {_advice(address, error)}") from None
-    if address.scheme in ("tcp", "rtu"):
+    if ways()[address.scheme].unit:
         return port
     if not address.uart and "baud" in address.line:
         characters = int(address.line["baud"]) / (
@@ -83,7 +66,7 @@ def open_port(address: Address) -> Transport:
 
 
 def _advice(address: Address, error: Exception) -> str:
-    if address.scheme not in ("serial", "rtu"):
+    if ways()[address.scheme].needs != "device":
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
     busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)
     there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"

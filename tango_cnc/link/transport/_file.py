@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 from ...records import InputError, LinkError
 from .._address import Address
+from .._ways import Way
 from ._line import Lost, reason
 
 LOOK = 0.2  # s between two looks
@@ -134,3 +135,6 @@ def _last_start(file: BinaryIO, size: int) -> int:
             return begin + at
         end, tail = begin, piece[: len(START) - 1]
     return 0
+
+
+WAYS = {"file": Way(File, "file", path=True, foreseen=foreseen)}

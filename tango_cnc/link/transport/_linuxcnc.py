@@ -9,6 +9,7 @@ from pathlib import Path
 from ...files.targets import same
 from ...records import InputError, LinkError
 from .._address import Address
+from .._ways import Way
 from ._line import REST, SLICE, Lost, reason
 from ._tcp import Tcp
 
@@ -99,3 +100,6 @@ def foreseen(address: Address) -> None:
                 f"port {address.url}: {name}: found {file}, which is there and is not {what}; it would be lost. Allowed: another "
                 "name, or move that file away"
             )
+
+
+WAYS = {"rsh": Way(LinuxCnc, "host", stored=True, foreseen=foreseen)}

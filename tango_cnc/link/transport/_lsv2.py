@@ -18,9 +18,10 @@ from urllib.parse import quote
 
 from ...records import LinkError
 from .._address import Address
+from .._ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._remote import HEAD, START, Remote
+from ._remote import HEAD, START, Remote, foreseen
 from ._stores import needed
 
 PATIENCE = 10.0  # s for one telegram
@@ -318,3 +319,6 @@ class AtRest(Remote):
             raise LinkError(f"{self._path}: {FOREIGN}. Nothing was put at the control")
         old = max(0, whole.rfind(START)) if self._address.options.get("from", "now") == "last" else len(whole)
         self._at, self._before, self._known = old, whole[max(0, old - 64) : old], True
+
+
+WAYS = {"lsv2": Way(AtRest, "disk", path=True, stored=True, foreseen=foreseen, example="lsv2://192.168.1.20/TNC:/TANGO.TXT")}

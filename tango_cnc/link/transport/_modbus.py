@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import quote, urlsplit
 
 from .._address import DEFAULTS, Address
+from .._ways import Way
 from ._line import REST, Lost, reason
 
 ANSWER = 1.0  # s that a device may take to answer
@@ -124,3 +125,9 @@ class Modbus:
                     raise OSError("it is ready to be read but nothing is there")
         except OSError as error:
             raise Lost(f"the port is gone: {reason(error)}") from None
+
+
+WAYS = {
+    "tcp": Way(Modbus, "host", path=True, unit=True),
+    "rtu": Way(Modbus, "device", path=True, uart=True, unit=True),
+}

@@ -13,6 +13,7 @@ from urllib.parse import quote
 from ...records import InputError, LinkError
 from .._address import Address
 from .._nodes import read_nodes
+from .._ways import Way
 from ._line import Lost, reason
 from ._remote import HEAD, OURS
 from ._stores import needed
@@ -235,3 +236,6 @@ class OpcUa:
                     break
                 data += piece
         return data
+
+
+WAYS = {"opcua": Way(OpcUa, "host", foreseen=foreseen)}

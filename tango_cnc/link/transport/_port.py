@@ -11,6 +11,7 @@ from typing import Any
 import serial
 
 from .._address import DEFAULTS, Address
+from .._ways import Way
 from .._wire import unmarked
 from ._line import SLICE, Lost, reason
 
@@ -101,3 +102,6 @@ class Port:
             self._port.reset_output_buffer()
         with contextlib.suppress(Exception):
             self._port.close()
+
+
+WAYS = {"serial": Way(Port, "device", path=True, uart=True), "rfc2217": Way(Port, "host", uart=True)}

@@ -11,9 +11,10 @@ from urllib.parse import unquote, urlsplit
 
 from ...records import InputError, LinkError
 from .._address import Address
+from .._ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._stores import Store, needed, store
+from ._stores import PORTS, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -154,3 +155,16 @@ def _why(error: BaseException) -> str:
     if isinstance(error, EOFError):
         return "the connection was closed"
     return reason(error) if isinstance(error, OSError) else str(error)
+
+
+WAYS = {
+    name: Way(
+        Remote,
+        "disk",
+        path=True,
+        stored=True,
+        foreseen=foreseen,
+        example=f"{name}://user@192.168.1.20/folder/TANGO.TXT?password=env:NAME",
+    )
+    for name in PORTS
+}

@@ -7,6 +7,7 @@ import socket
 from urllib.parse import urlsplit
 
 from .._address import Address
+from .._ways import Way
 from ._line import PATIENCE, Lost, reason
 
 
@@ -46,3 +47,6 @@ class Tcp:
     def close(self) -> None:
         """Gives the port back."""
         self._socket.close()
+
+
+WAYS = {"socket": Way(Tcp, "host")}

@@ -1,0 +1,41 @@
+"""The ways in which bytes travel: each is declared in the file of `transport/` that opens it, and found there."""
+
+from __future__ import annotations
+
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from ._address import Address
+
+
+def _nothing(address: Address) -> None:
+    """Most ways have nothing to foresee."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a port is opened, and what its URL has to name. `WAYS` of a file in `transport/` holds one for each of its ways."""
+
+    open: Callable[[Address], Any]  # → an open Transport
+    needs: Literal["host", "device", "disk", "file"]  # host:port; a serial device; a file on a host; a file on this computer
+    path: bool = False  # what stands after host or device in the URL belongs to the target
+    uart: bool = False  # somebody keeps to the settings of the line: a driver, a converter
+    unit: bool = False  # the URL ends with the number of a device
+    stored: bool = False  # the control writes its records into a file that is not read as a file of this computer
+    foreseen: Callable[[Address], None] = _nothing  # refuses what no run can use; opens nothing
+    example: str = ""  # of a URL, for messages
+
+
+@cache
+def ways() -> Mapping[str, Way]:
+    """→ {way: how it is opened}, of all files of `transport/`."""
+    package = import_module(f"{__package__}.transport")
+    found: dict[str, Way] = {}
+    for module in sorted(one.name for one in pkgutil.iter_modules(package.__path__)):
+        found |= vars(import_module(f"{package.__name__}.{module}")).get("WAYS", {})
+    return found
