@@ -32,10 +32,10 @@ def heat(touches: Touches, axis: str, tau: float) -> Array:
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → every linear axis that goes somewhere, held at either end, with three time constants."""
+    """touches → every linear axis that goes somewhere, held at either end or at its zero, with three time constants."""
     run = max(float(np.ptp(touches.warm)), 1.0)
     for axis in moved_axes(touches, touches.machine.linear, WIDE):
-        for zero in ends(touches, axis):
+        for zero in (*ends(touches, axis), 0.0):  # where nobody has stated it: at an end, or at the reading zero of a scale
             for part in (0.05, 0.15, 0.5):
                 yield {"axis": axis, "tau": part * run, "zero": zero}
 

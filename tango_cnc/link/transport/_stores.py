@@ -150,6 +150,9 @@ class Sftp:
                 )
                 self._sftp = self._client.open_sftp()
                 self._sftp.get_channel().settimeout(PATIENCE)
+        except AttributeError:  # a connection that was closed while paramiko was signing in leaves it without a transport
+            self.close()
+            raise OSError("the connection was closed while it was opened") from None
         except (OSError, EOFError, LinkError) as error:
             self.close()
             raise next(iter(getattr(error, "errors", {}).values()), error) from None  # paramiko has one for each address
