@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import linalg
 
 from tango_cnc.acceptance import sheet as acceptance
+from tango_cnc.cli import guarded, tango
 from tango_cnc.iso230 import ranges, sizes
 from tango_cnc.iso230.interval import of_drawn
 from tango_cnc.iso230.signed import OnPart, Sheet, signed
@@ -73,6 +75,22 @@ def test_what_nobody_sees_is_as_uncertain_as_its_size_is() -> None:
     assert 0.008 < (high - low) / 2 < 0.06
     tail = np.quantile(np.abs(drawn[6:]), 0.99) / np.quantile(np.abs(drawn[6:]), 0.68)
     assert tail > 4  # of a normal distribution 2.6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("count", [60, 100, 130])
+def test_a_run_that_was_broken_off_has_figures_or_says_why_not(
+    tmp_path: Path, count: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """More unknowns than touches: their sizes ran off until nothing could be drawn."""
+    folder = tmp_path / "cell"
+    for arguments in (["init", str(folder), "--example", "trunnion"], ["simulate", "-C", str(folder), "--seed", "1"]):
+        assert guarded(tango.main, arguments, standalone_mode=False) == 0
+    rows = (folder / "simulated.csv").read_text(encoding="utf-8").splitlines()[: count + 1]
+    (folder / "cut.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    guarded(tango.main, ["iso230", "-C", str(folder), "--readings", str(folder / "cut.csv")], standalone_mode=False)
+    said = capsys.readouterr()
+    assert "Traceback" not in said.err and ("INCOMPLETE" in said.out or "IMPLAUSIBLE" in said.out)
 
 
 def test_limits_of_one_side_lie_within_the_interval_and_begin_at_0_sooner() -> None:

@@ -23,7 +23,7 @@ from scipy import linalg
 
 from ..estimate import Estimate
 from ..model import known, linearise
-from ..records import Array, Machine
+from ..records import Array, Machine, TangoError
 from ..terms import Coefficient, backlash
 from .whole import FINEST, WIDTH, Whole, motion_of, waves, widths, with_all
 
@@ -36,7 +36,6 @@ ALONE, MOTION, DEGREES = (
 FIRST = 0.03  # of the wide size: where the chain begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
 SMALLEST = 1e-5  # of the wide size: what a family is not smaller than, so that no number is lost
-FITTED = 4  # touches that the scatter of the fit counts for beside those of a machine that was drawn
 LARGEST = 10.0  # times the wide size: so few touches bound none of them, and nothing is that large
 BEGIN, STEPS, EACH = 60, 320, 2  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
 PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
@@ -100,6 +99,8 @@ class _Shares:
 def learned(result: Estimate, wide: Whole) -> Whole:
     """estimate, the same machine under the wide sizes → machines of all orders that the touches leave possible, in `draws`;
     values and covariance are their mean and covariance, widths the sizes that were drawn, gain that at these sizes.
+
+    Raises TangoError where the touches are so few that nothing can be drawn.
     """
     model, p = with_all(result.model, *HIGHEST)
     start, place = np.zeros(len(model.names)), {name: i for i, name in enumerate(model.names)}
@@ -122,7 +123,10 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         for j, i in enumerate(seen)
         if i < p and (kind := _kind(found[i], machine, order_of.get(found[i].name, 0))) is not None
     }
-    drawn, variance, sigma = _chain(touched, _Shares(kinds, [motions[i] if i < p else "" for i in seen]), wide.sigma)
+    try:
+        drawn, variance, sigma = _chain(touched, _Shares(kinds, [motions[i] if i < p else "" for i in seen]), wide.sigma)
+    except linalg.LinAlgError:
+        raise TangoError(f"ISO figures: {len(gaps)} touches bound no error motion of this machine; make the whole plan") from None
     own = seen < p
     draws, sizes = np.zeros((p, drawn.shape[1])), np.zeros(p)
     draws[seen[own]] = width[seen[own], None] * drawn[own]
@@ -148,7 +152,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
 
 def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Array, float]:
     """→ machines (q, d) as parts of the wide sizes, variances (q,) in the middle of the chain, scatter of a touch, mm."""
-    rng, fitted = np.random.default_rng(2306), sigma
+    rng = np.random.default_rng(2306)
     n, q = touched.matrix.shape
     found, logs, scatters = [], np.zeros(q), []
     for i in range(BEGIN + STEPS):
@@ -166,8 +170,7 @@ def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Arr
             logs += np.log(variance) / STEPS
             scatters.append(sigma)
         left = touched.gaps + touched.matrix @ drawn[:, 0]
-        # Where there are more unknowns than touches they explain every residual: the scatter of the fit counts a little, too.
-        sigma = max(float(np.sqrt((left @ left + FITTED * fitted**2) / rng.chisquare(n + FITTED))), FINEST)
+        sigma = max(float(np.sqrt(left @ left / rng.chisquare(n))), FINEST)
         shares.step(drawn[:, 0], rng)
     return np.hstack(found), np.exp(logs), float(np.mean(scatters))
 
