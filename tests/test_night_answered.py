@@ -69,7 +69,7 @@ def test_a_repair_is_measured(root: Path, tmp_path: Path, then: dict[str, float]
     assert night["verdict"] == verdict and said in night["headline"]
     assert EXIT[night["verdict"]] == (0 if verdict == "good" else 1)
     assert {r["verdict"] for r in records[9:]} == {verdict}  # nobody has answered the new alarm; a good end stays one
-    assert not any(a for r in records[9:] for a in r["alarms"])  # and it is told once
+    assert not any(a for r in records[9:] for a in r["alarms"])  # one message says it, no further one
     left = KNOCK + then.get("EC0X", 0.0)
     for found in (*(a for a in night["alarms"] if a["parameter"] == "EC0X"), *night.get("repaired", ())):
         assert abs(found["size"] - left) < 4 * found["std"]

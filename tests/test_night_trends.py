@@ -49,7 +49,7 @@ def test_a_limit_is_reached_where_the_error_grows_to_it_and_not_where_it_shrinks
     assert reached(followed, lever, mean, a_day, limit) == pytest.approx(25.0)
     assert reached(followed, lever, mean, -a_day, limit) == pytest.approx(75.0)  # through zero, to the other side
     assert reached(followed, lever, mean, np.array([0.001, 0.0]), limit) == np.inf
-    assert reached(followed, lever, mean, a_day, limit | {"passed": False}) == np.inf  # that is told already
+    assert reached(followed, lever, mean, a_day, limit | {"passed": False}) == np.inf  # the limit itself says that
     volume = {"what": "volume", "limit": 15.0, "passed": True}
     assert reached(followed, lever, mean, np.array([0.001, 0.0]), volume) == pytest.approx(5.0)
     assert reached(followed, lever, mean, np.array([-0.001, 0.0]), volume) == pytest.approx(25.0)

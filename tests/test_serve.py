@@ -328,7 +328,11 @@ def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST) as site:
         waiting = site.get("/machine/HU40T-like/run").text
-        assert "There is no run" in waiting and "as soon as it starts" in waiting and "data-begin" in waiting
+        assert (
+            "There is no run" in waiting
+            and "as soon as it starts" in waiting
+            and 'data-follow="/machine/HU40T-like/run/step"' in waiting
+        )
         assert site.get("/machine/HU40T-like/run/step").headers["x-run-state"] == "none"
         run = Recorded(folder, 20)
         assert "Waiting for the control to start" in site.get("/machine/HU40T-like/run").text

@@ -336,7 +336,7 @@ class _Known(dict[str, str]):
 def _words(f: Finding) -> _Known:
     d = f.detail
     known = _Known(size=size(f), course=_course(d), toward="", where="")
-    lengths = {one["unit"] for one in d.get("coefficients", {}).values()} == {"mm"}  # others are told by what touches have felt
+    lengths = {one["unit"] for one in d.get("coefficients", {}).values()} == {"mm"}  # the size of others is what the touches felt
     if lengths and _unsettled(d):  # the size is that of the end, which nobody has seen
         part = 1 - np.exp(-float(d["run_s"]) / float(d["tau_s"]))
         known["size"] = f"{f.size.amplitude * part * 1e3:.1f} µm"

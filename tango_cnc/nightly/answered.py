@@ -83,8 +83,8 @@ def found_by(past: Past, machine: str, wanted: Sequence[str]) -> dict[str, tuple
 
 
 def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: Mapping[str, Any]) -> Moved | None:
-    """history, machine, what is known, state after tonight, night of an alarm, the alarm → how far it has moved; None for what has
-    no direction, or of which the night before is not on record.
+    """history, machine, what is known, state after tonight, night of an alarm, the alarm → how far it has moved; None where the
+    alarm has no direction, and where the history lacks the night before it.
     """
     found, before = past.night(stored.night.entry).knowledge, _before(past, machine, stored, alarm)
     if found is None or before is None or (h := _hypothesis(k, alarm)) is None:

@@ -50,10 +50,9 @@ UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not le
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
 YEAR = 365.0  # d: what reaches a limit later than that is for the table
-PLAIN = (
-    6.0  # standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders
-)
-SLOW = 12  # measured nights before a wander is told from a slow drift by likelihood
+# Standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders.
+PLAIN = 6.0
+SLOW = 12  # measured nights that the likelihood needs before it distinguishes a slow drift from a wander
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -127,7 +126,8 @@ def _limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:
     """→ the surest of what has moved farther than it wanders.
 
-    Looks back to the last alarm or repair and no farther: what it told is told. None where nothing has moved by `TOLD` and `LEAST`.
+    Looks back to the last alarm or repair and no farther, as that alarm has said what came before it. None where nothing has
+    moved by `TOLD` and `LEAST`.
     """
     back = []
     for record in records:

@@ -248,8 +248,8 @@ def _next(
     """causes, their (k, m) patterns, every hypothesis with its pattern, innovation, judgement → what explains more of what they
     leave than chance, with its pattern and whether it is a name: the best one first.
 
-    A name explains more than half of what is left above chance, and more than any other by `CLOSE`: one that another would do as
-    well is none.
+    A name explains more than half of what is left above chance, and more than any other by `CLOSE`: where another one
+    does as well, neither is a name.
     """
     k, m = len(white), sum(p.shape[1] for p in patterns)
     if causes[0].hypothesis.cause == "temperature":
