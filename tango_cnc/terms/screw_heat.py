@@ -36,7 +36,7 @@ def variants(touches: Touches) -> Variants:
     run = max(float(np.ptp(touches.warm)), 1.0)
     for axis in moved_axes(touches, touches.machine.linear, WIDE):
         for zero in (*ends(touches, axis), 0.0):  # where nobody has stated it: at an end, or at the reading zero of a scale
-            for part in (0.05, 0.15, 0.5):
+            for part in (0.05, 0.25, 1.5):  # the search looks between the ends of these
                 yield {"axis": axis, "tau": part * run, "zero": zero}
 
 
