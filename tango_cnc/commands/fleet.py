@@ -49,7 +49,7 @@ class _Row:
 
     @property
     def wants_somebody(self) -> bool:
-        """→ whether somebody has to look: of a former name because of an alarm without an answer, and not because of its last night."""
+        """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
         return self.standing.alarms_open > 0 if self.former else wants_somebody(self.standing)
 
 

@@ -138,6 +138,7 @@ def context(
         "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
         "alarms": alarms,
         "first": found[0] if found else None,
+        "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
@@ -158,6 +159,13 @@ def context(
         "change": _change(record, u, t),
         "residual": record.get("residual") or {},
     }
+
+
+def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
+    """what a night says of a repair that helped, units, texts, chain of axes → the same for the shop, and which parts to check."""
+    since = x.get("since")  # older records do not have it
+    told = whole_sentence(sentence(plain(t.of(x.get("text") or ""), u, t, machine), Units()))
+    return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
 
 
 def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
