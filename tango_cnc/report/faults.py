@@ -74,7 +74,7 @@ def faults(
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
-    together = _together(list(told.values()), u, t, machine, events, repaired)
+    together = _together(list(told.values()), u, t, machine, events, repaired, str(known.get("night") or ""))
     found = [x | {"whole": _whole_error(x, known, u, t, machine, events)} for x in together]
     for a in record.get("behind") or ():
         a = as_loaded({**a, "utc": record.get("start_utc")}, events)
@@ -153,10 +153,16 @@ def _closed(a: Mapping[str, Any]) -> bool:
 
 
 def _together(
-    alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None, events: Sequence[Any], repaired: Sequence[str]
+    alarms: Sequence[dict[str, Any]],
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+    events: Sequence[Any],
+    repaired: Sequence[str],
+    known_of: str,
 ) -> list[dict[str, Any]]:
-    """alarms, what happened to compensations, moments of repairs → one for each parameter, with all that has come together since
-    the oldest of them; what a compensation has settled is apart from what came after it.
+    """alarms, what happened to compensations, moments of repairs, date of the last night that measured → one for each parameter,
+    with all that has come together since the oldest of them; what a compensation has settled is apart from what came after it.
     """
     groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
     for a in alarms:
@@ -184,7 +190,7 @@ def _together(
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
-            now = plain(t.of(first["now"]), u, t, machine)
+            now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
         elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
             first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
@@ -193,6 +199,13 @@ def _together(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
         )
     return found
+
+
+def _confirmed_on(now: str, night: str, t: Texts) -> str:
+    """what the last night that measured says of an alarm, its date → the same; what "tonight" has confirmed is dated."""
+    if isinstance(now, Said) and now.key == "night.alarms.confirmed" and night:
+        return t("morning.confirmed_on", told=now.values["told"], date=day(night, t))
+    return now
 
 
 def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
