@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import socket
 import time
 from collections.abc import Iterator
 from datetime import date
@@ -25,6 +26,7 @@ from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.words import changed
+from tango_cnc.records import InputError
 from tango_cnc.report import morning
 from tango_cnc.report.answer import answer
 from tango_cnc.report.plain import plain
@@ -32,6 +34,7 @@ from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import english, say
 from tango_cnc.web.app import create
+from tango_cnc.web.listening import listening
 from tango_cnc.web.live import Looks
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import IDLE, WHOLE, SignIns, User, add_user
@@ -748,3 +751,24 @@ def test_where_no_night_was_within_the_limit_every_part_is_in_question() -> None
     assert "Since the first measured night, Tue 3 Nov 2026: no night was within the limit." in told
     within = morning.render(night("M", 12, "out_of_limits", limits=[limit]), within="2026-11-03")
     assert "Last night within the limit: Tue 3 Nov 2026." in within
+
+
+def test_a_port_that_is_in_use_says_who_has_it_and_what_to_do(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+        found = CliRunner().invoke(tango, ["serve", "-C", str(folder), "--port", str(port)], standalone_mode=False)
+    assert isinstance(found.exception, InputError) and "Errno" not in str(found.exception)
+    assert f"{port} of 127.0.0.1 is in use" in str(found.exception) and f"--port {port + 1}" in str(found.exception)
+    assert "shows" not in found.stdout  # nothing is said of pages that nobody can open
+    if Path("/proc/net/tcp").exists():
+        assert f"process {os.getpid()} (" in str(found.exception)
+
+
+def test_an_address_of_another_computer_is_refused_in_words() -> None:
+    with pytest.raises(InputError, match="no address of this computer"):
+        listening("192.0.2.1", 0)
+    with pytest.raises(InputError, match="no address of this computer"):
+        listening("no.such.host.invalid", 0)
+    with listening("127.0.0.1", 0) as free:
+        assert free.getsockname()[1] > 0

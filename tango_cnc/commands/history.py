@@ -245,8 +245,7 @@ def _lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:
         half, values = INTERVAL * float(trend.std[-1]) * factor, (trend.value * factor).tolist()
         found.append(Course(trend.name, values, half, unit, [start in alarmed for start in trend.start_utc]))
     text = courses(found, width())
-    key = {"all": "drawn", "values": "drawn_values", "last": "drawn_last"}[told(found, width())]
-    return "\n".join([text, *textwrap.wrap(here()(f"cli.history.{key}"), width())]) if text else text
+    return "\n".join([text, *textwrap.wrap(here()(f"cli.history.drawn_{told(found, width())}"), width())]) if text else text
 
 
 def _moved(history: History, machine: str) -> list[str]:

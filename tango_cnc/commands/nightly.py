@@ -150,7 +150,7 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
             last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
             signs = [(n.night, n.verdict) for n in nights]
             before = None if last is None else history.night(last.entry).record
-            known = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
+            known: dict[str, Any] = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
             known |= {"never": never_within(signs), "volumes": volumes_of(nights), "signs": signs}
             return known | {"events": compensations(history, machine)}
     return {}
