@@ -32,7 +32,7 @@ def every(values: Iterable[Any], step: int, first: int = 0) -> list[Any]:
 def chosen(test: str, cases: int, few: int) -> set[int]:
     """name of a test, number of its cases, how many of them by default → their places, equally far from each other.
 
-    Where they begin depends on the name: so tests of the same fourteen dialects have other dialects by default.
+    Where they begin depends on the name: so tests of the same dialects have other dialects by default.
     """
     first = crc32(test.encode())
     return {(first + i * cases // few) % cases for i in range(few)} if few < cases else set(range(cases))
