@@ -30,10 +30,10 @@ def by_default(*items: Item) -> list[str]:
 
 
 def test_as_many_cases_as_stated_stay_and_lie_apart() -> None:
-    for few in range(1, 15):
-        kept = sorted(chosen("test_of_dialects", 14, few))
-        assert len(kept) == few
-        assert min((b - a) % 14 or 14 for a, b in zip(kept, [*kept[1:], kept[0]], strict=True)) >= 14 // few
+    for count in range(1, 15):
+        kept = sorted(chosen("test_of_dialects", 14, count))
+        assert len(kept) == count
+        assert min((b - a) % 14 or 14 for a, b in zip(kept, [*kept[1:], kept[0]], strict=True)) >= 14 // count
 
 
 def test_who_has_no_more_cases_than_that_keeps_all() -> None:
