@@ -167,7 +167,7 @@ def controller_of(cell: Cell) -> Controller:
 
 def address_of(cell: Cell, port: str | None) -> str:
     """cell, --port → the port of its control. Raises InputError when neither states one."""
-    address = port or (cell.controller.port if cell.controller else None)
+    address = port if port is not None else cell.controller.port if cell.controller else None
     if address is None:
         raise InputError(
             f"{cell.folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
