@@ -3,8 +3,9 @@
 A figure conforms when value and guard band lie inside the limit, and does not when they lie outside it (ISO 14253-1:2017; 95 %
 for one limit and a normal distribution: g = 1.65 u). A range is not normal: its guard bands end where it is larger, or smaller,
 with 5 %; and what noise alone may show is not rejected. Between both nothing is stated. No interval stands, and nothing conforms,
-where no machine is known to have been measured, where the control has got a compensation since, where the estimate is not trustworthy, where there is no budget or it does not
-name what every machine has, or where the touches scatter more than the budget allows for.
+where no machine is known to have been measured, where the control has got a compensation since, where the estimate is not
+trustworthy, where there is no budget or it does not name what every machine has, or where the touches scatter more than the budget
+allows for.
 """
 
 from __future__ import annotations

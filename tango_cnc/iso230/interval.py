@@ -46,7 +46,8 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     decide, alike → largest minus smallest, or the longest, of them.
 
     Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
-    range^(1 − k): then noise takes a range to neither side. k is found from how much the free directions enlarge it on both sides of what was read.
+    range^(1 − k): then noise takes a range to neither side. k is found from how much the free directions enlarge it around
+    what was read.
     Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
     tail, sizes = (1 - coverage) / 2, _sizes(curves)

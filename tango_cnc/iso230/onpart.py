@@ -106,7 +106,7 @@ def _volumetric(
     longest = say("iso_said.onpart.longest", count=LEVELS)
     curves = [(c, "µm", 1e3, rest[:, i], aligned) for i, c in enumerate("XYZ")]
     curves += [(c, "µrad", 1e6, seen.turn[:, i], over_what) for i, c in enumerate("ABC")]
-    curves.append((" best fit", "µm", 1e3, rest, longest))
+    curves.append(("", "µm", 1e3, rest, longest))
     return [
         Ask("volumetric", f"V{c}", unit, factor, at_all, "", None, note, length=at.length)
         for c, unit, factor, at_all, note in curves
