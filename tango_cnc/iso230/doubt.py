@@ -2,8 +2,9 @@
 
 Every error motion carries a width before the touches are looked at, far wider than any machine in service (`whole`), and nothing
 that is given may rest on it. A position over a volume sums the errors of all linear axes, and may be as uncertain as all three.
-A volume is judged at the usual order: a bow of degree 5 of 100 µm is in no machine, and would withhold it wherever an axis has a little of it.
-Beyond the lengths that were touched with, a tool shows tilts that no touch has seen; there a volume has the limit of one axis.
+A volume is judged at the usual order: a bow of degree 5 of 100 µm is in no machine, and would withhold it wherever an axis has a
+little of it. Beyond the lengths that were touched with, a tool shows tilts that no touch has seen; there a volume has the limit of
+one axis.
 """
 
 from __future__ import annotations
