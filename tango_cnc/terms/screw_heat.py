@@ -66,6 +66,7 @@ TERM = Cause(
     source="ISO 230-3:2020 clause 7 (thermal distortion by the motion of axes); ball screws of steel grow 11.5 µm/m/K",
     frame="axis",
     mistaken=("scale_drift", "thermal_drift"),
+    plainer=("scale_drift",),  # on most plans an axis goes about as far every minute: both grow alike
     says="the screw of {axis} warms with its way; the touch that feels it most is off by {size}",
     meaning="a part made after much rapid motion of this axis differs along it from one made after little",
     advice="measure this axis by a linear scale, cool its screw, move it before calibrating as work moves it, or keep the term",
