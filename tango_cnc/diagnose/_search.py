@@ -121,16 +121,18 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
     for i, old in enumerate(found):
         others = [*found[:i], *found[i + 1 :]]
         selected = columns_of(place, others)
+        options = []
         for cause in cat.plainer.get(old.candidate.cause, ()):
             if cause not in cat.causes:
                 continue
             ratios, _ = best_noise(place, selected)
             new = rival(place, cat, cause, selected, ratios)[1]
             twice = any(c.candidate.cause == cause and _axis(c) == _axis(new) for c in others)
-            values = coefficients(place, selected, new.columns, ratios)
-            if not twice and cat.plausible(new.candidate, values) and total(place, [*others, new]) > best - STRONG:
-                found[i] = new
-                break
+            if not twice and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
+                options.append((total(place, [*others, new]), new))
+        value, new = max(options, key=lambda one: one[0], default=(-np.inf, old))
+        if value > best - STRONG:
+            found[i] = new
     return found
 
 
