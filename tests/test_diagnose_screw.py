@@ -33,7 +33,7 @@ def test_a_screw_that_warms_with_its_way_is_named(machine: str, peak: float, see
 @pytest.mark.long
 @pytest.mark.parametrize("seed", [47, 67])
 def test_a_scale_that_grows_is_no_screw_that_warms_with_its_way(seed: int) -> None:
-    """An axis goes about as far every minute: the heat of its way grows as the scale does, and follows the noise a little better."""
+    """An axis goes about as far every minute: the heat of its way grows as the scale does, and fits the noise a little better."""
     b = blind.bench()
     found = blind.trial(b, blind.eyes(b), ["scale_drift"], (0.003, 0.003), seed)
     assert found is not None
