@@ -46,7 +46,7 @@ def ends(touches: Touches, axis: str) -> tuple[float, float]:
     return round(low - BEYOND * (high - low)), round(high + BEYOND * (high - low))
 
 
-def cause(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
+def make(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
     """machine, linear axis, time constant s, reading mm where the screw is held → growth in mm/mm a m of way."""
     need("screw_heat", "axis", axis, machine.linear)
     stem = label("screw_heat", axis, tau, zero)
@@ -75,6 +75,6 @@ TERM = Cause(
     variants=variants,
     units={"tau": "s", "zero": "mm"},
     over="time",
-    make=cause,
+    make=make,
     unnamed=unnamed,
 )
