@@ -143,8 +143,8 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
     for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):
         assert mark in text, (
             f"tests/transcripts/{protocol}/: no page has {mark!r}. Write what is sent (->), received (<-), waited (..), lost (!!); "
-            f"{WRITE} -k {protocol} adds what the client makes of it (=>). Where the client speaks first, begin each page with what "
-            "it sends (->) and what the control answers (<-)"
+            f"{WRITE} -k {protocol} adds what the client makes of it (=>). Where the client speaks first, begin each page with "
+            "what it sends (->) and what the control answers (<-)"
         )
 
 
