@@ -23,6 +23,7 @@ from tango_cnc.report.faults import faults
 from tango_cnc.report.morning import context, last_within, render
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -202,6 +203,26 @@ def test_parts_to_check_begin_with_the_earliest_open_fault_of_the_machine() -> N
     assert told == "All that were made since Fri 23 Oct 2026, the last night within the limit."
     seen = [Decision(a["id"], "acknowledge", "Ann") for a in record["standing"]]  # who looks into it has not put it right
     assert "Sat 24 Oct" in context(record | {"verdict": "changed"}, seen, None, texts())["suspect"]
+
+
+def test_parts_made_beyond_a_limit_before_the_newest_fault_are_named_as_well() -> None:
+    """A knock that made the error smaller: the nights before it were beyond the limit, one way back to the 25th."""
+    record = night("M", 12, "changed", alarms=[step(12, 20.0)])
+    verdicts = {"2026-11-05": "changed", "2026-11-04": "out_of_limits", "2026-11-03": "not_measured", "2026-11-02": "out_of_limits"}
+    before = {"2026-11-01": "good", "2026-10-31": "out_of_limits"}
+    told = context(record, (), None, texts(), signs=[*verdicts.items(), *before.items()])["suspect"]
+    assert told == (
+        "All that were made since Wed 4 Nov 2026, the last night without it. "
+        "Those since Mon 2 Nov 2026, too: the machine was beyond its limit then."
+    )
+    inside = [(date, "changed") for date in verdicts]
+    assert "Those since" not in context(record, (), None, texts(), signs=inside)["suspect"]
+
+
+def test_what_tonight_confirmed_is_dated_once_that_night_is_read_later() -> None:
+    now = say("night.alarms.confirmed", told="+20.1 ± 0.5 µm")
+    fault = faults(night("M", 5, "changed", standing=[step(2, 20.0, total=0.020, now=now)]), (), {}, Units(), texts())[0]
+    assert "confirmed by the full measurement of Thu 29 Oct 2026" in fault["text"] and "tonight" not in fault["text"]
 
 
 @pytest.mark.long

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
-from support.few import chosen, pytest_collection_modifyitems
+from support import few
+from support.few import chosen, concerns, pytest_collection_modifyitems
 
 
 class Item:
@@ -28,10 +30,10 @@ def by_default(*items: Item) -> list[str]:
 
 
 def test_as_many_cases_as_stated_stay_and_lie_apart() -> None:
-    for few in range(1, 15):
-        kept = sorted(chosen("test_of_dialects", 14, few))
-        assert len(kept) == few
-        assert min((b - a) % 14 or 14 for a, b in zip(kept, [*kept[1:], kept[0]], strict=True)) >= 14 // few
+    for count in range(1, 15):
+        kept = sorted(chosen("test_of_dialects", 14, count))
+        assert len(kept) == count
+        assert min((b - a) % 14 or 14 for a, b in zip(kept, [*kept[1:], kept[0]], strict=True)) >= 14 // count
 
 
 def test_who_has_no_more_cases_than_that_keeps_all() -> None:
@@ -52,6 +54,24 @@ def test_what_is_not_kept_is_long_and_other_tests_stay() -> None:
 def test_a_case_that_is_long_anyway_is_none_of_the_few() -> None:
     cases = [Item(f"tests/test_a.py::test_b[{i}]", pytest.mark.few(2), *[pytest.mark.long] * (i > 1)) for i in range(9)]
     assert by_default(*cases) == ["tests/test_a.py::test_b[0]", "tests/test_a.py::test_b[1]"]
+
+
+def test_all_cases_of_a_plug_in_that_somebody_is_adding_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(few, "new", lambda: frozenset({"hurco"}))
+    cases = [Item(f"tests/test_a.py::test_b[{name}-{i}]", pytest.mark.few(0)) for name in ("fanuc", "hurco") for i in range(3)]
+    assert by_default(*cases) == [f"tests/test_a.py::test_b[hurco-{i}]" for i in range(3)]
+
+
+def test_a_plug_in_that_the_last_commit_has_not_is_new(tmp_path: Path) -> None:
+    for file in ("posts/known.py", "posts/added.py", "posts/untracked.py", "tests/test_c.py"):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text("", encoding="utf-8")
+    who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+    for command in (["init", "-q"], ["add", "posts/known.py"], [*who, "commit", "-q", "-m", "one"], ["add", "posts/added.py"]):
+        subprocess.run(["git", *command], cwd=tmp_path, check=True)
+    assert few.new(tmp_path) == {"added", "untracked"}
+    assert concerns("tests/test_a.py::test_b[added-8]", few.new(tmp_path))
+    assert not concerns("tests/test_a.py::test_b[known-8]", few.new(tmp_path))
 
 
 TESTS = Path(__file__).parent

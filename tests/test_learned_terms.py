@@ -55,7 +55,7 @@ def test_what_moves_the_tool_is_in_the_map(twisted: tuple[Any, Any, Readings]) -
 @pytest.mark.parametrize("weight", ["machine x", "machine z", "axis Y", "axis C", "tilt B of Z"])
 def test_a_shape_that_moves_the_tool_is_felt_as_its_weight_says(weight: str, twisted: tuple[Any, Any, Readings]) -> None:
     touches = fitted(twisted).model.touches
-    (moves,) = learned.cause(twisted[0].machine, "twist", TWIST, weight, SIZES)
+    (moves,) = learned.make(twisted[0].machine, "twist", TWIST, weight, SIZES)
     assert moves.slot.axis
     pattern = form_of({"factors": TWIST, "weight": weight}).columns(touches) @ np.array(SIZES)
     _, jacobian = linearise(Model(touches, (moves,)), np.zeros(1 + len(touches.facets)))

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.answers import UNTIL, accept_stylus, answered
+from support.answers import UNTIL, accept_stylus, answered, decide
 from support.histories import record as kept
 
 from tango_cnc.cli import tango
 from tango_cnc.commands._simulated_nights import Event, Story
-from tango_cnc.history import opened
-from tango_cnc.nightly.answered import Moved
+from tango_cnc.history import History, opened
+from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
-from tango_cnc.nightly.words import message
-from tango_cnc.report.faults import faults
+from tango_cnc.nightly.words import headline, message
+from tango_cnc.report.faults import earlier, faults, unclosed
+from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.state.naming import Hypothesis
@@ -77,8 +79,18 @@ def test_a_repair_is_measured(root: Path, tmp_path: Path, then: dict[str, float]
         (alarm,) = night["alarms"]
         assert alarm["repair"]["alarm"] == records[7]["alarms"][0]["id"] and "Ask Ann" in alarm["do"]
         assert "still there" in records[9]["standing"][0]["now"]  # and not gone: the repair did not make it
+        assert alarm["repair"]["back"] == pytest.approx(then.get("EC0X", 0.0), abs=4e-6)
     else:
-        assert [h["parameter"] for h in night["repaired"]] == ["EC0X"]
+        (helped,) = night["repaired"]
+        assert helped["parameter"] == "EC0X" and helped["back"] == pytest.approx(-KNOCK, abs=4e-6)
+        assert helped["size_before"] + helped["back"] == pytest.approx(helped["size"]) and abs(helped["size"]) < helped["least"]
+        assert helped["since"] == records[6]["night"]
+        back, left, before = (f"{1e6 * helped[key]:+.1f}" for key in ("back", "size", "size_before"))
+        what, std = "X axis out of square, turned about Z", f"{1e6 * helped['std']:.1f}"
+        said = f"{what} has gone back by {back} µrad (EC0X): {left} ± {std} µrad of {before}"
+        if verdict == "good":
+            assert said in night["headline"] and "moved" not in night["headline"]
+            assert said in message(night, (), ())[1]
 
 
 @pytest.mark.long
@@ -108,6 +120,67 @@ def test_an_ignored_change_that_goes_back_is_said_and_does_not_alarm(root: Path,
     records = answered(root, tmp_path / "h.db", story, 12, {8: "ignore"})
     assert records[10]["verdict"] == "good" and "as Ann ignores it" in records[10]["headline"]
     assert records[10]["ignored"][0]["size"] == pytest.approx(-0.010, abs=0.002)
+
+
+def open_and_decided(file: Path, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    with opened(file) as history:
+        return unclosed(history, "trunnion", today)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("back", "left"), [(-0.056, 0.0), (-0.044, 0.012)])
+def test_a_repair_that_takes_an_older_ignored_change_with_it_has_helped(
+    root: Path, tmp_path: Path, back: float, left: float
+) -> None:
+    """The last alarm is counted from a night on which the machine was off already: back at the start is not "too far"."""
+
+    def repaired(history: History, record: Mapping[str, Any]) -> None:
+        decide(history, record, record["alarms"][0]["id"], "repaired")
+
+    events = (Event(8, {"EY0C": 0.026}), Event(10, {"EY0C": 0.030}), Event(11, {"EY0C": back}))
+    records = answered(root, tmp_path / "h.db", Story(events, wander=0.5), 12, {8: "ignore", 10: repaired})
+    night = records[10]
+    assert night["verdict"] == "good" and not night["alarms"] and not night.get("ignored")
+    (helped,) = night["repaired"]
+    assert helped["also"] == records[7]["alarms"][0]["id"]
+    assert helped["size"] == pytest.approx(left, abs=0.001) and helped["back"] == pytest.approx(back, abs=0.002)
+    assert ("as before this alarm" if left else "as before, after the repair by Ann") in night["headline"]
+    assert "which belongs to the older alarm" in night["headline"] or not left
+    assert "went too far" not in night["headline"] and "has gone back along Y by" in night["headline"]
+    found, last = open_and_decided(tmp_path / "h.db", records[11]["night"])
+    for later in records[10:] if not left else ():
+        page = context(later, tuple(last.values()), None, texts(), waiting=earlier(found))
+        assert page["answer"].may == "yes" and page["first"]["gone"] and "It has gone back since" in page["first"]["text"]
+
+
+@pytest.mark.long
+def test_a_change_that_goes_back_unanswered_says_so_and_what_is_left(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 9, {})
+    (alarm,) = records[8]["alarms"]
+    assert alarm["undoes"]["alarm"] == records[7]["alarms"][0]["id"] and records[8]["verdict"] == "changed"
+    assert "has gone back along Y by -" in alarm["text"] and "of +20." in alarm["text"] and "moved" not in records[8]["headline"]
+    found, last = open_and_decided(tmp_path / "h.db", records[8]["night"])
+    page = context(records[8], tuple(last.values()), None, texts(), waiting=earlier(found))
+    assert "+20 µm" in page["first"]["text"] and "of 20 µm is left" in page["first"]["text"]
+    assert "Correct the whole error" not in page["first"]["whole"] and "gone back" in page["first"]["todo"]
+
+
+@pytest.mark.long
+def test_an_ignored_change_that_has_gone_back_is_no_reason_to_measure_the_first_part(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {8: "ignore"})
+    assert "gone back along Y" in records[8]["headline"] and [g["alarm"][:10] for g in records[10]["gone"]] == [records[7]["night"]]
+    found, last = open_and_decided(tmp_path / "h.db", records[10]["night"])
+    page = context(records[10], tuple(last.values()), None, texts(), waiting=earlier(found))
+    assert page["answer"].may == "yes" and "It has gone back since" in page["first"]["text"]
+
+
+def test_a_repair_that_helped_is_said_beside_a_crossed_limit() -> None:
+    helped = {"text": "as before, after the repair by Ann on 2026-10-08: all of it"}
+    limit = {"what": "volume", "value": 95.0, "unit": "µm", "limit": 90.0, "passed": False}
+    record = {"status": "complete", "verdict": "out_of_limits", "alarms": [], "limits": [limit], "repaired": [helped]}
+    assert "90 µm are allowed" in headline(record) and helped["text"] in headline(record)
 
 
 @pytest.mark.long

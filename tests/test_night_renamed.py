@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -31,6 +33,12 @@ def renamed(tmp_path: Path) -> Path:
     return folder
 
 
+def fresh(name: str, cell: str) -> dict[str, Any]:
+    """name, cell → a good night that has just ended."""
+    now = datetime.now(UTC)
+    return night(name, 5, cell=cell) | {"start_utc": now.isoformat(), "end_utc": now.isoformat(), "night": f"{now:%Y-%m-%d}"}
+
+
 def run(*words: str) -> tuple[int, str]:
     result = CliRunner().invoke(tango, list(words), standalone_mode=False)
     assert result.exception is None
@@ -53,10 +61,37 @@ def test_once_its_alarms_are_closed_and_the_new_name_is_measured_nothing_more_is
         (alarm,) = history.open_alarms("OLD 5")
         history.decide("OLD 5", Decision(alarm["id"], "accept", "Ann"))
         (other,) = formers(history, "NEW", renamed, within=True)
-        assert other.alarms == () and other.nights == 4
+        assert other.alarms == other.held == () and other.nights == 4
         assert "nobody has closed: 0" in other.told("NEW", True)
         history.add_night(night("NEW", 5, cell=str(renamed)))
     assert "OLD 5" not in run("nightly", "-C", str(renamed), "--status")[1] and "OLD 5" not in run("fleet", str(renamed))[1]
+
+
+@pytest.mark.parametrize("action", ["acknowledge", "ignore"])
+def test_an_alarm_that_was_answered_under_the_old_name_stays_answered(renamed: Path, action: str) -> None:
+    until = "2999-01-01" if action == "ignore" else None
+    with opened(renamed / "history.db") as history:
+        (alarm,) = history.open_alarms("OLD 5")
+        history.decide("OLD 5", Decision(alarm["id"], action, "Ann", "", until))
+        (other,) = formers(history, "NEW", renamed, within=True)
+        assert other.alarms == () and [a["id"] for a in other.held] == [alarm["id"]]
+        assert "nobody has answered: 0" in other.told("NEW", True) and "answered and not closed: 1" in other.told("NEW", True)
+        history.add_night(fresh("NEW", str(renamed)))
+    status, text = run("nightly", "-C", str(renamed), "--status")
+    assert status == 0 and "OLD 5" in text and "answered and not closed: 1" in text and "--machine 'OLD 5'" in text
+    status, text = run("fleet", str(renamed), "--json", "-")
+    lines = {m["machine"]: m for m in json.loads(text)["machines"]}
+    assert status == 0 and (lines["OLD 5"]["alarms_open"], lines["OLD 5"]["alarms_held"]) == (0, 1)
+
+
+def test_an_alarm_that_was_ignored_until_a_day_that_is_over_has_no_answer(renamed: Path) -> None:
+    with opened(renamed / "history.db") as history:
+        (alarm,) = history.open_alarms("OLD 5")
+        history.decide("OLD 5", Decision(alarm["id"], "ignore", "Ann", "", "2026-01-01", "2025-12-24T06:00:00+00:00"))
+        (other,) = formers(history, "NEW", renamed, within=True)
+        assert [a["id"] for a in other.alarms] == [alarm["id"]] and other.held == ()
+        history.add_night(fresh("NEW", str(renamed)))
+    assert run("nightly", "-C", str(renamed), "--status")[0] == 1 and run("fleet", str(renamed))[0] == 1
 
 
 def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_path: Path) -> None:

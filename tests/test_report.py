@@ -24,9 +24,11 @@ from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings
 from tango_cnc.report import page
+from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
+from tango_cnc.report.may import may
 from tango_cnc.report.svg import ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
@@ -515,6 +517,39 @@ def test_a_machine_beyond_its_limit_ends_with_a_status_of_its_own(limit: str, st
     """The numbers can be used, the machine cannot: a script sees it."""
     found = report(folder, "--no-diagnosis", "--no-pictures", "-o", str(folder / "limit.html"), "--limit-um", limit)
     assert found.exception is None and found.return_value == status
+
+
+def test_a_looser_limit_judges_the_night_as_well_as_a_stricter_one() -> None:
+    limit = {"what": "volume", "value": 51.0, "unit": "µm", "low": 50.0, "high": 52.0, "limit": 30.0, "passed": False}
+    record = {"verdict": "out_of_limits", "limits": [limit], "volume": {"worst_um": 51.0, "std_um": 0.5}}
+    looser, strict = by_limit(record, 200.0), by_limit(record | {"verdict": "good", "limits": [limit | {"limit": 90.0}]}, 40.0)
+    assert (looser["verdict"], looser["limits"][0]["limit"], looser["limits"][0]["passed"]) == ("good", 200.0, True)
+    assert by_limit(record | {"alarms": [{}]}, 200.0)["verdict"] == "changed" and strict["limits"][0]["passed"] is False
+    other = {"what": "EX0C", "value": 30.0, "unit": "µm", "low": 29.0, "high": 31.0, "limit": 20.0, "passed": False}
+    assert by_limit(record | {"limits": [limit, other]}, 200.0)["verdict"] == "out_of_limits"
+    (bare,) = by_limit(record | {"verdict": "good", "limits": []}, 51.2)["limits"]  # a night without a limit
+    assert bare["passed"] is None and bare["limit"] == 51.2 and by_limit(record, None) is record
+
+
+@pytest.mark.parametrize(
+    ("asked", "stated", "may_", "why", "basis"),
+    [
+        (0.2, 0.03, "but", "By the 30 µm of nightly.yaml the answer is: No", "200 µm was asked for in this report alone"),
+        (0.2, 0.3, "yes", "", "nightly.yaml states 300 µm"),
+        (0.12, None, "yes", "", "the limit that is stated now: 120 µm; that of the night was 90 µm"),
+        (0.04, None, "no", "before it is put right", "the limit that is stated now: 40 µm; that of the night was 90 µm"),
+        (0.09, None, "yes", "", "as on the page of the machine"),
+    ],
+)
+def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
+    facts: Facts, asked: float, stated: float | None, may_: str, why: str, basis: str
+) -> None:
+    limit = {"what": "volume", "value": 51.0, "unit": "µm", "low": 50.0, "high": 52.0, "limit": 90.0, "passed": True}
+    record = {"verdict": "good", "night": "2026-11-20", "limits": [limit], "volume": {"worst_um": 51.0, "std_um": 0.5}}
+    found = Nights("2026-11-20", "good", "nothing has changed", 0, "2026-11-20T02:30:00+00:00", record)
+    told = may(replace(facts, nights=found, wishes=replace(facts.wishes, limit=asked, stated=stated)), texts())
+    assert told.answer.may == may_ and why in told.answer.why and basis in told.basis
+    assert f"51 µm, {1e3 * asked:.0f} µm allowed" in told.answer.numbers
 
 
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
+import socket
 import time
 from collections.abc import Iterator
 from datetime import date
@@ -25,13 +26,15 @@ from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.words import changed
+from tango_cnc.records import InputError
 from tango_cnc.report import morning
 from tango_cnc.report.answer import answer
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
-from tango_cnc.texts import say
+from tango_cnc.texts import english, say
 from tango_cnc.web.app import create
+from tango_cnc.web.listening import listening
 from tango_cnc.web.live import Looks
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import IDLE, WHOLE, SignIns, User, add_user
@@ -629,6 +632,62 @@ def test_a_list_of_nights_says_once_what_they_have_in_common(tmp_path: Path) -> 
     assert text.count("Ann has it") == 1 and text.count("Still changed since the night of Sat 24 Oct 2026") == 3
 
 
+def test_a_night_of_the_list_has_one_date(tmp_path: Path) -> None:
+    text = say("changed.off", what="C axis", letter="X", size="+20.0 µm", since="2026-10-26", name="EX0C")
+    parts = {"text": text, "who": "Ann has it", "more": "", "part": "", "gap": "", "now": ""}
+    same = say("night.words.changed_since_night", night="2026-10-27", **parts)
+    folder = cell(tmp_path / "one", records=[night("HU40T-like", 5, "changed", headline=same)])
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        text = site.get("/machine/HU40T-like/nights").text
+    assert "Changed: C axis has moved along X by +20 µm since the night of Tue 27 Oct 2026" in text and "Mon 26 Oct" not in text
+
+
+def test_why_a_night_is_in_doubt_has_no_symbol_and_no_statistics_for_the_shop(tmp_path: Path) -> None:
+    what = say("plausible.lacking.tip", first="31")
+    why = say("plausible.lacking.found", what=what, names="EXt, EYt", size="3.1")
+    headline = say("night.words.readings_not_be_relied_on", reason=why)
+    bare = "The residual of EYt is 3 standard deviations off"  # a record of before sentences had keys
+    judged = {"verdict": "doubtful", "reasons": [why, bare]}
+    records = [night("HU40T-like", 5, "doubtful", plausible=judged, headline=headline)]
+    folder = cell(tmp_path / "one", records=records)
+    with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        pages = {path: site.get(path).text for path in ("/", "/machine/HU40T-like", "/machine/HU40T-like/nights")}
+    said = "The touches do not fit together. They look most as if the stylus tip were another one from touch 31 on"
+    for path, text in pages.items():
+        shop = text.partition('<details class="engineer">')[0]
+        assert "EYt" not in shop and "standard deviations" not in shop and "tango diagnose" not in shop, path
+    assert said in pages["/machine/HU40T-like"] and "as they should" in pages["/machine/HU40T-like"]
+    assert "of their standard deviations" in pages["/machine/HU40T-like"].partition('<details class="engineer">')[2]
+
+
+def test_every_reason_for_doubt_that_speaks_to_an_engineer_has_words_for_the_shop() -> None:
+    t = texts()
+    inside = {  # parts of other sentences, and what to change: no reasons
+        *("plausible.bounds.at_most_plausible", "plausible.backlashes.way", "plausible.backlashes.both_ways"),
+        *("plausible.readings.compare_with_machine", "plausible.readings.take_strategy_yaml_program_was"),
+        *("plausible.readings.go_on_with_tango_run", "plausible.backlashes.change"),
+        *("plausible.spindle.change", "plausible.directions.give_sign_axis_motion_before"),
+    }
+    technical = re.compile(r"\.yaml|standard deviation|'tango |--terms|\{names\}|\{key\}|\{columns\}|\bE[XYZ]\d|degrees of freedom")
+    missing = [
+        key for key in t.keys if key.startswith("plausible.") and technical.search(english()[key]) and f"reason.{key}" not in t
+    ]
+    assert sorted(set(missing) - inside) == []
+    for key in (k for k in t.keys if k.startswith("reason.plausible.")):
+        own, given = (set(re.findall(r"\{(\w+)\}", english()[k])) for k in (key, key.removeprefix("reason.")))
+        assert own <= given, key
+
+
+def test_no_sign_has_two_meanings_on_the_trend(site: TestClient) -> None:
+    """A square is a night beyond a limit, or not believed; a night with an alarm is a diamond."""
+    text = site.get("/machine/HU40T-like/trend").text
+    charts = text.split("<svg ")[1:]
+    squares = re.compile(r'<rect [^>]*width="8\.[04]"')
+    alarms = [c for c in charts if "a night with an alarm" in c]
+    assert alarms and not any(squares.search(c) for c in alarms)
+    assert all("beyond a limit" in c for c in charts if squares.search(c))
+
+
 def test_a_machine_that_was_never_measured_says_what_to_do(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
@@ -692,3 +751,24 @@ def test_where_no_night_was_within_the_limit_every_part_is_in_question() -> None
     assert "Since the first measured night, Tue 3 Nov 2026: no night was within the limit." in told
     within = morning.render(night("M", 12, "out_of_limits", limits=[limit]), within="2026-11-03")
     assert "Last night within the limit: Tue 3 Nov 2026." in within
+
+
+def test_a_port_that_is_in_use_says_who_has_it_and_what_to_do(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    with socket.create_server(("127.0.0.1", 0)) as held:
+        port = held.getsockname()[1]
+        found = CliRunner().invoke(tango, ["serve", "-C", str(folder), "--port", str(port)], standalone_mode=False)
+    assert isinstance(found.exception, InputError) and "Errno" not in str(found.exception)
+    assert f"{port} of 127.0.0.1 is in use" in str(found.exception) and f"--port {port + 1}" in str(found.exception)
+    assert "shows" not in found.stdout  # nothing is said of pages that nobody can open
+    if Path("/proc/net/tcp").exists():
+        assert f"process {os.getpid()} (" in str(found.exception)
+
+
+def test_an_address_of_another_computer_is_refused_in_words() -> None:
+    with pytest.raises(InputError, match="no address of this computer"):
+        listening("192.0.2.1", 0)
+    with pytest.raises(InputError, match="no address of this computer"):
+        listening("no.such.host.invalid", 0)
+    with listening("127.0.0.1", 0) as free:
+        assert free.getsockname()[1] > 0

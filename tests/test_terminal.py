@@ -106,6 +106,26 @@ def test_a_table_wraps_its_last_column_in_a_terminal_only() -> None:
     assert " ".join(" ".join(below).split()).endswith("over the volume is 12.3 µm")
 
 
+def test_a_list_wider_than_the_terminal_is_written_as_blocks_and_no_word_is_cut() -> None:
+    rows = [["machine", "last night", "verdict", "", "tool tip", "what"]]
+    rows.append(
+        ["HU40T-like", "2026-11-26", "out of limits", "late", "▁▂▃▄▅▆▇█▁▂▃▄▅▆  143.0", "volume is 171.5 µm, 160 µm are allowed"]
+    )
+    text = table(rows, "<<<<<<", 40).splitlines()
+    assert max(map(len, text)) <= 40 and text[0] == "HU40T-like"
+    assert [line for line in text if line.startswith("  ") and not line.startswith("    ")] == [
+        *("  last night: 2026-11-26", "  verdict: out of limits", "  late", "  tool tip: ▁▂▃▄▅▆▇█▁▂▃▄▅▆  143.0"),
+        "  what: volume is 171.5 µm, 160 µm are",
+    ]
+    assert len(table(rows, "<<<<<<", 90).splitlines()) < len(text)
+
+
+@pytest.mark.parametrize(("columns", "there", "gone"), [(80, "first → last value ± 95 %", ""), (40, "its last value", "±")])
+def test_the_line_below_the_curves_names_the_numbers_that_are_there(folder: Path, columns: int, there: str, gone: str) -> None:
+    text = called("history", "plot", "-C", str(folder), columns=columns).stdout
+    assert there in " ".join(text.split()) and (not gone or gone not in text)
+
+
 def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
     line = called("fleet", str(folder)).stdout.splitlines()[-1]
     drawn = [c for c in line if c in characters.BLOCKS]

@@ -167,7 +167,7 @@ def controller_of(cell: Cell) -> Controller:
 
 def address_of(cell: Cell, port: str | None) -> str:
     """cell, --port → the port of its control. Raises InputError when neither states one."""
-    address = port or (cell.controller.port if cell.controller else None)
+    address = port if port is not None else cell.controller.port if cell.controller else None
     if address is None:
         raise InputError(
             f"{cell.folder / 'tango.yaml'}: no controller.port; state it there or with --port; 'tango ports' lists what there is"
@@ -204,7 +204,8 @@ def json_text(data: dict[str, Any]) -> str:
 def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
     """rows of cells, one of '<>' per column → text with aligned columns, two spaces apart.
 
-    `columns`: of a terminal; the last column is wrapped in it, or stands below its row where fewer than `LEAST` are left.
+    `columns`: of a terminal; the last column is wrapped in it, or stands below its row where fewer than `LEAST` are left. Where the
+    others have no room either, each row is a block: its first cell, then the others with the name of their column, a line each.
     """
     if columns is not None:
         return _within(rows, align, columns)
@@ -215,6 +216,8 @@ def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
 def _within(rows: list[list[str]], align: str, columns: int) -> str:
     before = table([row[:-1] for row in rows], align[:-1]).splitlines()
     used = max(map(len, before)) + 2
+    if used - 2 > columns:
+        return "\n".join(line for row in rows[1:] for line in _block(rows[0], row, columns))
     below = columns - used < LEAST
     lines: list[str] = []
     for text, row in zip(before, rows, strict=True):
@@ -225,6 +228,16 @@ def _within(rows: list[list[str]], align: str, columns: int) -> str:
         last = textwrap.wrap(row[-1], columns - used) or [""]
         lines += [f"{text:<{used}}{last[0]}".rstrip(), *(" " * used + line for line in last[1:])]
     return "\n".join(lines)
+
+
+def _block(heads: list[str], row: list[str], columns: int) -> list[str]:
+    """names of the columns, cells, columns of the terminal → lines that fit; what is empty is left out, no word is cut."""
+    lines = textwrap.wrap(row[0], columns, subsequent_indent="  ")
+    for head, cell in zip(heads[1:], row[1:], strict=True):
+        text = f"{head}: {cell.strip()}" if head else cell.strip()
+        if cell.strip():
+            lines += textwrap.wrap(text, columns, initial_indent="  ", subsequent_indent="    ")
+    return lines
 
 
 def on_terminal() -> int | None:

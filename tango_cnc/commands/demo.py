@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import click
 
-from ..estimate import Estimate, estimate
-from ..files import read_cell, read_readings, read_world
-from ..iso230.signed import withheld
+from ..files import read_world
 from ..records import LinkError, World
 from ..report.units import shown
-from ._common import table, write_json
-from .estimate import as_json
+from ._common import table
 
 PLACE = "Begin 10"  # in the list of commands
 
@@ -36,7 +35,7 @@ def command(context: click.Context, out: Path | None, speed: float) -> int:
     init, check, plan, run over a serial line to a simulated controller, estimate; last the estimated against the true values.
     Exit status 1 when an estimate is further from the truth than its uncertainty allows.
     """
-    from . import check, init, plan, run
+    from . import check, estimate, init, plan, run
 
     began = time.monotonic()
     folder = out or next(f for i in count(1) if not (f := Path("demo") / str(i)).exists())
@@ -50,15 +49,13 @@ def command(context: click.Context, out: Path | None, speed: float) -> int:
         _says(f"run -C {folder} --port {port} --simulated --yes")
         context.invoke(run.command, folder=folder, port=port, simulated=True, yes=True)
     _says(f"estimate -C {folder} --json {folder / 'estimate.json'}")
-    cell = read_cell(folder)
-    result = estimate(cell.machine, cell.artefact, read_readings(folder / "readings.csv", cell.machine, cell.artefact), cell.terms)
-    write_json(str(folder / "estimate.json"), as_json(result, withheld(result)))
-    text, worst = _against(result, read_world(folder / "world.yaml"))
+    status = context.invoke(estimate.command, folder=folder, json_file=str(folder / "estimate.json"))
+    text, worst = _against(json.loads((folder / "estimate.json").read_text(encoding="utf-8")), read_world(folder / "world.yaml"))
     click.echo(text)
     click.echo(
         f"\n{time.monotonic() - began:.0f} s. All files are in {folder}: {', '.join(sorted(f.name for f in folder.iterdir()))}"
     )
-    return int(worst > LIMIT)
+    return int(status or worst > LIMIT)
 
 
 def _says(command: str) -> None:
@@ -91,23 +88,24 @@ def _shows(arguments: list[str]) -> None:
     click.secho(f"\n$ python -m sim_controller {' '.join(arguments)} &", bold=True)
 
 
-def _against(result: Estimate, world: World) -> tuple[str, float]:
-    """estimate, truth → a table for people, and the largest deviation in standard deviations."""
+def _against(result: Mapping[str, Any], world: World) -> tuple[str, float]:
+    """content of estimate.json, truth → a table for people, and the largest deviation in standard deviations."""
+    stylus = [(name, value, result["stylus_std"][name], "mm") for name, value in result["stylus"].items()]
     rows = [["parameter", "estimated", "std", "true", "off by", ""]]
     worst = 0.0
-    for name, p in {**result.parameters, **result.setup}.items():
+    for name, value, std, unit in [*((name, p["value"], p["std"], p["unit"]) for name, p in result["parameters"].items()), *stylus]:
         truth = world.errors.get(name, world.stylus.get(name, 0.0))
-        off = (p.value - truth) / p.std
+        off = (value - truth) / std
         worst = max(worst, abs(off))
-        factor, unit = shown(p.unit)
-        rows.append([name, f"{p.value * factor:.2f}", f"{p.std * factor:.2f}", f"{truth * factor:.2f}", f"{off:+.1f} std", unit])
-    facets = [(p.value - world.facets.get(facet, 0.0)) / p.std for facet, p in result.facets.items()]
+        factor, shown_in = shown(unit)
+        rows.append([name, f"{value * factor:.2f}", f"{std * factor:.2f}", f"{truth * factor:.2f}", f"{off:+.1f} std", shown_in])
+    facets = [(p["offset"] - world.facets.get(facet, 0.0)) / p["std"] for facet, p in result["facets"].items()]
     worst = max([worst, *map(abs, facets)])
-    size = abs(result.residuals) * 1e3
+    left = result["residual"]
     text = (
         f"{table(rows, '<>>>><')}\n\n"
         f"{len(facets)} facet offsets, each found within {max(map(abs, facets)):.1f} std of the true one\n"
-        f"{len(size)} touches leave |r| max {size.max():.2f}, mean {size.mean():.2f} µm unexplained; "
-        f"one touch scatters by {result.sigma * 1e3:.2f} µm (simulated: {world.noise * 1e3:.2f})"
+        f"{result['touches']} touches leave |r| max {left['max_um']:.2f}, mean {left['mean_abs_um']:.2f} µm unexplained; "
+        f"one touch scatters by {left['std_um']:.2f} µm (simulated: {world.noise * 1e3:.2f})"
     )
     return text, worst

@@ -45,6 +45,12 @@ class _Row:
     cell: Path | None
     tip: tuple[float, ...] = ()  # µm of the last nights, oldest first
     said: str = ""
+    former: bool = False  # another name of a machine that has a line of its own
+
+    @property
+    def wants_somebody(self) -> bool:
+        """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
+        return self.standing.alarms_open > 0 if self.former else wants_somebody(self.standing)
 
 
 @click.command()
@@ -121,7 +127,7 @@ def command(
             if not known or len(cells) == 1:
                 raise
             trouble |= {str(c.folder): str(error) for c in known}
-    found.sort(key=lambda row: (not wants_somebody(row.standing), row.standing.machine, str(row.cell)))
+    found.sort(key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
     machines = [
         {**vars(s), "last": None if s.last is None else vars(s.last), "cell": None if row.cell is None else str(row.cell)}
         for row in found
@@ -142,7 +148,7 @@ def command(
         click.echo(table(rows, "<<<><<<", on_terminal()))
     for folder, why in trouble.items():
         click.echo(t("cli.fleet.unreadable", cell=folder, why=why), err=True)
-    return 1 if trouble or any(wants_somebody(row.standing) for row in found) else 0
+    return 1 if trouble or any(row.wants_somebody for row in found) else 0
 
 
 def wants_somebody(standing: Standing) -> bool:
@@ -153,16 +159,17 @@ def wants_somebody(standing: Standing) -> bool:
 
 def _former(history: History, place: str | Path, own: _Known, known: Sequence[_Known], new: bool) -> list[_Row]:
     """history, where it is, a cell, all cells that name this history, whether it has no night yet → a line for every other name
-    of its machine with an alarm that nobody has closed, or with nights where it has none.
+    of its machine with an alarm that nobody has closed, or with nights where it has none. It asks for somebody by its alarms only.
     """
     from ..history import Standing
     from ..history.former import formers, of_folder
 
     rows = []
     for f in formers(history, own.name, own.folder, of_folder(place, own.folder), {c.name for c in known}):
-        if f.alarms or new:
+        if f.alarms or f.held or new:
             last = history.nights(f.machine, last=1)[0]
-            rows.append(_Row(Standing(f.machine, last, f.nights, len(f.alarms), False), own.folder, (), f.told(own.name, new)))
+            standing = Standing(f.machine, last, f.nights, len(f.alarms), False, len(f.held))
+            rows.append(_Row(standing, own.folder, (), f.told(own.name, new), former=True))
     return rows
 
 

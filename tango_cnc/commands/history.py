@@ -237,7 +237,7 @@ def plot(history: History, machine: str, parameter: tuple[str, ...], output: Pat
 
 def _lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:
     """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value; alarms marked below."""
-    from ..report.characters import Course, courses, width
+    from ..report.characters import Course, courses, told, width
 
     found = []
     for trend in trends:
@@ -245,7 +245,7 @@ def _lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:
         half, values = INTERVAL * float(trend.std[-1]) * factor, (trend.value * factor).tolist()
         found.append(Course(trend.name, values, half, unit, [start in alarmed for start in trend.start_utc]))
     text = courses(found, width())
-    return "\n".join([text, *textwrap.wrap(here()("cli.history.drawn"), width())]) if text else text
+    return "\n".join([text, *textwrap.wrap(here()(f"cli.history.drawn_{told(found, width())}"), width())]) if text else text
 
 
 def _moved(history: History, machine: str) -> list[str]:

@@ -150,8 +150,8 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
             last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
             signs = [(n.night, n.verdict) for n in nights]
             before = None if last is None else history.night(last.entry).record
-            known = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
-            known |= {"never": never_within(signs), "volumes": volumes_of(nights)}
+            known: dict[str, Any] = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
+            known |= {"never": never_within(signs), "volumes": volumes_of(nights), "signs": signs}
             return known | {"events": compensations(history, machine)}
     return {}
 
@@ -287,14 +287,17 @@ def _status(
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
         "trouble": None if wrong is None else str(wrong),
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming},
-        "former": [{"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms)} for f in renamed],
+        "former": [
+            {"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms), "held_alarms": list(f.held)}
+            for f in renamed
+        ],
     }
     if not write_json(json_file, data):
         click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
         if wrong is not None:
             click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
         for f in renamed:
-            if f.alarms or not nights:
+            if f.alarms or f.held or not nights:
                 click.echo(f"  {t.of(f.told(name, not nights))}")
         for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
             kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))

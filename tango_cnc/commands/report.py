@@ -109,11 +109,14 @@ def command(
     items = cell.terms if terms is None else read_terms(terms, cell.folder)
     budget = folder / "uncertainty.yaml"
     nightly = read_nightly(folder)
-    allowed = nightly.limits.get("volume") if limit_um is None else limit_um  # µm
+    stated = nightly.limits.get("volume")  # µm
+    allowed = stated if limit_um is None else limit_um
+    other = None if limit_um is None or stated is None or stated == limit_um else stated
     wishes = Wishes(
         items,
         degree,
         None if allowed is None else allowed / 1e3,
+        None if other is None else other / 1e3,
         Units("inch" if unit == "inch" else "mm"),
         read_budget(budget) if budget.exists() else None,
         not no_diagnosis,
@@ -132,7 +135,7 @@ def command(
         sheet=_sheet(folder, result),
         trend=past,
         compensations=compensations(folder),
-        nights=nights(folder, cell.machine, wishes.units, texts_of(templates)),
+        nights=nights(folder, cell.machine, wishes.units, texts_of(templates), allowed),
         control=_in_control(folder, source, result),
     )
     target = output or folder / "report.html"
@@ -140,7 +143,9 @@ def command(
     write_text(target, page.render(found, templates, values))
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values))
-    data = page.as_json(found) | {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
+    source_of = None if allowed is None else "--limit-um" if limit_um is not None else "nightly.yaml"
+    data = page.as_json(found) | {"limit_um": allowed, "limit_from": source_of, "limit_nightly_um": stated}
+    data |= {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
     if not write_json(json_file, data | members(overall(judgement, found))):
         click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)
         click.echo(terminal.summary(found))
@@ -246,13 +251,16 @@ def _place(folder: Path) -> str | Path | None:
     return None if isinstance(place, Path) and not place.exists() else place
 
 
-def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
-    """cell, its machine, units, texts → newest night and open alarms in its history; None where it has none."""
+def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | None = None) -> Nights | None:
+    """cell, its machine, units, texts, limit of the tool tip that is stated now → newest night and open alarms in its history; None
+    where it has none.
+    """
     place = _place(folder)
     if place is None:
         return None
     from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night
     from ..history import opened
+    from ..report.answer import by_limit
     from ..report.faults import answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
     from ..report.pace import ahead
@@ -274,7 +282,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts) -> Nights | None:
         since = complete.night if complete is not None else t("web.never")
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
         cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
-        open_ones, soon = len(still_open(found)), ahead(before or record, volumes_of(lately), today)
+        open_ones, soon = len(still_open(found)), ahead(by_limit(before or record, limit_um), volumes_of(lately), today)
         said = as_decided(record, history.decisions(machine)) or n.headline
         return Nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),

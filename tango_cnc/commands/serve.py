@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,7 @@ def command(
 
         from ..web import users as accounts
         from ..web.app import create
+        from ..web.listening import listening
         from ..web.patience import Patient
         from ..web.settings import LOOPBACK, Settings
         from ..web.tls import checked
@@ -108,17 +110,17 @@ def command(
         from ..report.units import Units
 
         app.state.tango.units = Units("inch")
+    taken = listening(host, port)
+    port = taken.getsockname()[1]
     count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
     mode = "read-only" if users is None else f"users of {users}"
     click.echo(f"http{'s' if certificate else ''}://{host}:{port}/ shows {count}; {mode}. Ctrl-C ends it.")
     extra: dict[str, Any] = {}
     if certificate is not None and key is not None:
         extra = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
-    uvicorn.run(
+    config = uvicorn.Config(
         app,
         http=Patient,
-        host=host,
-        port=port,
         log_level="warning",
         server_header=False,
         proxy_headers=behind_proxy,
@@ -128,6 +130,8 @@ def command(
         h11_max_incomplete_event_size=16384,
         **extra,
     )
+    with taken, suppress(KeyboardInterrupt):  # Ctrl-C is the way to end it
+        uvicorn.Server(config).run(sockets=[taken])
 
 
 def _add(accounts: Any, users: Path, name: str, role: str) -> None:

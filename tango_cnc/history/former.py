@@ -5,13 +5,12 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Protocol
 
 from ..texts import Said, say
-from .records import Decision, Night
-
-CLOSED = ("accept", "repaired")
+from .records import HELD, Decision, Night
 
 
 class Names(Protocol):
@@ -35,35 +34,41 @@ class Names(Protocol):
 
 @dataclass(frozen=True)
 class Former:
-    """Another name of the machine of a cell: its nights, the date of the last one, alarms that nobody has closed."""
+    """Another name of the machine of a cell: its nights, the date of the last one, and its alarms that nobody has closed."""
 
     machine: str
     nights: int
     last: str
-    alarms: tuple[Mapping[str, Any], ...]
+    alarms: tuple[Mapping[str, Any], ...]  # without an answer
+    held: tuple[Mapping[str, Any], ...] = ()  # somebody has answered them: acknowledged, or ignored until a date
 
     def told(self, name: str, new: bool) -> Said:
         """name of the machine today, whether it has no night yet → what that means and what to do, as sentences."""
         values = {"old": self.machine, "name": name, "count": self.nights, "night": self.last, "machine": shlex.quote(self.machine)}
-        return say(f"history.former.{'new' if new else 'known'}", **values, alarms=len(self.alarms))
+        counts = {"alarms": len(self.alarms)} | ({"held": len(self.held)} if self.held else {})
+        return say(f"history.former.{'new' if new else 'known'}{'_held' if self.held else ''}", **values, **counts)
 
 
 def formers(history: Names, name: str, folder: Path, within: bool = False, others: Collection[str] = ()) -> tuple[Former, ...]:
     """history, name of the machine of a cell today, its folder, whether the history is a file in that folder, names of machines of
     other cells → the other names under which nights of this cell are in it.
 
-    A night belongs to the cell that its record names. In a file of the cell every other name is one of this cell.
+    A night belongs to the cell that its record names. In a file of the cell every other name is one of this cell. What was ignored
+    until a date counts as unanswered after that day.
     """
-    found = []
+    found, today = [], datetime.now().astimezone().strftime("%Y-%m-%d")
     for other in history.machines():
         if other == name or other in others or not (newest := history.records(other, 1)):
             continue
         if not within and not _same(str(newest[0].get("cell") or ""), folder):
             continue
-        last = {d.alarm: d.action for d in history.decisions(other)}
-        alarms = tuple(a for s in history.alarmed(other) for a in s.record["alarms"] if last.get(a["id"]) not in CLOSED)
+        last = {d.alarm: d for d in history.decisions(other)}
+        last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
+        alarms = [a for s in history.alarmed(other) for a in s.record["alarms"]]
+        open_ = tuple(a for a in alarms if a["id"] not in last)
+        held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)
         nights = history.nights(other)
-        found.append(Former(other, len(nights), nights[0].night, alarms))
+        found.append(Former(other, len(nights), nights[0].night, open_, held))
     return tuple(found)
 
 

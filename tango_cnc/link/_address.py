@@ -28,6 +28,7 @@ PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")  # every protocol may have these
 OWN = (".yaml", ".yml", ".csv", ".json", ".journal", ".lock")  # endings of what a cell consists of
 LAST_PORT = 65535
+DEVICE = re.compile(r"[/\\.][^?]*|[^:/?]+")  # a path, or the name of a port
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")
 LONGEST = 2000  # characters of a URL
 
@@ -150,6 +151,12 @@ def written_into(url: str) -> str | None:
 def _parts(url: str) -> tuple[str, str, str]:
     """URL or device → (scheme without the protocol, target, settings). Raises InputError for an unknown scheme."""
     if "://" not in url:
+        if url and not DEVICE.fullmatch(url):
+            meant = f". Perhaps you mean socket://{url}" if HOST.fullmatch(url) else ""
+            raise InputError(
+                f"port {shown(url)!r}: found neither a device nor a URL; allowed: e.g. /dev/ttyUSB0, COM3, "
+                f"serial:///dev/ttyUSB0?baud=9600 or socket://192.168.1.20:8193{meant}"
+            )
         return "serial", url, ""
     try:
         parts = urlsplit(url)

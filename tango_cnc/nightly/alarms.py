@@ -271,7 +271,7 @@ def standing(
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
     known, when = (parameters, "") if parameters else _known(past, machine)
-    found = []
+    found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
@@ -301,6 +301,22 @@ def standing(
                 told["owner"] = decision.owner
             found.append(told)
     return sorted(found, key=_urgency)
+
+
+def gone_unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night → alarms that somebody ignores (`standing` has no such), and that
+    have gone again: `alarm`, `now` and `total` as there.
+    """
+    if not past.knows(machine) or not parameters:
+        return []
+    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    unheard = {key for key, d in last.items() if d.action == "ignore" and (d.until or "") >= today}
+    found = []
+    for stored in past.alarmed(machine, LISTED) if unheard else ():
+        for a in stored.record["alarms"]:
+            if a["id"] in unheard and is_gone(now := _now(a, stored.record, parameters, kind)):
+                found.append({"alarm": a["id"], "now": now, "total": _total(a, stored.record, parameters)})
+    return found
 
 
 def _known(past: Past, machine: str) -> tuple[Mapping[str, Any], str]:

@@ -36,7 +36,7 @@ from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from . import answered, parts
-from .alarms import Known, alarms_of, date_of, since, since_full, standing
+from .alarms import Known, alarms_of, date_of, gone_unheard, since, since_full, standing
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
@@ -242,6 +242,7 @@ class Nights:
         if not judged.believed:
             alarms = []
         elif not first:
+            alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
             alarms, unheard = answered.split(past, machine, known, after, alarms, day)
         quiet = judged.believed and not (first or alarm or repaired)
@@ -262,7 +263,9 @@ class Nights:
         if (newest := past.latest_knowledge(machine)) is not None:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
-        waiting = standing(past, machine, day, parameters if judged.believed else {}, kind, self.happened)
+        found = parameters if judged.believed else {}
+        waiting = standing(past, machine, day, found, kind, self.happened)
+        gone_again = gone_unheard(past, machine, day, found, kind)
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
             told_of = as_alarm(moving, known)
@@ -297,7 +300,7 @@ class Nights:
         told |= {"standing": waiting} if waiting else {}
         told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
-        told |= {"repaired": helped} if helped else {}
+        told |= ({"repaired": helped} if helped else {}) | ({"gone": gone_again} if gone_again else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}

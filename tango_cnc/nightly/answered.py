@@ -7,63 +7,24 @@ seen, with its interval and, of a drift, with its rate; what goes beyond that al
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 
-from ..history import Decision, Knowledge
-from ..records import Array
-from ..state import Hypothesis, Named, State, hypotheses, reopened
+from ..history import Decision
+from ..state import Named, State, reopened
 from ..texts import joined, say
-from .alarms import LISTED, Known, Since, date_of, effect_of, said_of
+from .alarms import Known, Since, date_of, effect_of, said_of
+from .back import gone, unclosed, went_back
+from .moved import LEFT, SURE, Moved, found_by, hypothesis_of, moved
 from .ports import Past
 from .words import value
 
-SURE = 3.0  # standard deviations by which what is left, or what was added, has to stand out
 OPEN = 3.0  # times what an alarm found: what a repair may move
-LEFT = 0.1  # share of what an alarm found that a repair may leave
 FASTER = 1.25  # times the rate that was seen: an ignored drift that goes on faster is another one
 WITHOUT_SIZE = ("unknown",)  # causes that leave nothing to compare with
 BY_SIZE = ("noise_level", "temperature")  # causes whose alarm finds the whole of it anew every time
-
-
-@dataclass(frozen=True)
-class Moved:
-    """How far what an alarm named has gone, along each of its directions, since the night before it: then, and by tonight."""
-
-    then: Array  # (m,) as the night of the alarm found it
-    now: Array  # (m,)
-    std: Array  # (m,) of the difference to the night before, tonight
-    std_then: Array  # (m,)
-    wander: Array  # (m,) standard deviation of what a sound machine has moved since
-    what: Hypothesis
-
-    @property
-    def unit(self) -> str:
-        """→ of its sizes."""
-        return self.what.unit
-
-    def along(self) -> tuple[float, float, float]:
-        """→ size then, size now along the same direction, standard deviation of the latter: signed where it is one number."""
-        if len(self.then) == 1:
-            return float(self.then[0]), float(self.now[0]), float(self.std[0])
-        size: float = float(np.linalg.norm(self.then))
-        way: Array = self.then / (size if size > 0 else 1.0)
-        return size, float(way @ self.now), float(np.linalg.norm(way * self.std))
-
-    def apart(self) -> bool:
-        """→ whether what is left of it stands out: it is not as it was before the alarm."""
-        left, whole = float(np.linalg.norm(self.now)), float(np.linalg.norm(self.then))
-        return bool(np.any(np.abs(self.now) > SURE * np.hypot(self.std, self.wander))) and left > LEFT * whole
-
-    def beyond(self, grown: float) -> bool:
-        """factor that it may have grown by → whether it is farther from where it was, on any way, than what was seen."""
-        whole = self.then * max(grown, 1.0)
-        share = float(np.clip(self.now @ whole / max(float(whole @ whole), 1e-30), 0.0, 1.0))
-        spread = np.hypot(np.hypot(self.std, self.wander), self.std_then * share * max(grown, 1.0))
-        return bool(np.any(np.abs(self.now - share * whole) > SURE * spread))
 
 
 def repaired(past: Past, machine: str) -> tuple[Decision, ...]:
@@ -73,64 +34,6 @@ def repaired(past: Past, machine: str) -> tuple[Decision, ...]:
         return ()
     last = {d.alarm: d for d in past.decisions(machine)}
     return tuple(d for d in last.values() if d.action == "repaired" and d.utc >= before[0].end_utc)
-
-
-def found_by(past: Past, machine: str, wanted: Sequence[str]) -> dict[str, tuple[Any, dict[str, Any]]]:
-    """history, machine, ids of alarms → {id: the night that found it, the alarm}."""
-    if not wanted:
-        return {}
-    return {a["id"]: (s, a) for s in past.alarmed(machine) for a in s.record["alarms"] if a["id"] in wanted}
-
-
-def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: Mapping[str, Any]) -> Moved | None:
-    """history, machine, what is known, state after tonight, night of an alarm, the alarm → how far it has moved; None where the
-    alarm has no direction, and where the history lacks the night before it.
-    """
-    found, before = past.night(stored.night.entry).knowledge, _before(past, machine, stored, alarm)
-    if found is None or before is None or (h := _hypothesis(k, alarm)) is None:
-        return None
-    names = k.followed.names
-    known = [_aligned(one, names) for one in (before[0], found)]
-    if known[0] is None or known[1] is None:
-        return None
-    (was, var_was), (then, var_then) = known[0], known[1]
-    day = datetime.fromisoformat(before[1]).timestamp() / 86_400
-    onto = np.linalg.pinv(h.directions)
-    changed_, now = onto @ (then - was), onto @ (after.mean[: len(names)] - was)
-    if alarm.get("repair"):  # what a repair left: its night found it, and did not make it
-        changed_ = np.full(len(onto), float(alarm["size"])) if len(onto) == 1 else now
-        was = then - h.directions @ changed_
-        now = onto @ (after.mean[: len(names)] - was)
-    p = len(names)
-    std, std_then = (np.sqrt(np.diag(onto @ (var_was + var) @ onto.T)) for var in (after.covariance[:p, :p], var_then))
-    wander = np.sqrt(onto**2 @ after.rates[:p] * max(after.day - day, 0.0))
-    return Moved(changed_, now, std, std_then, wander, h)
-
-
-def _hypothesis(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:
-    """what is known, alarm → the directions that it names; None for one without."""
-    tried = hypotheses(k.followed, None)
-    return next((h for h in tried if (h.cause, h.parameter) == (alarm["cause"], alarm["parameter"])), None)
-
-
-def _before(past: Past, machine: str, stored: Any, alarm: Mapping[str, Any]) -> tuple[Knowledge, str] | None:
-    """→ what was known before an alarm, and when: of a drift on the night that it is reckoned from, else on the last one before."""
-    nights = [n for n in past.nights(machine) if n.start_utc < stored.night.start_utc and n.touches]
-    if alarm.get("rate_per_day"):
-        nights = [n for n in nights if n.night <= str(alarm["since"])]
-    for n in nights[:LISTED]:
-        if (known := past.night(n.entry).knowledge) is not None:
-            return known, n.start_utc
-    return None
-
-
-def _aligned(known: Knowledge, names: Sequence[str]) -> tuple[Array, Array] | None:
-    """unknowns of a night, names that are followed → (p,) values, (p, p) covariance; None where it does not have them all."""
-    place = {name: i for i, name in enumerate(known.names)}
-    if any(name not in place for name in names):
-        return None
-    rows = [place[name] for name in names]
-    return np.asarray(known.values)[rows], np.asarray(known.covariance)[np.ix_(rows, rows)]
 
 
 # Repairs ------------------------------------------------------------------------------------------------------------
@@ -145,7 +48,7 @@ def expected(past: Past, machine: str) -> tuple[tuple[str, str], ...]:
 def may_have_moved(past: Past, machine: str, k: Known, ahead: State) -> State:
     """history, machine, what is known, predicted state → the same, open for what somebody says to have repaired."""
     for _, wrong in found_by(past, machine, [d.alarm for d in repaired(past, machine)]).values():
-        h = _hypothesis(k, wrong)
+        h = hypothesis_of(k, wrong)
         ahead = reopened(ahead, k.followed, None if h is None else h.directions * OPEN * abs(float(wrong["size"])))
     return ahead
 
@@ -172,10 +75,12 @@ def after_repairs(
                 still.append(_nothing_changed(wrong, d))
             continue
         left = [a for a in left if not _same(a, wrong)]
-        if m.apart():
-            still.append(_still(k, wrong, d, m))
-        else:
+        if not m.apart():
             helped.append(_helped(wrong, d, m))
+        elif (found := _and_more(past, machine, k, after, stored, wrong, m)) is not None:
+            helped.append(_helped(wrong, d, *found))
+        else:
+            still.append(_still(k, wrong, d, m))
     said = done[-1] if done else None
     what = joined("", (" (", joined(", ", [h["left"] for h in helped]), ")")) if helped else ""
     if said is not None:
@@ -192,15 +97,37 @@ def _same(alarm: Mapping[str, Any], wrong: Mapping[str, Any]) -> bool:
     return bool(names & others) or alarm["parameter"] in (wrong.get("instead") or ())
 
 
-def _helped(wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[str, Any]:
-    _, now, std = m.along()
-    told = value(now, m.unit, std)
-    left = say("night.repaired.left", name=wrong["parameter"], told=told)
-    text = say("night.repaired.helped", owner=d.owner, date=d.utc[:10], left=left)
-    return {
-        **{"alarm": d.alarm, "cause": wrong["cause"], "parameter": wrong["parameter"], "text": text, "left": left},
+def _and_more(
+    past: Past, machine: str, k: Known, after: State, stored: Any, wrong: Mapping[str, Any], m: Moved
+) -> tuple[Moved, Mapping[str, Any], float] | None:
+    """→ of a repair that went beyond the night before its alarm: how that compares with the night before an older alarm of the same
+    parameter that nobody has closed, that alarm, and what the repair began with; None where it went too far for that as well.
+    """
+    for older, a in unclosed(past, machine, stored, wrong):
+        if len(m.now) != 1 or (first := moved(past, machine, k, after, older, a)) is None or len(first.now) != 1:
+            continue
+        (now,), (then,), (beyond,) = first.now, m.then, m.now
+        if beyond * then < 0 and (not first.apart() or now * first.then[0] > 0):
+            return first, a, float(now - beyond + then)
+    return None
+
+
+def _helped(
+    wrong: Mapping[str, Any], d: Decision, m: Moved, older: Mapping[str, Any] | None = None, before: float | None = None
+) -> dict[str, Any]:
+    """→ what the record says of a repair that has put back what the alarm had named; some or all of an older alarm, too."""
+    then, now, std = m.along()
+    then = then if before is None else before
+    told, short = went_back(wrong["cause"], wrong["parameter"], m, then)
+    key = "helped" if older is None else "helped_part" if m.apart() else "helped_more"
+    more = {} if older is None else {"since": str(older["since"])}
+    text = say(f"night.repaired.{key}", owner=d.owner, date=d.utc[:10], what=told, **more)
+    found = {
+        **{"alarm": d.alarm, "cause": wrong["cause"], "parameter": wrong["parameter"], "text": text, "left": short},
         **{"size": now, "std": std, "unit": m.unit, "owner": d.owner, "date": d.utc[:10]},
+        **{"size_before": then, "back": now - then, "least": m.least(), "since": str((older or wrong)["since"])},
     }
+    return found if older is None else found | {"also": older["id"]}
 
 
 def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[str, Any]:
@@ -218,7 +145,7 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
         **{"cause": wrong["cause"], "parameter": wrong["parameter"], "text": say(f"night.repaired.{way}", **told)},
         **{"size": size, "std": spread, "unit": m.unit, "sigmas": abs(now) / max(std, 1e-15)},
         **{"on_part_um": effect, "on_part": on_part, "do": say("night.repaired.do", owner=d.owner)},
-        "repair": {"alarm": d.alarm, "size_before": then},
+        "repair": {"alarm": d.alarm, "size_before": then, "back": now - then},
     }
 
 
@@ -232,6 +159,27 @@ def _nothing_changed(wrong: Mapping[str, Any], d: Decision) -> dict[str, Any]:
         **{"id": "", "rate_per_day": None, "instead": list(wrong.get("instead") or ()), "text": text},
         **{"do": say("night.repaired.do", owner=d.owner), "repair": {"alarm": d.alarm, "size_before": wrong.get("size")}},
     }
+
+
+def undone(past: Past, machine: str, k: Known, after: State, alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """history, machine, what is known, state after tonight, alarms of tonight → the same; one that takes back an older alarm that
+    nobody has closed says so, with what is left.
+    """
+    return [_undone(past, machine, k, after, a) for a in alarms]
+
+
+def _undone(past: Past, machine: str, k: Known, after: State, alarm: dict[str, Any]) -> dict[str, Any]:
+    if alarm["cause"] in (*WITHOUT_SIZE, *BY_SIZE) or alarm.get("rate_per_day"):
+        return alarm
+    for stored, a in unclosed(past, machine, None, alarm):
+        m = moved(past, machine, k, after, stored, a)
+        if m is None or m.apart():
+            continue
+        then, now, std = m.along()
+        told = {"alarm": a["id"], "night": stored.record["night"], "size_before": then, "left": now, "std": std, "least": m.least()}
+        text = gone(alarm, m, then)
+        return alarm | {"text": text, "do": say("night.gone_do"), "undoes": told}
+    return alarm
 
 
 # What nobody wants to hear ------------------------------------------------------------------------------------------

@@ -50,7 +50,8 @@ def headline(record: Mapping[str, Any]) -> str:
         return say("night.words.not_begun_was_not_disturbed", why=record["why"])
     if record["verdict"] == "not_measured":
         return say("night.words.not_measured", why=record["why"])
-    alarms = record["alarms"]
+    alarms, helped = record["alarms"], record.get("repaired") or ()
+    put_right = joined("; ", [one["text"] for one in helped]) if helped else None
     if record["verdict"] == "doubtful":
         reasons = (record.get("plausible") or {}).get("reasons") or [record.get("why") or say("night.words.see_report")]
         return say("night.words.readings_not_be_relied_on", reason=reasons[0])
@@ -67,7 +68,7 @@ def headline(record: Mapping[str, Any]) -> str:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
         cause = next((joined("", (": ", text)) for text in (*([every(alarms)] if alarms else []), *stands)), "")
-        return say(
+        crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
             value=f"{b['value']:.1f}",
@@ -77,6 +78,7 @@ def headline(record: Mapping[str, Any]) -> str:
             part=part,
             gap=gap,
         )
+        return crossed if put_right is None or alarms else say("night.words.besides", told=crossed, text=put_right)
     if standing := record.get("standing"):
         first = standing[0]
         more = say("night.words.more_wait", count=len(standing) - 1) if len(standing) > 1 else ""
@@ -96,11 +98,11 @@ def headline(record: Mapping[str, Any]) -> str:
             part=part,
             gap=gap,
         )
-        trend = record.get("trend")
-        return waiting if trend is None else say("night.words.besides", told=waiting, text=trend["text"])
+        more_told = put_right or (record.get("trend") or {}).get("text")
+        return waiting if more_told is None else say("night.words.besides", told=waiting, text=more_told)
     nothing = say("night.words.nothing_has_changed")
-    if helped := record.get("repaired"):
-        nothing = say("night.words.after_repair", text=joined("; ", [one["text"] for one in helped]))
+    if put_right is not None:
+        nothing = say("night.words.after_repair", text=put_right)
     elif unheard := record.get("ignored"):
         told = unheard[0]
         nothing = say("night.words.no_alarm_as_ignored", text=told["text"], owner=told["owner"], until=told["until"])

@@ -79,16 +79,26 @@ def answer(
 
 
 def by_limit(record: Mapping[str, Any], limit: float | None) -> Mapping[str, Any]:
-    """record of a night, limit of the tool tip in µm that was stated since (None: none) → the record judged by the stricter one."""
+    """record of a night, limit of the tool tip in µm that is stated now (None: none) → the record judged by it, and not by that of
+    the night. One that knows no error, or is not to be believed, stays as it is.
+    """
     own: Sequence[Mapping[str, Any]] = record.get("limits") or ()
-    if limit is None or not any(x.get("what") == "volume" and x.get("limit") and limit < float(x["limit"]) for x in own):
+    volume = record.get("volume") or {}
+    if limit is None or record.get("verdict") in ("doubtful", "not_measured"):
         return record
+    if not any(x.get("what") == "volume" for x in own) and volume.get("worst_um") is not None:
+        value, half = float(volume["worst_um"]), 1.96 * float(volume.get("std_um") or 0.0)
+        own = [*own, {"what": "volume", "value": value, "unit": "µm", "low": value - half, "high": value + half}]
 
     def judged(x: Mapping[str, Any]) -> dict[str, Any]:
         low, high = (float(x.get(end, x["value"])) for end in ("low", "high"))
         return {**x, "limit": limit, "passed": True if high <= limit else False if low > limit else None}
 
-    return {**record, "limits": [judged(x) if x.get("what") == "volume" and x.get("value") is not None else x for x in own]}
+    limits = [judged(x) if x.get("what") == "volume" and x.get("value") is not None else x for x in own]
+    verdict = record.get("verdict")
+    if verdict == "out_of_limits" and limits and not any(x.get("passed") is False for x in limits):
+        verdict = "changed" if record.get("alarms") or record.get("standing") else "good"
+    return {**record, "limits": limits, "verdict": verdict}
 
 
 def _soon(ahead: Ahead, u: Units, t: Texts) -> str:

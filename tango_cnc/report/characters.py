@@ -91,16 +91,26 @@ def courses(found: Sequence[Course], columns: int) -> str:
 
     What has no room goes: first the interval, then the first value, then nights (equal runs of them share a character).
     """
+    return _courses(found, columns)[0]
+
+
+def told(found: Sequence[Course], columns: int) -> str:
+    """parameters over the nights, columns → which numbers their lines have room for: `all`, `values` (no interval) or `last`."""
+    return _courses(found, columns)[1]
+
+
+def _courses(found: Sequence[Course], columns: int) -> tuple[str, str]:
     if not found:
-        return ""
+        return "", "all"
     head = max(len(c.name) for c in found)
     lasts = [f"{c.values[-1]:.2f}" for c in found]
     firsts = [f"{c.values[0]:.2f} →" for c in found]
     spreads = [f"± {c.half:.2f}" for c in found]
     units = [c.unit for c in found]
-    shapes = ((firsts, lasts, spreads, units), (firsts, lasts, units), (lasts, units))
-    wanted = min(max(len(c.values) for c in found), 20)
-    for parts in shapes:
+    shapes = {"all": (firsts, lasts, spreads, units), "values": (firsts, lasts, units), "last": (lasts, units)}
+    word, wanted = "", min(max(len(c.values) for c in found), 20)
+    for shape, parts in shapes.items():
+        word = shape
         wide = [max(map(len, p)) for p in parts]
         tails = [
             "  ".join(f"{text:{'<' if p is units else '>'}{w}}" for p, text, w in zip(parts, row, wide, strict=True))
@@ -116,4 +126,4 @@ def courses(found: Sequence[Course], columns: int) -> str:
         below = marks(c.alarms, room)
         if below and (c is found[-1] or marks(found[-1].alarms, room) != below):  # the same below all of them: once
             lines.append(f"{'':<{head}}  {colored(below, 'look')}")
-    return "\n".join(lines)
+    return "\n".join(lines), word

@@ -17,7 +17,7 @@ from ..verify import held_out
 from .compensated import placed
 from .facts import Facts
 from .over import covariate_of, shown_over
-from .svg import BLUE, CYCLE, INK, LINE, ORANGE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
+from .svg import BLUE, CYCLE, INK, LINE, ORANGE, PURPLE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
 from .texts import Texts
 from .units import Units, inches
 
@@ -280,7 +280,7 @@ def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, heigh
         Series(x[~alarm], y[~alarm], "dots", BLUE, t("trend.night")),
     ]
     if alarm.any():
-        series.append(Series(x[alarm], y[alarm], "squares", RED, t("trend.alarm"), size=4))
+        series.append(Series(x[alarm], y[alarm], "diamonds", PURPLE, t("trend.alarm"), size=4))
     marks = _marked(points.get("events") or ())
     if points.get("limit"):
         limit = float(np.copysign(points["limit"], np.mean(y)))

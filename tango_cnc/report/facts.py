@@ -66,6 +66,7 @@ class Wishes:
     terms: tuple[TermItem, ...]
     degree: int = 3
     limit: float | None = None
+    stated: float | None = None  # that of nightly.yaml, where `limit` was asked for in its place
     units: Units = field(default_factory=Units)
     budget: tuple[Line, ...] | None = None
     diagnosis: bool = True

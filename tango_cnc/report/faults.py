@@ -14,7 +14,7 @@ from ..state.changes import change
 from ..texts import Said, instead
 from .compensated import after, as_loaded, born, broken, dated, last_written
 from .days import day, days_between, local_day
-from .plain import office, plain, shop, signed
+from .plain import amount, office, plain, shop, signed
 from .texts import Texts, texts
 from .units import Units, shown
 from .words import moved, named, spoken
@@ -50,6 +50,7 @@ def faults(
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
+    standing |= {str(a["alarm"]): a for a in known.get("gone") or ()}  # what somebody ignores does not stand
     tonight = [(a, False) for a in record.get("alarms") or ()]
     older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
     before_ = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
@@ -73,7 +74,7 @@ def faults(
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
-    together = _together(list(told.values()), u, t, machine, events, repaired)
+    together = _together(list(told.values()), u, t, machine, events, repaired, str(known.get("night") or ""))
     found = [x | {"whole": _whole_error(x, known, u, t, machine, events)} for x in together]
     for a in record.get("behind") or ():
         a = as_loaded({**a, "utc": record.get("start_utc")}, events)
@@ -107,12 +108,15 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
 
 
 def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> tuple[str, str]:
-    """faults, record → date of the first alarm that nobody has answered, '' where it is of tonight; who has another open one."""
+    """faults, record → date of the first alarm that nobody has answered, '' where it is of tonight; who has another open one that
+    has not gone again.
+    """
     listed = still_open(found)
     unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
     if unanswered and record.get("alarms"):
         return "", ""
-    return min(unanswered, default=""), next((str(a["decision"].owner) for a in listed if a["decision"] is not None), "")
+    held = (a for a in listed if a["decision"] is not None and not a["gone"])
+    return min(unanswered, default=""), next((str(a["decision"].owner) for a in held), "")
 
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
@@ -149,10 +153,16 @@ def _closed(a: Mapping[str, Any]) -> bool:
 
 
 def _together(
-    alarms: Sequence[dict[str, Any]], u: Units, t: Texts, machine: Machine | None, events: Sequence[Any], repaired: Sequence[str]
+    alarms: Sequence[dict[str, Any]],
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+    events: Sequence[Any],
+    repaired: Sequence[str],
+    known_of: str,
 ) -> list[dict[str, Any]]:
-    """alarms, what happened to compensations, moments of repairs → one for each parameter, with all that has come together since
-    the oldest of them; what a compensation has settled is apart from what came after it.
+    """alarms, what happened to compensations, moments of repairs, date of the last night that measured → one for each parameter,
+    with all that has come together since the oldest of them; what a compensation has settled is apart from what came after it.
     """
     groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
     for a in alarms:
@@ -170,12 +180,17 @@ def _together(
         first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
         first |= {"held": [a["id"] for a in same if a["decision"] is not None and not _closed(a)]}
-        if own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter"):
+        first |= {"gone": _gone(same) and not drifts}
+        if first["gone"]:
+            first |= _gone_back(first, own, every, u, t)
+        elif (
+            own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
+        ):
             first |= _whole(first, own, every, drifts, len(same), u, t, machine)
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
-            now = plain(t.of(first["now"]), u, t, machine)
+            now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
         elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
             first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
@@ -184,6 +199,31 @@ def _together(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
         )
     return found
+
+
+def _confirmed_on(now: str, night: str, t: Texts) -> str:
+    """what the last night that measured says of an alarm, its date → the same; what "tonight" has confirmed is dated."""
+    if isinstance(now, Said) and now.key == "night.alarms.confirmed" and night:
+        return t("morning.confirmed_on", told=now.values["told"], date=day(night, t))
+    return now
+
+
+def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
+    """alarms of a parameter, oldest first → whether it is back where it was before the oldest of them."""
+    now = same[0].get("now")
+    if same[0]["older"] and isinstance(now, Said) and now.key == "night.alarms.gone_again_left":
+        return True
+    return any((a.get("undoes") or {}).get("alarm") == same[0]["id"] for a in same)
+
+
+def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: Texts) -> dict[str, Any]:
+    """oldest alarm of a parameter that has gone back, its size, what is left → sentence, effect, advice."""
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
+    told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
+    told |= {"office": office(t("night.gone_do"), t)}
+    part = t("morning.gone_part", date=day(first["first"], t)) if first["on_part"] else ""
+    return told | {"on_part": part}
 
 
 def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bool:
@@ -240,7 +280,7 @@ def _whole_error(
     name = str(a.get("parameter"))
     now = (known.get("parameters") or {}).get(name)
     total = a.get("total") if a.get("total") is not None else a.get("size")
-    if not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
+    if a["gone"] or not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
         return ""
     if (newer := after(known, events)) is not None:
         words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
@@ -315,6 +355,7 @@ def alarm(
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
         "decision": decision,
         "drifts": False,
+        "gone": False,
         "ids": [str(a["id"])] if a.get("id") and decision is None else [],
         "held": [],
         "decided": "" if decision is None else t(f"decision.{decision.action}"),

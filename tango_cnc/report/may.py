@@ -12,7 +12,7 @@ from typing import Any
 from .answer import Answer, answer
 from .days import day
 from .facts import Facts, effects, limits_of, verdict
-from .plain import amount
+from .plain import amount, length
 from .texts import Texts
 from .units import shown
 from .verdict import worst_of
@@ -32,15 +32,54 @@ class Told:
 
 def may(f: Facts, t: Texts) -> Told:
     """facts, texts → whether parts may be made."""
-    own = _own(f, t)
+    stated = f.wishes.stated
+    strict = None if stated is None else replace(f, wishes=replace(f.wishes, limit=stated, stated=None))
+    own = _but(_own(f, t), None if strict is None else _own(strict, t), f, t)
     if f.nights is None:
-        return Told(own, t("may.by_readings"), _most(f, own, t))
+        return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t))
     night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
+    night = _but(night, None if stated is None else f.nights.answer(f.wishes.units, t, f.cell.machine, stated), f, t)
     if f.nights.beside(f.paper.measured) == "newer" and WORSE[own.may] > WORSE[night.may]:
-        return Told(own, t("may.by_newer_readings", date=day(f.nights.date, t), answer=night.word), _most(f, own, t))
-    own_limit = night != f.nights.answer(f.wishes.units, t, f.cell.machine)
-    basis = t("may.by_night_limit" if own_limit else "may.by_night", date=day(f.nights.date, t))
-    return Told(night, basis, "" if night.may == "yes" else f.nights.cause)
+        newer = t("may.by_newer_readings", date=day(f.nights.date, t), answer=night.word)
+        return Told(own, newer + _by_option(f, t), _most(f, own, t))
+    basis = _by_night(f, t)
+    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause)
+
+
+def _by_night(f: Facts, t: Texts) -> str:
+    """facts with nights, texts → that the answer is the night's, and where its limit is not that of the night, both of them."""
+    assert f.nights is not None
+    date, limit = day(f.nights.date, t), f.wishes.limit
+    known = f.nights.before or f.nights.record or {}
+    then = next((float(x["limit"]) for x in known.get("limits") or () if x.get("what") == "volume" and x.get("limit")), None)
+    if (
+        limit is None
+        or known.get("verdict") in ("doubtful", "not_measured")
+        or (then is not None and abs(then - 1e3 * limit) < 1e-6)
+    ):
+        return t("may.by_night", date=date)
+    u = f.wishes.units
+    if then is None:
+        return t("may.by_night_now", date=date, limit=length(1e3 * limit, u))
+    return t("may.by_night_limit", date=date, limit=length(1e3 * limit, u), then=length(then, u))
+
+
+def _by_option(f: Facts, t: Texts) -> str:
+    """facts, texts → that the limit was asked for in place of that of nightly.yaml, as one more sentence; '' where it was not."""
+    if f.wishes.limit is None or f.wishes.stated is None:
+        return ""
+    asked, stated = (length(1e3 * x, f.wishes.units) for x in (f.wishes.limit, f.wishes.stated))
+    return f" {t('may.by_option', limit=asked, stated=stated)}"
+
+
+def _but(found: Answer, strict: Answer | None, f: Facts, t: Texts) -> Answer:
+    """answer by the limit that was asked for, that by the one of nightly.yaml (None: the same one) → a yes is no plain one where
+    the limit of nightly.yaml says less.
+    """
+    if strict is None or found.may != "yes" or WORSE[strict.may] == WORSE["yes"] or f.wishes.stated is None:
+        return found
+    why = t("may.looser", stated=length(1e3 * f.wishes.stated, f.wishes.units), answer=strict.word)
+    return replace(found, may="but", word=t("may.but"), state="", why=why)
 
 
 def _own(f: Facts, t: Texts) -> Answer:

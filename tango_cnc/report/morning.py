@@ -18,7 +18,7 @@ from .days import day, ended
 from .faults import alarm, answered, begun, faults, sentence, settled, still_open, whole_sentence
 from .look import looks
 from .pace import ahead
-from .plain import amount, office, plain, shop, value_text
+from .plain import amount, office, plain, reason, shop, value_text
 from .repeated import as_decided
 from .template import environment, rendered
 from .texts import Texts, texts_of
@@ -48,17 +48,18 @@ def render(
     never: str = "",
     volumes: Mapping[str, float] | None = None,
     events: Sequence[Any] = (),
+    signs: Sequence[tuple[str, str]] = (),
 ) -> str:
     """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits,
-    of the first one where none was, {date: µm at the tool tip}, what happened to compensations → HTML alone.
+    of the first one where none was, {date: µm at the tool tip}, what happened to compensations, (date, verdict) of
+    nights, newest first → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
-    values = context(
-        record, decisions, units, texts_of(folder), before=before, within=within, never=never, volumes=volumes, events=events
-    )
+    known: dict[str, Any] = {"before": before, "within": within, "never": never, "volumes": volumes, "events": events}
+    values = context(record, decisions, units, texts_of(folder), **known, signs=signs)
     return rendered(environment(folder), "morning.html", values)
 
 
@@ -80,6 +81,7 @@ def context(
     busy: str = "",
     now: datetime | None = None,
     newer: int = 0,
+    signs: Sequence[tuple[str, str]] = (),
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
@@ -104,6 +106,8 @@ def context(
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun(found, record.get("behind") or ())
     suspect = _suspect(told.may, within, never, began, t)
+    if suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
+        suspect += f" {t('morning.suspect_before', date=day(first, t))}"
     if busy:
         told = measuring(told, t)
     return {
@@ -121,6 +125,10 @@ def context(
         },
         "sentence": lambda text: sentence(t.of(text or ""), u),
         "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
+        "reasons": [
+            whole_sentence(shop(sentence(reason(r, u, t, machine), Units()), t))
+            for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
+        ],
         "office": _office(record, found, t),
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
@@ -138,6 +146,7 @@ def context(
         "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
         "alarms": alarms,
         "first": found[0] if found else None,
+        "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
@@ -158,6 +167,13 @@ def context(
         "change": _change(record, u, t),
         "residual": record.get("residual") or {},
     }
+
+
+def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
+    """what a night says of a repair that helped, units, texts, chain of axes → the same for the shop, and which parts to check."""
+    since = x.get("since")  # older records do not have it
+    told = whole_sentence(sentence(plain(t.of(x.get("text") or ""), u, t, machine), Units()))
+    return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
 
 
 def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
@@ -224,6 +240,20 @@ def never_within(nights: Sequence[tuple[str, str]]) -> str:
     """(date, verdict) of nights, newest first → date of the first that measured, where every one was beyond a limit; else ''."""
     measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
     return measured[-1][0] if measured and all(verdict == "out_of_limits" for _, verdict in measured) else ""
+
+
+def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
+    """(date, verdict) of nights, newest first, a date from which on parts are in question → date of the first night of those
+    beyond a limit that lead up to it without one within; '' where the one of that date was within.
+    """
+    first = ""
+    for night, verdict in nights:
+        if night > date or verdict in ("not_measured", "doubtful"):
+            continue
+        if verdict != "out_of_limits":
+            break
+        first = night
+    return first
 
 
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:

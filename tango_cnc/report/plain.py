@@ -6,8 +6,10 @@ The engineer's part of a page keeps the sentence as it was recorded.
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from ..records import Machine
+from ..texts import LIST, Said
 from .days import spoken_days
 from .texts import Texts
 from .units import Units, inches
@@ -16,6 +18,7 @@ from .words import spoken
 SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is told
 COMMAND = re.compile(r"('tango [^']*')")
 BRACKETS = re.compile(r" \((E[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))(?:-E\w+)?)\)")
+ENGINEER = re.compile(r"\bE[XYZABC]\w{1,2}\b|\.yaml\b|'tango |--\w|standard deviation|degrees of freedom")
 SYMBOL = re.compile(r"\bE[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))\b(?:-E[XYZ][XYZ]1\b)?")
 TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/m)(?![\w/²³])")
 SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")
@@ -27,6 +30,25 @@ def plain(text: str, u: Units, t: Texts, machine: Machine | None = None) -> str:
     A date gets its day of the week. What stands between quotes is a command and stays as it is.
     """
     return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(COMMAND.split(text)))
+
+
+def plainly(text: Any, t: Texts) -> str:
+    """text of a record, texts → the same in this language; a reason for doubt that speaks to an engineer is what the shop reads in
+    its place (`reason` of the texts), also inside another text.
+    """
+    if not isinstance(text, Said):
+        return t.of(text)
+    values = {name: plainly(x, t) if isinstance(x, Said) else x for name, x in text.values.items()}
+    if text.key == LIST:
+        return str(values.pop("between")).join(str(x) for x in values.values())
+    key = f"reason.{text.key}" if f"reason.{text.key}" in t else text.key
+    return t(key, **values) if key in t else t.of(text)
+
+
+def reason(text: Any, u: Units, t: Texts, machine: Machine | None = None) -> str:
+    """reason why readings are not believed, units, texts → what the shop reads: no symbol, no option, no statistics."""
+    told = plain(plainly(text, t), u, t, machine)
+    return t("reason.other") if ENGINEER.search(told) else told
 
 
 def shop(text: str, t: Texts) -> str:

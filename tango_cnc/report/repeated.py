@@ -43,6 +43,18 @@ def shortened(headlines: Sequence[str]) -> list[str]:
     return [_short(text) if _same(text, newer) else text for newer, text in zip(above, headlines, strict=False)]
 
 
+def of_shop(headline: str) -> str:
+    """headline → as a list of nights on a page has it: a change that still stands has one date, of the night that found it."""
+    if not isinstance(headline, Said) or headline.key != STANDING:
+        return headline
+    text, night = headline.values["text"], headline.values["night"]
+    since = text.values.get("since") if isinstance(text, Said) else None
+    if not isinstance(text, Said) or not isinstance(since, str) or isinstance(since, Said):
+        return headline
+    values = {name: headline.values[name] for name in ("now", "who", "more", "part", "gap")}
+    return say("morning.still", text=text.but(since=say("morning.found", date=night)), **values)
+
+
 def _same(text: str, newer: str) -> bool:
     if not isinstance(text, Said) or not isinstance(newer, Said) or text.key != newer.key:
         return False

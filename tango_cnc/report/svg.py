@@ -24,7 +24,8 @@ INK, SOFT, LINE, PALE = "#1f2933", "#52606d", "#d3dae1", "#e8edf2"
 BLUE, RED, GREEN, ORANGE, PURPLE, SKY = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#8f4a86", "#56b4e9"
 CYCLE = ((BLUE, ""), (RED, "6 3"), (GREEN, "2 2"), (PURPLE, "8 3 2 3"), (ORANGE, "1 3"), (INK, "10 4"))
 FONT = "system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif"
-Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "band", "bars", "steps"]
+Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "diamonds", "band", "bars", "steps"]
+HALO = 'stroke="#fff" stroke-width="3" paint-order="stroke" stroke-linejoin="round"'  # a text above a curve stays readable
 STEPS = (1, 2, 7, 14, 30, 61, 91, 182, 365)  # days between dates on an axis
 
 
@@ -290,12 +291,12 @@ class _Plot:
             end = x > self.left + 0.75 * (self.right - self.left)
             parts = [_path(f"M{x:.1f} {self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
             side = f'x="{x - 4:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
-            return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}">{escape(m.text)}</text>']
+            return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
         return [
             _path(f"M{self.left:.1f} {y:.1f}H{self.right:.1f}", m.color, m.dash, 1.2),
-            f'<text x="{self.left + 4:.1f}" y="{y - 4:.1f}" fill="{m.color}">{escape(m.text)}</text>',
+            f'<text x="{self.left + 4:.1f}" y="{y - 4:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>',
         ]
 
 
@@ -315,6 +316,9 @@ def _dot(x: float, y: float, s: Series, tip: str) -> str:
         body += f'stroke="{s.color}" stroke-width="1.8" fill="none"'
     elif s.kind == "triangles":
         body = f'<path d="M{x:.1f} {y - 1.2 * r:.1f}l{1.2 * r:.1f} {2.2 * r:.1f}h{-2.4 * r:.1f}z" fill="{s.color}"'
+    elif s.kind == "diamonds":
+        body = f'<path d="M{x:.1f} {y - 1.3 * r:.1f}l{1.3 * r:.1f} {1.3 * r:.1f}l{-1.3 * r:.1f} {1.3 * r:.1f}'
+        body += f'l{-1.3 * r:.1f} {-1.3 * r:.1f}z" fill="{s.color}"'
     elif s.kind == "squares":
         body = f'<rect x="{x - r:.1f}" y="{y - r:.1f}" width="{2 * r:.1f}" height="{2 * r:.1f}" fill="{s.color}"'
     elif s.kind == "rings":

@@ -22,7 +22,7 @@ def variants(touches: Touches) -> Variants:
         yield {"period": float(run / f)}
 
 
-def cause(
+def make(
     machine: Machine, period: float, direction: Sequence[float] | None = None, phase: float | None = None
 ) -> list[Coefficient]:
     """machine, period in s → cosine and sine of 2πt/period in x y z of the machine frame, mm."""
@@ -67,7 +67,7 @@ TERM = Cause(
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
     units={"period": "s"},
-    make=cause,
+    make=make,
     unnamed=unnamed,
     effects=effects,
 )

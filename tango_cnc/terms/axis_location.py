@@ -14,7 +14,7 @@ def variants(touches: Touches) -> Variants:
         yield {"name": c.name}
 
 
-def cause(machine: Machine, name: str) -> list[Coefficient]:
+def make(machine: Machine, name: str) -> list[Coefficient]:
     """machine, name such as EX0C → that coefficient. Raises InputError for a name that the machine lacks."""
     found = inter_axis.coefficient(name, machine)
     if found is None:
@@ -32,5 +32,5 @@ TERM = Cause(
     advice="put the coefficient into the terms of the model and compensate it",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
 )

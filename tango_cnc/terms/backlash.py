@@ -36,7 +36,7 @@ def variants(touches: Touches) -> Iterator[dict[str, Any]]:
             yield {"axis": axis}
 
 
-def cause(machine: Machine, axis: str) -> list[Coefficient]:
+def make(machine: Machine, axis: str) -> list[Coefficient]:
     """machine, linear axis → its coefficient in mm. Raises InputError for another axis."""
     found = coefficient(f"E{axis}{axis}b", machine)
     if found is None:
@@ -56,5 +56,5 @@ TERM = Cause(
     coefficients=coefficients,
     coefficient=coefficient,
     variants=variants,
-    make=cause,
+    make=make,
 )

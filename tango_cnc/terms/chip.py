@@ -28,7 +28,7 @@ def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, f
     return bool(values[0] > 0)
 
 
-def cause(machine: Machine, facet: str, at: float = 1) -> list[Coefficient]:
+def make(machine: Machine, facet: str, at: float = 1) -> list[Coefficient]:
     """machine, facet, first touch with it (1 = first touch used) → coefficient in mm."""
     at, facet = int(at), str(facet)
 
@@ -48,6 +48,6 @@ TERM = Cause(
     advice="clean the facet and measure it again",
     refine={"at": "touch"},
     variants=variants,
-    make=cause,
+    make=make,
     plausible=plausible,
 )

@@ -38,7 +38,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"axis": axis, "at": float(at)}
 
 
-def cause(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[float] = ()) -> list[Coefficient]:
+def make(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[float] = ()) -> list[Coefficient]:
     """machine, linear or rotary axis, places of the kinks in mm or deg → change of slope at each, mm/mm or rad/rad."""
     need("compensation_kink", "axis", axis, (*machine.linear, *machine.rotary))
     straight = axis in machine.linear
@@ -95,7 +95,7 @@ TERM = Cause(
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
     words=words,
-    make=cause,
+    make=make,
     unnamed=unnamed,
     beside=beside,
     effects=effects,

@@ -24,7 +24,7 @@ def variants(touches: Touches) -> Variants:
             yield {"axis": axis, "period": float(1 / frequency)}
 
 
-def cause(machine: Machine, axis: str, period: float) -> list[Coefficient]:
+def make(machine: Machine, axis: str, period: float) -> list[Coefficient]:
     """machine, linear axis, period in mm → cosine and sine, mm."""
     need("cyclic_error", "axis", axis, machine.linear)
 
@@ -60,7 +60,7 @@ TERM = Cause(
     refine={"period": "wave"},
     variants=variants,
     units={"period": "mm"},
-    make=cause,
+    make=make,
     unnamed=unnamed,
     beside=beside,
 )

@@ -50,7 +50,7 @@ def variants(touches: Touches) -> Variants:
         yield {}
 
 
-def cause(machine: Machine, facets: Sequence[str] = (), axis: Sequence[float] = ALONG) -> list[Coefficient]:
+def make(machine: Machine, facets: Sequence[str] = (), axis: Sequence[float] = ALONG) -> list[Coefficient]:
     """machine, facets (all plane ones square to the axis when none is named), axis of the cylinder in the table frame
     → curvature in 1/mm: a ball beside the crest sinks by miss²/2R, R the radius of the facet and of the ball together.
     """
@@ -84,6 +84,6 @@ TERM = Cause(
     refine={},
     needs="tip",  # of a first estimate
     variants=variants,
-    make=cause,
+    make=make,
     effects=effects,
 )

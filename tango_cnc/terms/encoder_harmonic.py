@@ -21,7 +21,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"axis": axis, "order": order}
 
 
-def cause(machine: Machine, axis: str, order: int = 1) -> list[Coefficient]:
+def make(machine: Machine, axis: str, order: int = 1) -> list[Coefficient]:
     """machine, rotary axis, order → cosine and sine, rad."""
     need("encoder_harmonic", "axis", axis, machine.rotary)
     stem, slot = label("encoder_harmonic", axis, order), Slot(axis, "motion")
@@ -41,6 +41,6 @@ TERM = Cause(
     advice="have the encoder centred or compensated by a table of the control, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     turning=True,
 )

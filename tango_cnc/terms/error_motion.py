@@ -50,7 +50,7 @@ def variants(touches: Touches) -> Iterator[dict[str, Any]]:
         yield {"name": c.name}
 
 
-def cause(machine: Machine, name: str) -> list[Coefficient]:
+def make(machine: Machine, name: str) -> list[Coefficient]:
     """machine, name such as EYX2 → that coefficient. Raises InputError for a name that the machine lacks."""
     found = coefficient(name, machine)
     if found is None:
@@ -92,7 +92,7 @@ TERM = Cause(
     coefficients=coefficients,
     coefficient=coefficient,
     variants=variants,
-    make=cause,
+    make=make,
     unnamed=unnamed,
     effects=effects,
 )

@@ -21,7 +21,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"after": "pause", "pause": pause}
 
 
-def cause(machine: Machine, after: str = "indexation", pause: float = 60.0) -> list[Coefficient]:
+def make(machine: Machine, after: str = "indexation", pause: float = 60.0) -> list[Coefficient]:
     """machine, after what, pause in s → coefficient in mm, read too early when positive."""
     need("first_touch", "after", after, ("indexation", "pause"))
 
@@ -44,5 +44,5 @@ TERM = Cause(
     refine={},
     variants=variants,
     units={"pause": "s"},
-    make=cause,
+    make=make,
 )

@@ -23,7 +23,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"axis": axis, "component": component}
 
 
-def cause(machine: Machine, axis: str, component: str = "Y") -> list[Coefficient]:
+def make(machine: Machine, axis: str, component: str = "Y") -> list[Coefficient]:
     """machine, tilting axis, X Y Z or XYZ (displacement, mm), A B C (tilt, rad) → coefficients, times its sine."""
     need("gravity_sag", "axis", axis, machine.rotary)
     need("gravity_sag", "component", component, (*COMPONENTS, "XYZ"))
@@ -61,6 +61,6 @@ TERM = Cause(
     advice="calibrate with the load that is machined, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     effects=effects,
 )

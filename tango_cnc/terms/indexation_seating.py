@@ -20,7 +20,7 @@ def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
     return [({}, same * (touches.machine_normal @ touches.machine_normal.T))]
 
 
-def cause(machine: Machine, indexations: int = 0) -> list[Coefficient]:
+def make(machine: Machine, indexations: int = 0) -> list[Coefficient]:
     """machine, number of indexations → three offsets in mm of every indexation (as far as the other terms leave them visible)."""
 
     def within(number: int) -> Any:
@@ -51,6 +51,6 @@ TERM = Cause(
     spread=spread,
     fitted=fitted,
     scatters="indexation",
-    make=cause,
+    make=make,
     effects=effects,
 )

@@ -21,7 +21,7 @@ def variants(touches: Touches) -> Variants:
     yield from ()
 
 
-def cause(
+def make(
     machine: Machine,
     name: str,
     factors: Sequence[Mapping[str, Any]] = (),
@@ -108,7 +108,7 @@ TERM = Cause(
     refine={},
     variants=variants,
     example=EXAMPLE,
-    make=cause,
+    make=make,
     role="learned",
     effects=effects,
     words=words,

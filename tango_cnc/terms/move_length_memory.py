@@ -26,7 +26,7 @@ def variants(touches: Touches) -> Variants:
             yield {"axis": axis, "shape": "exponential", "length": length}
 
 
-def cause(machine: Machine, axis: str, shape: str = "linear", length: float = 100.0) -> list[Coefficient]:
+def make(machine: Machine, axis: str, shape: str = "linear", length: float = 100.0) -> list[Coefficient]:
     """machine, axis, way/length or 1 − e^(−way/length), length in mm or deg → coefficient in mm or rad."""
     need("move_length_memory", "axis", axis, (*machine.linear, *machine.rotary))
     need("move_length_memory", "shape", shape, ("linear", "exponential"))
@@ -52,5 +52,5 @@ TERM = Cause(
     variants=variants,
     over="time",
     units={"length": "mm"},
-    make=cause,
+    make=make,
 )

@@ -23,7 +23,7 @@ def variants(touches: Touches) -> Variants:
                     yield {"name": f"E{component}{axis}", "by": by}
 
 
-def cause(machine: Machine, name: str, by: str) -> list[Coefficient]:
+def make(machine: Machine, name: str, by: str) -> list[Coefficient]:
     """machine, angle such as EAZ, axis that moves → coefficient in rad/mm or rad/rad."""
     axes = (*machine.linear, *machine.rotary)
     need("moving_mass", "name", name, [f"E{c}{a}" for a in axes for c in "ABC"])
@@ -61,7 +61,7 @@ TERM = Cause(
     advice="check levelling and foundation, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     unnamed=unnamed,
     effects=effects,
 )

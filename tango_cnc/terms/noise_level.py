@@ -16,7 +16,7 @@ def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
     return [({}, np.ones(len(touches)))]
 
 
-def cause(machine: Machine) -> list[Coefficient]:
+def make(machine: Machine) -> list[Coefficient]:
     """machine → no coefficient: this is a spread, not a shift."""
     return []
 
@@ -32,5 +32,5 @@ TERM = Cause(
     refine={},
     spread=spread,
     scatters="all",
-    make=cause,
+    make=make,
 )

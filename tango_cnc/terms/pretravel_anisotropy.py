@@ -13,7 +13,7 @@ def variants(touches: Touches) -> Variants:
     yield {}
 
 
-def cause(machine: Machine) -> list[Coefficient]:
+def make(machine: Machine) -> list[Coefficient]:
     """machine → coefficient in mm."""
     return [early("pretravel_anisotropy", lambda t: t.spindle_normal[:, 2] ** 2)]
 
@@ -29,5 +29,5 @@ TERM = Cause(
     refine={},
     variants=variants,
     over="probe",
-    make=cause,
+    make=make,
 )

@@ -21,7 +21,7 @@ def variants(touches: Touches) -> Variants:
         yield {"frame": "machine"}
 
 
-def cause(machine: Machine, frame: str = "spindle") -> list[Coefficient]:
+def make(machine: Machine, frame: str = "spindle") -> list[Coefficient]:
     """machine, frame → coefficient in mm: how far the tip stays out along the last touch's outward normal."""
     need("probe_hysteresis", "frame", frame, ("spindle", "machine"))
 
@@ -52,6 +52,6 @@ TERM = Cause(
     advice="touch twice and use the second touch, have the probe serviced, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     effects=effects,
 )

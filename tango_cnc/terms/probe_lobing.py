@@ -18,7 +18,7 @@ def variants(touches: Touches) -> Variants:
         yield {"order": order}
 
 
-def cause(machine: Machine, order: int = 3) -> list[Coefficient]:
+def make(machine: Machine, order: int = 3) -> list[Coefficient]:
     """machine, order → cosine and sine, mm."""
 
     def azimuth(t: Touches) -> Array:
@@ -43,5 +43,5 @@ TERM = Cause(
     refine={},
     variants=variants,
     over="probe",
-    make=cause,
+    make=make,
 )

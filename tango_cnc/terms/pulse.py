@@ -20,7 +20,7 @@ def variants(touches: Touches) -> Variants:
     yield from ()
 
 
-def cause(
+def make(
     machine: Machine,
     at: float,
     until: float,
@@ -64,7 +64,7 @@ TERM = Cause(
     refine={},
     variants=variants,
     example={"at": 100, "until": 140},
-    make=cause,
+    make=make,
     role="moment",
     effects=effects,
 )

@@ -16,7 +16,7 @@ def variants(touches: Touches) -> Variants:
             yield {"axis": axis}
 
 
-def cause(machine: Machine, axis: str) -> list[Coefficient]:
+def make(machine: Machine, axis: str) -> list[Coefficient]:
     """machine, rotary axis → coefficient in rad."""
     need("rotary_backlash", "axis", axis, machine.rotary)
     return [Coefficient(label("rotary_backlash", axis), "rad", Slot(axis, "motion"), lambda t: t.sign(axis))]
@@ -32,5 +32,5 @@ TERM = Cause(
     advice="always index from the same side, adjust the drive, or compensate the reversal value",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
 )

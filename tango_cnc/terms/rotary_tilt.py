@@ -18,7 +18,7 @@ def variants(touches: Touches) -> Variants:
     yield from every(touches, {axis: across(axis, rotation=True) for axis in touches.machine.rotary})
 
 
-def cause(machine: Machine, axis: str, order: int = 2, motion: str | None = None, frame: str = "turning") -> list[Coefficient]:
+def make(machine: Machine, axis: str, order: int = 2, motion: str | None = None, frame: str = "turning") -> list[Coefficient]:
     """machine, rotary axis, order, one component or all → cosines and sines, rad; turning with the body, or fixed."""
     need("rotary_tilt", "axis", axis, machine.rotary)
     return harmonics("rotary_tilt", machine, axis, order, across(axis, rotation=True), motion, frame)
@@ -42,7 +42,7 @@ TERM = Cause(
     advice="check the bearing and its preload, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     turning=True,
     effects=effects,
 )

@@ -18,7 +18,7 @@ def variants(touches: Touches) -> Variants:
             yield {"axis": axis, **setting}
 
 
-def cause(
+def make(
     machine: Machine, axis: str, shape: str = "exponential", tau: float = HOUR, sensor: str | None = None
 ) -> list[Coefficient]:
     """machine, linear axis, α(t) = value × (1 − e^(−t/tau) or t/tau) → coefficient in mm/mm of command."""
@@ -47,6 +47,6 @@ TERM = Cause(
     variants=variants,
     units={"tau": "s"},
     over="time",
-    make=cause,
+    make=make,
     unnamed=unnamed,
 )

@@ -46,7 +46,7 @@ def ends(touches: Touches, axis: str) -> tuple[float, float]:
     return round(low - BEYOND * (high - low)), round(high + BEYOND * (high - low))
 
 
-def cause(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
+def make(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
     """machine, linear axis, time constant s, reading mm where the screw is held → growth in mm/mm a m of way."""
     need("screw_heat", "axis", axis, machine.linear)
     stem = label("screw_heat", axis, tau, zero)
@@ -66,14 +66,15 @@ TERM = Cause(
     source="ISO 230-3:2020 clause 7 (thermal distortion by the motion of axes); ball screws of steel grow 11.5 µm/m/K",
     frame="axis",
     mistaken=("scale_drift", "thermal_drift"),
+    plainer=("scale_drift", "thermal_drift"),  # on most plans an axis goes about as far every minute: both grow alike
     says="the screw of {axis} warms with its way; the touch that feels it most is off by {size}",
     meaning="a part made after much rapid motion of this axis differs along it from one made after little",
     advice="measure this axis by a linear scale, cool its screw, move it before calibrating as work moves it, or keep the term",
-    refine={"tau": "log"},
+    refine={"tau": "log", "zero": "linear"},
     once=True,
     variants=variants,
     units={"tau": "s", "zero": "mm"},
     over="time",
-    make=cause,
+    make=make,
     unnamed=unnamed,
 )

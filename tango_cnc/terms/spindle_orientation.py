@@ -25,7 +25,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"order": order}
 
 
-def cause(machine: Machine, S: float | None = None, order: int = 1) -> list[Coefficient]:
+def make(machine: Machine, S: float | None = None, order: int = 1) -> list[Coefficient]:
     """machine, orientation in deg that is off, or order of an error periodic in S → sideways shifts in the spindle frame, mm."""
     need("spindle_orientation", "order", order, (1, 2))
 
@@ -60,6 +60,6 @@ TERM = Cause(
     refine={},
     variants=variants,
     over="probe",
-    make=cause,
+    make=make,
     effects=effects,
 )

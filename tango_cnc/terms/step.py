@@ -24,7 +24,7 @@ def variants(touches: Touches) -> Variants:
                 yield {"at": int(at), "frame": frame}
 
 
-def cause(machine: Machine, at: float, frame: str = "machine", direction: Sequence[float] | None = None) -> list[Coefficient]:
+def make(machine: Machine, at: float, frame: str = "machine", direction: Sequence[float] | None = None) -> list[Coefficient]:
     """machine, first touch after it (1 = first touch used) → displacement in x y z of that frame, mm."""
     at = int(at)
 
@@ -53,7 +53,7 @@ TERM = Cause(
     advice="find out what happened at that moment and measure again; keep the term only if it cannot be repeated",
     refine={"at": "touch"},
     variants=variants,
-    make=cause,
+    make=make,
     role="interruption",
     unnamed=unnamed,
 )

@@ -25,7 +25,7 @@ def words(setting: Mapping[str, Any]) -> dict[str, str]:
     return {"scattering": f"facet {facets[0]} scatters" if len(facets) == 1 else f"facets {', '.join(facets)} scatter"}
 
 
-def cause(machine: Machine, facets: tuple[str, ...] = ()) -> list[Coefficient]:
+def make(machine: Machine, facets: tuple[str, ...] = ()) -> list[Coefficient]:
     """machine, rough facets → no coefficient: this is a spread, not a shift."""
     return []
 
@@ -50,6 +50,6 @@ TERM = Cause(
     words=words,
     spread=spread,
     scatters="facet",
-    make=cause,
+    make=make,
     effects=effects,
 )

@@ -64,7 +64,7 @@ def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, f
     return bool(abs(values[0] - (two - one)) < 0.002 + 0.5 * abs(values[0]))
 
 
-def cause(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = FOREVER) -> list[Coefficient]:
+def make(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = FOREVER) -> list[Coefficient]:
     """machine, two facets, touches between which they are exchanged → difference of their offsets, mm."""
     one, two = (str(f) for f in facets)
 
@@ -92,7 +92,7 @@ TERM = Cause(
     refine={},
     known=1,  # an exchange is as large as the two offsets differ
     variants=variants,
-    make=cause,
+    make=make,
     plausible=plausible,
     effects=effects,
 )

@@ -16,7 +16,7 @@ def variants(touches: Touches) -> Variants:
         yield from slow(touches)
 
 
-def cause(
+def make(
     machine: Machine,
     shape: str = "exponential",
     tau: float = HOUR,
@@ -45,6 +45,6 @@ TERM = Cause(
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
     units={"tau": "s"},
-    make=cause,
+    make=make,
     unnamed=unnamed,
 )

@@ -17,7 +17,7 @@ def variants(touches: Touches) -> Variants:
     yield from slow(touches)
 
 
-def cause(machine: Machine, shape: str = "exponential", tau: float = HOUR, sensor: str | None = None) -> list[Coefficient]:
+def make(machine: Machine, shape: str = "exponential", tau: float = HOUR, sensor: str | None = None) -> list[Coefficient]:
     """machine, α(t) = value × (1 − e^(−t/tau) or t/tau) → coefficient in mm/mm (mm/mm/K for a sensor)."""
     growing = grown(shape, tau, sensor)
     stem = label("table_growth", *((sensor,) if sensor else (shape, tau)))
@@ -42,6 +42,6 @@ TERM = Cause(
     once=True,  # of one axis: two of them together follow any curve
     variants=variants,
     units={"tau": "s"},
-    make=cause,
+    make=make,
     unnamed=unnamed,
 )

@@ -15,7 +15,7 @@ def variants(touches: Touches) -> Variants:
     yield from slow(touches)
 
 
-def cause(
+def make(
     machine: Machine,
     shape: str = "exponential",
     tau: float = HOUR,
@@ -45,7 +45,7 @@ TERM = Cause(
     expected=True,  # every machine does it (ISO 230-3 is about nothing else): it may be tested for itself
     variants=variants,
     units={"tau": "s"},
-    make=cause,
+    make=make,
     role="warm-up",
     unnamed=unnamed,
 )

@@ -20,7 +20,7 @@ def variants(touches: Touches) -> Variants:
         yield {}
 
 
-def cause(machine: Machine) -> list[Coefficient]:
+def make(machine: Machine) -> list[Coefficient]:
     """machine → delay in s: a late latch reads too deep, so the surface appears too far inside."""
     return [early("trigger_latency", lambda t: -np.nan_to_num(t.feed) / 60.0, "s")]
 
@@ -40,6 +40,6 @@ TERM = Cause(
     advice="always measure with the feed at which the probe was calibrated, or keep the term",
     refine={},
     variants=variants,
-    make=cause,
+    make=make,
     effects=effects,
 )

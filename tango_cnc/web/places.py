@@ -126,9 +126,11 @@ class Places:
             if self.settings.history and not new:  # every name of a history that all share is in the list by itself
                 continue
             known = formers(m.history, m.name, m.folder, not self.settings.history and self._within(m.folder), names)
-            told = tuple(f.told(m.name, new) for f in known if f.alarms or new)
+            told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=told)
-            more |= {slug_of(f.machine): Machine(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms}
+            more |= {
+                slug_of(f.machine): Machine(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms or f.held
+            }
         return {**more, **found}
 
     def _within(self, folder: Path) -> bool:

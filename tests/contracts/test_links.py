@@ -77,8 +77,15 @@ def shown(event):
             return f"Asked {text}"
 
 
+def escaped(data):
+    return data.decode("latin-1").encode("unicode_escape").decode("ascii")
+
+
 def replay(protocol, file, pieces):
-    """Plays a transcript; `pieces(data)` cuts what is received. → (events seen, what the transcript expects of them)"""
+    """Plays a transcript; `pieces(data)` cuts what is received. → (events seen, what the transcript expects of them)
+
+    All that the client has to send until the page ends stands on the page.
+    """
     one = client(protocol, options(file))
     events, expected = [], []
     for mark, text in lines(file):
@@ -100,11 +107,13 @@ def replay(protocol, file, pieces):
             expected.append(text)
         else:
             assert mark in ("# ", "#"), f"{file}: {mark!r} is no mark of a transcript"
+    left = one.bytes_to_send(1 << 20)
+    assert not left, f"{file}: the client sends what the page lacks: {WRITE} writes the line\n-> {escaped(left)}"
     return events, expected
 
 
 def rewritten(protocol, file):
-    """A transcript with what the client makes of it now: every line stays but those of `=>`."""
+    """A transcript with what the client makes of it now: every line stays but those of `=>`, and a `->` that it lacks is added."""
     one = client(protocol, options(file))
     acts = {
         "<-": lambda text: one.receive(unescaped(text)),
@@ -116,7 +125,8 @@ def rewritten(protocol, file):
     for line in file.read_text(encoding="utf-8").splitlines():
         if line[:2] != "=>":
             page += [line, *(f"=> {shown(event)}" for event in acts.get(line[:2], lambda _: [])(line[3:]))]
-    return "\n".join([*page, ""])
+    left = one.bytes_to_send(1 << 20)
+    return "\n".join([*page, *([f"-> {escaped(left)}"] if left else []), ""])
 
 
 @every_protocol
@@ -125,7 +135,9 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
     if os.environ.get("TANGO_GOLDEN") == "write" and not folder.is_dir():
         folder.mkdir()
         for name in FIRST:
-            (folder / f"{name}.txt").write_text(rewritten(protocol, TRANSCRIPTS / "file" / f"{name}.txt"), encoding="utf-8")
+            first = rewritten(protocol, TRANSCRIPTS / "file" / f"{name}.txt").partition("\n")[2]
+            title = f"# {name.replace('_', ' ')}: written from another protocol; make it what this control sends"
+            (folder / f"{name}.txt").write_text(f"{title}\n{first}", encoding="utf-8")
     text = "".join(file.read_text(encoding="utf-8") for file in sorted(folder.glob("*.txt")))
     assert text, f"tests/transcripts/{protocol}/ is missing; this writes first pages, for you to correct: {WRITE} -k {protocol}"
     for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):

@@ -11,6 +11,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,36 @@ def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
+@cache
+def refused(name: str) -> str:
+    """dialect → why its defaults make no program of the golden cell, "" where they make one."""
+    golden = plan(read_cell(GOLDEN / "cell"))
+    try:
+        program(load(name), golden, {}, plan_hash(golden))
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def test_the_defaults_make_a_program(name: str) -> None:
+    assert not refused(name), f"postprocessors/{name}.py: correct its default; the other tests wait for it"
+
+
+def test_its_language_is_one_that_is_read_and_run(name: str) -> None:
+    known = sorted(set(readback.names()) & set(families()))
+    assert load(name).language in known, (
+        f"postprocessors/{name}.py: found language={load(name).language!r}; allowed in this project: {', '.join(known)}. "
+        "For another one, write tango_cnc/readback/languages/<language>.py and sim_controller/languages/<language>.py "
+        "(docs/dialects.md, Writing one); the other tests wait for it"
+    )
+
+
 @pytest.fixture
 def post(name: str) -> Post:
+    if load(name).language not in {*readback.names()} & {*families()}:
+        pytest.skip("nothing reads its language: see test_its_language_is_one_that_is_read_and_run")
+    if refused(name):
+        pytest.skip("its defaults make no program: see test_the_defaults_make_a_program")
     return load(name)
 
 

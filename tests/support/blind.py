@@ -60,6 +60,18 @@ S3 = ("EXX1", "EYY1", "EZZ1", *LOCATIONS, "EXXb", "EYYb", "EBBb", "ECCb")  # of 
 LARGEST = {1e-3: 0.1, 1e-6: 1e-3}  # mm, rad: what no machine has would be needed to see it, by the unit amplitude that is drawn
 PLAY = ("EXXb", "EYYb", "EZZb")
 RARE = ("swapped_facets", "backlash")  # drawn alone: one has the size that it has, the other one is in S3
+NOT_DRAWN = {
+    "axis_location": "a constant of the machine, which S3 has",
+    "cylinder_cosine": "it needs a cylinder, and the table of the thesis has none",
+    "indexation_seating": "a spread and no pattern",
+    "learned": "a shape without a name; tests/test_learned_terms.py",
+    "noise_level": "a spread and no pattern",
+    "pulse": "it is set aside before the search; tests/test_diagnose_outside.py",
+    "rotary_backlash": "S3 has it",
+    "spindle_orientation": "random at every touch, as the spindle of the thesis is not oriented",
+    "surface_form": "a spread and no pattern",
+    "trigger_latency": "one feed makes it the radius of the tip",
+}
 TWIN = 0.99  # part of a visible pattern that another cause explains as well: nobody can tell these two
 
 
@@ -114,7 +126,7 @@ def draw(b: Bench, cause: str, rng: np.random.Generator) -> dict[str, Any]:
             "at": int(rng.integers(edge, count - edge)),
             "frame": str(rng.choice(["machine", "table"])),
         },
-        "move_length_memory": {"axis": axis, "length": float(rng.uniform(10, 150))},
+        "move_length_memory": {"axis": axis, "shape": "exponential", "length": float(rng.uniform(10, 150))},
         "encoder_harmonic": {"axis": rotary, "order": int(rng.integers(1, 4)), "amplitude": 1e-6, "phase": phase},
         "rotary_radial": {"axis": turning, "direction": towards, "order": int(rng.integers(2, 4)), "phase": phase},
         "rotary_axial": {"axis": turning, "order": int(rng.integers(1, 4)), "phase": phase},

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+import subprocess
 from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -27,15 +32,37 @@ def every(values: Iterable[Any], step: int, first: int = 0) -> list[Any]:
 def chosen(test: str, cases: int, few: int) -> set[int]:
     """name of a test, number of its cases, how many of them by default → their places, equally far from each other.
 
-    Where they begin depends on the name: so tests of the same fourteen dialects have other dialects by default.
+    Where they begin depends on the name: so tests of the same dialects have other dialects by default.
     """
     first = crc32(test.encode())
     return {(first + i * cases // few) % cases for i in range(few)} if few < cases else set(range(cases))
 
 
+ROOT = Path(__file__).parents[2]
+
+
+@cache
+def new(folder: Path = ROOT) -> frozenset[str]:
+    """checkout → names of plug-ins that somebody is adding: files of Python, outside of tests/, that the last commit has not."""
+    if shutil.which("git") is None:
+        return frozenset()
+    command = ["git", "status", "--porcelain", "--untracked-files=all", "--", "*.py", ":!tests"]
+    asked = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    added = [line[3:] for line in asked.stdout.splitlines() if line[:2] in ("??", "A ", "AM")]
+    return frozenset(Path(file.strip('"')).stem for file in added)
+
+
+def concerns(nodeid: str, names: frozenset[str]) -> bool:
+    """id of a case, names of new plug-ins → whether the case is one of theirs."""
+    return not names.isdisjoint(re.split(r"[^\w]+", nodeid.partition("[")[2]))
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """`@pytest.mark.few(n)`: of the cases of this test the default run has n, the others are long. `make mutants` asks all."""
+    """`@pytest.mark.few(n)`: of the cases of this test the default run has n, and those of a plug-in that is new; others are long.
+
+    `make mutants` asks all.
+    """
     tests: dict[str, list[pytest.Item]] = {}
     for item in items:
         if item.get_closest_marker("few") is not None and item.get_closest_marker("long") is None:
@@ -44,5 +71,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         mark = cases[0].get_closest_marker("few")
         kept = chosen(test, len(cases), mark.args[0]) if mark else set()
         for i, item in enumerate(cases):
-            if i not in kept:
+            if i not in kept and not concerns(item.nodeid, new()):
                 item.add_marker("long")

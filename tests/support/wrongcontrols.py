@@ -19,7 +19,7 @@ from sim_controller.world import nominal_machine, tip_in_table
 from tango_cnc.records import Cell, Machine, Plan
 
 BRAKE = 11
-FRAMED = ("brother", "centroid", "fagor", "fanuc", "haas", "mach3", "mach4", "mazak", "mitsubishi", "okuma")  # may be mirrored
+IN_MACHINE = ("klartext", "rs274", "siemens")  # languages that say machine positions, which nothing mirrors
 FAR = 12_000.0  # mm
 
 
@@ -152,7 +152,7 @@ def cases(name: str) -> dict[str, Case]:
         "append": Case("append", {}, {}, {"records_file": "anew"}, "records_file", overwrites=True),
         "rollover": Case("rollover", {"short_way": ("C",)}, names="nearer", restated=nearer),
     }
-    if name in (*FRAMED, "grbl"):  # the others say machine positions, which nothing mirrors
+    if post.language not in IN_MACHINE:
         found["mirror"] = Case("mirror", {"habits": {"scaled": {"Z": -1.0}}, "stands": {"Z": 700.0}}, names="mirror image")
     word = next((option.default for option in post.options if option.name == "orient"), False)
     if isinstance(word, str) and name != "grbl":

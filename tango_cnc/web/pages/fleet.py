@@ -15,7 +15,8 @@ from ...report.days import day
 from ...report.faults import answered, earlier, faults, sentence, settled, still_open, unclosed, whole_sentence
 from ...report.morning import strip, volumes_of, who_of
 from ...report.pace import Ahead, ahead
-from ...report.plain import plain
+from ...report.plain import plain, plainly
+from ...report.repeated import of_shop
 from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
@@ -49,7 +50,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         told = measuring(told, t)
     ran = ran_of(request, row.machine) if told is None else ""
     verdict = "" if told is None else f"morning.{told.state}"
-    said = "" if row.record is None else sentence(plain(t.of(row.record.get("headline") or ""), u, t, axes), Units())
+    said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
     drawn = state.places.kept(f"strip {_stamp(row)}", lambda: strip(signs, t("web.nights", count=len(signs)), t), LONG)

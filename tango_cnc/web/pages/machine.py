@@ -19,8 +19,8 @@ from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
 from ...report.faults import earlier, sentence, unclosed
 from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
-from ...report.plain import plain
-from ...report.repeated import as_decided, shortened
+from ...report.plain import plain, plainly
+from ...report.repeated import as_decided, of_shop, shortened
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet, title
@@ -89,6 +89,7 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
         events=happened_to(state, machine),
         busy=busy,
         now=datetime.now(UTC),
+        signs=every,
     )
 
 
@@ -252,7 +253,9 @@ def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Ma
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
         said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
-        return {n.entry: sentence(plain(t.of(text), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)}
+        return {
+            n.entry: sentence(plain(plainly(of_shop(text), t), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)
+        }
 
     return state.places.kept(key, made, 600)
 

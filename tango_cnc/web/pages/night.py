@@ -14,8 +14,8 @@ from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
-from ..places import Machine
-from .machine import ANOTHER, happened_to, record_before
+from ..places import Machine, told
+from .machine import ANOTHER, happened_to, limits_of, record_before
 from .report import NAMES, file_of_night
 
 
@@ -42,6 +42,7 @@ def night(request: Request) -> Response:
         events=known_then(record, events) if place else events,
         now=now,
         newer=place,
+        signs=[(n.night, told(n, limits_of(request, found))) for n in nights],
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
     age = days_between(record.get("night"), now.astimezone().date())
