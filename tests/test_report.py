@@ -550,6 +550,10 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
     told = may(replace(facts, nights=found, wishes=replace(facts.wishes, limit=asked, stated=stated)), texts())
     assert told.answer.may == may_ and why in told.answer.why and basis in told.basis
     assert f"51 µm, {1e3 * asked:.0f} µm allowed" in told.answer.numbers
+    late = may(
+        replace(facts, nights=replace(found, late="2026-11-10"), wishes=replace(facts.wishes, limit=asked, stated=stated)), texts()
+    )
+    assert late.answer.may != "yes" and why in late.answer.why  # what else makes it a "but" hides nothing
 
 
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
