@@ -6,11 +6,13 @@ that number grows when the unknowns are taken to be further off, it is made of t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ..records import Array
+from ..records import Array, Id
 from .balls import unknowns
-from .candidates import WIDE
+from .candidates import WIDE, Candidates
 from .check import is_stylus
 from .criterion import value
 from .problem import Chosen, Problem
@@ -44,7 +46,12 @@ def serves(problem: Problem, information: Array) -> bool:
 
 def to_spare(found: Chosen) -> int:
     """plan → touches that it has more than its estimate has unknowns: they show whether the result may be believed."""
-    return len(found.rows) - unknowns(found.problem.choice, [touch.facet for touch in found.plan.touches])
+    return spare(found.problem.choice, [touch.facet for touch in found.plan.touches])
+
+
+def spare(choice: Candidates, facets: Sequence[Id]) -> int:
+    """candidates, facet of every touch → touches more than the estimate of these has unknowns."""
+    return len(facets) - unknowns(choice, facets)
 
 
 def believed(found: Chosen) -> bool:
