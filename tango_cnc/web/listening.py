@@ -44,7 +44,11 @@ def _refused(host: str, port: int, error: OSError) -> InputError:
         who = holder(port)
         return InputError(
             f"--port: {port} of {host} is in use: "
-            + (f"{who} listens there" if who else "another program listens there ('ss -ltnp' says which; on Windows 'netstat -ano')")
+            + (
+                f"{who} listens there"
+                if who
+                else "another program listens there ('ss -ltnp' says which; on Windows 'netstat -ano')"
+            )
             + f". Open http://{host}:{port}/ to see whether it is a 'tango serve' that shows "
             f"these machines already; end that program, or take another port: --port {port + 1 if port < 65535 else 8026}"
         )
