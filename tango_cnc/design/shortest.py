@@ -18,7 +18,7 @@ from .how_long import LONGEST, Quick
 from .problem import Chosen, Problem
 
 BEGIN = 300.0  # s that are looked at first
-TRIES, ENOUGH = 6, 4  # times that are searched at most, and at most where one of them has a plan
+TRIES, ENOUGH = 6, 4  # times that are searched at most, and at most from the first one on that has a plan
 LEAST, FINE = 30.0, 1.05  # s below which no quick choice looks; of its times, as near are they looked for
 NEAR = 0.06  # of the time: nearer to the least one is near enough
 STEP = 0.1  # of the time by which the next search is longer at least
@@ -30,7 +30,8 @@ def shortest(problem: Problem) -> Chosen:
     """problem with limits → the shortest plan that was found to keep them. Raises InputError where none does."""
     seconds = _begin(problem)
     short, best, last = 0.0, None, None
-    for tried in range(1, TRIES + 1):
+    since = 0
+    for _ in range(TRIES):
         found = None
         with suppress(choose.NoTime):
             found = last = choose.chosen(problem.of_time(seconds))
@@ -38,7 +39,8 @@ def shortest(problem: Problem) -> Chosen:
             best = found if best is None or found.seconds < best.seconds else best
         else:
             short = max(short, seconds)
-        if best is not None and (tried >= ENOUGH or best.seconds - short < NEAR * best.seconds):
+        since += best is not None
+        if best is not None and (since >= ENOUGH or best.seconds - short < NEAR * best.seconds):
             break
         seconds = _next(seconds, short, best, found)
     if best is None:
