@@ -24,10 +24,9 @@ from tango_cnc.design.criterion import Criterion
 from tango_cnc.design.enough import SPARE, to_spare
 from tango_cnc.design.here import bound_here
 from tango_cnc.design.propose import Wish
-from tango_cnc.estimate import Estimate
+from tango_cnc.estimate import Estimate, student
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement
-from tango_cnc.noise import student
 from tango_cnc.noise._system import beside
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.plausible.lacking import gained

@@ -13,7 +13,7 @@ import numpy as np
 from ..records import InputError
 from . import choose
 from .criterion import value
-from .enough import SPARE, believed, spare, to_spare
+from .enough import SPARE, believed, promised, spare, to_spare, widened
 from .how_long import LONGEST, Quick
 from .problem import Chosen, Problem
 
@@ -45,8 +45,8 @@ def shortest(problem: Problem) -> Chosen:
         seconds = _next(seconds, short, best, found)
     if best is None:
         far = ""
-        if last is not None and last.value > 1:
-            far = f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
+        if last is not None and promised(last) > 1:
+            far = f"; the worst is {promised(last) ** 0.5:.2g} times its limit in {last.seconds / 60:.0f}"
         raise InputError(
             f"--goal: no plan of up to {short / 60:.0f} minutes keeps these limits{far}. "
             "Allow more, or state --minutes for the best plan of that time"
@@ -56,7 +56,7 @@ def shortest(problem: Problem) -> Chosen:
 
 def keeps(found: Chosen) -> bool:
     """plan → whether it keeps its limits, and has touches enough to spare."""
-    return found.value <= 1 and believed(found)
+    return promised(found) <= 1 and believed(found)
 
 
 def needs(found: Chosen) -> float:
@@ -65,7 +65,7 @@ def needs(found: Chosen) -> float:
     Variances fall as the time for touches grows, and touches grow with it.
     """
     touches = len(found.rows)
-    return max(found.value, (touches + SPARE - to_spare(found)) / touches)
+    return max(promised(found), (touches + SPARE - to_spare(found)) / touches)
 
 
 def _next(seconds: float, short: float, best: Chosen | None, found: Chosen | None) -> float:
@@ -102,4 +102,6 @@ def _does(look: Quick, seconds: float) -> bool:
     chosen = look.chosen(seconds)
     if chosen is None:
         return False
-    return value(look.light.criterion, chosen[0]) <= 1 and spare(look.light.choice, chosen[1]) >= SPARE
+    told, facets = chosen
+    widens = widened(look.light.choice, facets)
+    return value(look.light.criterion, told) * widens**2 <= 1 and spare(look.light.choice, facets) >= SPARE
