@@ -191,6 +191,7 @@ def test_the_shortest_plan_for_limits_takes_a_handful_of_searches(begin: float, 
 
     monkeypatch.setattr(shortest, "_begin", lambda _: begin)
     monkeypatch.setattr(shortest, "to_spare", lambda found: found.spare)
+    monkeypatch.setattr(shortest, "promised", lambda found: found.value)
     monkeypatch.setattr(shortest, "believed", lambda found: found.spare >= SPARE)
     monkeypatch.setattr(choose, "chosen", searched)
     found = shortest.shortest(SimpleNamespace(of_time=lambda s: SimpleNamespace(seconds=s)))  # type: ignore[arg-type]
