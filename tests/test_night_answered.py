@@ -151,6 +151,7 @@ def test_a_repair_that_takes_an_older_ignored_change_with_it_has_helped(
     for later in records[10:] if not left else ():
         page = context(later, tuple(last.values()), None, texts(), waiting=earlier(found))
         assert page["answer"].may == "yes" and page["first"]["gone"] and "It has gone back since" in page["first"]["text"]
+        assert bool(page["suspect"]) != bool(page["repaired"])  # which parts to check is said once
 
 
 @pytest.mark.long
@@ -164,6 +165,7 @@ def test_a_change_that_goes_back_unanswered_says_so_and_what_is_left(root: Path,
     page = context(records[8], tuple(last.values()), None, texts(), waiting=earlier(found))
     assert "+20 µm" in page["first"]["text"] and "of 20 µm is left" in page["first"]["text"]
     assert "Correct the whole error" not in page["first"]["whole"] and "gone back" in page["first"]["todo"]
+    assert page["suspect"].startswith("All that were made between Wed 7 Oct 2026") and "went back" in page["suspect"]
 
 
 @pytest.mark.long
