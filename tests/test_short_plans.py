@@ -24,10 +24,9 @@ from tango_cnc.design.criterion import Criterion
 from tango_cnc.design.enough import SPARE, to_spare
 from tango_cnc.design.here import bound_here
 from tango_cnc.design.propose import Wish
-from tango_cnc.estimate import Estimate
+from tango_cnc.estimate import Estimate, student
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement
-from tango_cnc.noise import student
 from tango_cnc.noise._system import beside
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.plausible.lacking import gained
@@ -192,6 +191,7 @@ def test_the_shortest_plan_for_limits_takes_a_handful_of_searches(begin: float, 
 
     monkeypatch.setattr(shortest, "_begin", lambda _: begin)
     monkeypatch.setattr(shortest, "to_spare", lambda found: found.spare)
+    monkeypatch.setattr(shortest, "promised", lambda found: found.value)
     monkeypatch.setattr(shortest, "believed", lambda found: found.spare >= SPARE)
     monkeypatch.setattr(choose, "chosen", searched)
     found = shortest.shortest(SimpleNamespace(of_time=lambda s: SimpleNamespace(seconds=s)))  # type: ignore[arg-type]

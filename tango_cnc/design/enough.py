@@ -10,6 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..estimate import student
+from ..features import bar_left_out
 from ..records import Array, Id
 from .balls import unknowns
 from .candidates import WIDE, Candidates
@@ -47,6 +49,27 @@ def serves(problem: Problem, information: Array) -> bool:
 def to_spare(found: Chosen) -> int:
     """plan → touches that it has more than its estimate has unknowns: they show whether the result may be believed."""
     return spare(found.problem.choice, [touch.facet for touch in found.plan.touches])
+
+
+def widened(choice: Candidates, facets: Sequence[Id]) -> float:
+    """candidates, facet of every touch → factor by which `tango estimate` widens standard deviations (Student's t).
+
+    Few touches to spare leave the scatter unsure. Certificates count as touches. 1 for a check: it rests on a full run.
+    """
+    if choice.twice:
+        return 1.0
+    model, artefact, touched = choice.selection.model, choice.cell.artefact, set(facets)
+    certain = sum(model.touches.facets[place] in touched for place, _ in model.calibrated)
+    if artefact.scale_bar is not None and bar_left_out(artefact, facets) is None:
+        certain += 1
+    return student(spare(choice, facets) + certain)
+
+
+def promised(found: Chosen) -> float:
+    """plan → φ with the standard deviations that `tango estimate` will state; of the determinant as it is."""
+    if found.problem.criterion.determinant:
+        return found.value
+    return found.value * widened(found.problem.choice, [touch.facet for touch in found.plan.touches]) ** 2
 
 
 def spare(choice: Candidates, facets: Sequence[Id]) -> int:

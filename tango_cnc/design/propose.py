@@ -213,24 +213,24 @@ def information_of(ready: Setting, made: Plan) -> Array:
     return information(choice, [touch.facet for touch in made.touches], timed.rows_of(choice, made))
 
 
-def reached(ready: Setting, phi: float) -> tuple[float, str]:
-    """setting, φ → the number that is told, and its unit."""
+def reached(ready: Setting, phi: float, widens: float = 1.0) -> tuple[float, str]:
+    """setting, φ, factor of standard deviations (`enough.widened`) → the number that is told, and its unit."""
     problem = ready.problem
     sigma = problem.choice.sigma
     if problem.criterion.determinant:
         return phi / len(problem.held), "(−log det per unknown)"
     if problem.criterion.name in ("volume", "check"):
-        return 1e3 * sigma * phi**0.5, "µm"
+        return 1e3 * sigma * widens * phi**0.5, "µm"
     if problem.criterion.name == "limits":
-        return phi**0.5, "of the limit"
-    return sigma * phi**0.5, "mm at a touch"
+        return widens * phi**0.5, "of the limit"
+    return sigma * widens * phi**0.5, "mm at a touch"
 
 
-def std_of(ready: Setting, information: Array) -> dict[str, tuple[float, str]]:
-    """setting, information → standard deviation of every coefficient in its own unit."""
+def std_of(ready: Setting, information: Array, widens: float = 1.0) -> dict[str, tuple[float, str]]:
+    """setting, information, factor of standard deviations (`enough.widened`) → that of every coefficient in its own unit."""
     choice = ready.problem.choice
     sigma = choice.sigma
-    std = sigma * np.sqrt(np.diag(np.linalg.inv(information))) * choice.scale
+    std = sigma * widens * np.sqrt(np.diag(np.linalg.inv(information))) * choice.scale
     return {choice.selection.label(c.name): (float(std[j]), c.unit) for j, c in enumerate(choice.selection.model.coefficients)}
 
 

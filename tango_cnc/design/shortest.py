@@ -13,12 +13,12 @@ import numpy as np
 from ..records import InputError
 from . import choose
 from .criterion import value
-from .enough import SPARE, believed, spare, to_spare
+from .enough import SPARE, believed, promised, spare, to_spare, widened
 from .how_long import LONGEST, Quick
 from .problem import Chosen, Problem
 
 BEGIN = 300.0  # s that are looked at first
-TRIES, ENOUGH = 6, 4  # times that are searched at most, and at most where one of them has a plan
+TRIES, ENOUGH = 6, 4  # times that are searched at most, and at most from the first one on that has a plan
 LEAST, FINE = 30.0, 1.05  # s below which no quick choice looks; of its times, as near are they looked for
 NEAR = 0.06  # of the time: nearer to the least one is near enough
 STEP = 0.1  # of the time by which the next search is longer at least
@@ -30,7 +30,8 @@ def shortest(problem: Problem) -> Chosen:
     """problem with limits → the shortest plan that was found to keep them. Raises InputError where none does."""
     seconds = _begin(problem)
     short, best, last = 0.0, None, None
-    for tried in range(1, TRIES + 1):
+    since = 0
+    for _ in range(TRIES):
         found = None
         with suppress(choose.NoTime):
             found = last = choose.chosen(problem.of_time(seconds))
@@ -38,13 +39,14 @@ def shortest(problem: Problem) -> Chosen:
             best = found if best is None or found.seconds < best.seconds else best
         else:
             short = max(short, seconds)
-        if best is not None and (tried >= ENOUGH or best.seconds - short < NEAR * best.seconds):
+        since += best is not None
+        if best is not None and (since >= ENOUGH or best.seconds - short < NEAR * best.seconds):
             break
         seconds = _next(seconds, short, best, found)
     if best is None:
         far = ""
-        if last is not None and last.value > 1:
-            far = f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
+        if last is not None and promised(last) > 1:
+            far = f"; the worst is {promised(last) ** 0.5:.2g} times its limit in {last.seconds / 60:.0f}"
         raise InputError(
             f"--goal: no plan of up to {short / 60:.0f} minutes keeps these limits{far}. "
             "Allow more, or state --minutes for the best plan of that time"
@@ -54,7 +56,7 @@ def shortest(problem: Problem) -> Chosen:
 
 def keeps(found: Chosen) -> bool:
     """plan → whether it keeps its limits, and has touches enough to spare."""
-    return found.value <= 1 and believed(found)
+    return promised(found) <= 1 and believed(found)
 
 
 def needs(found: Chosen) -> float:
@@ -63,7 +65,7 @@ def needs(found: Chosen) -> float:
     Variances fall as the time for touches grows, and touches grow with it.
     """
     touches = len(found.rows)
-    return max(found.value, (touches + SPARE - to_spare(found)) / touches)
+    return max(promised(found), (touches + SPARE - to_spare(found)) / touches)
 
 
 def _next(seconds: float, short: float, best: Chosen | None, found: Chosen | None) -> float:
@@ -100,4 +102,6 @@ def _does(look: Quick, seconds: float) -> bool:
     chosen = look.chosen(seconds)
     if chosen is None:
         return False
-    return value(look.light.criterion, chosen[0]) <= 1 and spare(look.light.choice, chosen[1]) >= SPARE
+    told, facets = chosen
+    widens = widened(look.light.choice, facets)
+    return value(look.light.criterion, told) * widens**2 <= 1 and spare(look.light.choice, facets) >= SPARE
