@@ -120,7 +120,7 @@ def failed(name: str) -> str:
 @pytest.mark.parametrize("name", sorted(name for name in EVERY if load(name).remedies))
 def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
     text = page(name)
-    if os.environ.get("TANGO_GOLDEN") == "write":
+    if failed(name) not in text and os.environ.get("TANGO_GOLDEN") == "write":
         kept = re.sub(r"(?s)## When an experiment fails\n.*?(?=\n## |\Z)", "", text)
         before, _, after = kept.partition("## To the first reading")
         text = f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}"

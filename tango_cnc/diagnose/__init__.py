@@ -22,14 +22,14 @@ from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
-from ._catalogue import Chosen, columns_of
+from ._catalogue import STRONG, Chosen, columns_of
 from ._changing import over
 from ._contest import SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
 from ._names import akin
-from ._plainer import STRONG, plainer
+from ._plainer import plainer
 from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
 from ._richer import Richer, richer

@@ -25,6 +25,7 @@ SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
+STRONG = 6.0  # evidence by which what has more settings, or follows more, must beat what is plainer (Kass & Raftery 1995)
 SHAPELESS = 10.0  # score by which a shape without a name must beat every name (very strong evidence)
 
 Rebuild = Callable[[str, Mapping[str, Any]], Candidate]
@@ -56,6 +57,7 @@ class Catalogue:
     steady: bool = False  # patterns are preferred to a wandering noise that would do as well
     nameless: bool = True  # whether shapes without a name are allowed
     expected: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # causes that every machine has: rivals of each
+    plainer: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cause, what is named first where it comes near
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ def catalogue(
     compatible: Compatible = lambda candidate, others: True,
     steady: bool = False,
     expected: Mapping[str, tuple[str, ...]] | None = None,
+    plainer: Mapping[str, tuple[str, ...]] | None = None,
 ) -> tuple[Catalogue, Array]:
     """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,).
 
@@ -95,9 +98,8 @@ def catalogue(
     group = np.array([names.index(c.cause) for c in kept])
     length = [np.maximum(np.linalg.norm(projected[i], axis=0), 1e-300) for i in keep]
     blocks = library([projected[i] for i in keep])
-    return Catalogue(
-        kept, blocks, length, price, group, names, refine, rebuild, plausible, compatible, steady, expected=expected or {}
-    ), seen
+    rules = refine, rebuild, plausible, compatible, steady
+    return Catalogue(kept, blocks, length, price, group, names, *rules, expected=expected or {}, plainer=plainer or {}), seen
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:

@@ -64,6 +64,7 @@ def explain(
     compatible: Compatible = lambda candidate, others: True,
     steady: bool = False,
     expected: Mapping[str, tuple[str, ...]] | None = None,
+    plainer: Mapping[str, tuple[str, ...]] | None = None,
     seed: int = 0,
 ) -> Explanation:
     """residuals (n + known,), Jacobian (n + known, p), candidates, noise kernels (n, n) → explanation.
@@ -71,7 +72,7 @@ def explain(
     The rows are weighted so that white noise is equal on all of them; the first n are touches, on which candidates act.
     """
     place = space(residual, jacobian, n, kernels)
-    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady, expected)
+    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady, expected, plainer)
     visibility: dict[str, float] = {}
     for c, value in zip(candidates, seen, strict=True):
         if c.named:

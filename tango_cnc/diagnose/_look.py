@@ -230,6 +230,7 @@ class _Glance:
                 plausible,
                 self._compatible,
                 expected=self.awaited,
+                plainer={name: cause.plainer for name, cause in causes.items() if cause.plainer},
                 seed=self.seed,
             )
             # Plausible beside what was there when it was chosen, and no longer beside what is there now.

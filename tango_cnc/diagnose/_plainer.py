@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..records import Array
+from ._catalogue import STRONG
 from ._contest import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import Kernel
 
-STRONG = 6.0  # evidence (Kass & Raftery 1995)
 TOLD = 3  # other covariates that are told
 BEFORE = ("way", "path", "since", "pause")
 

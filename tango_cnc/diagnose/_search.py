@@ -10,6 +10,7 @@ import numpy as np
 from ..records import Array
 from ._catalogue import (
     EXPECTED_LEVEL,
+    STRONG,
     Catalogue,
     Chosen,
     Limits,
@@ -107,7 +108,36 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
         names = searched(place, replace(cat, nameless=False), limits, usual, [])
         if names and total(place, names) > total(place, chosen):
             chosen = names
+    chosen = plainest(place, cat, chosen)
     return [*chosen, *awaited(place, cat, chosen, usual)]
+
+
+def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chosen]:
+    """chosen → chosen, where a plainer cause has the place of one with more settings that is no more than `STRONG` better.
+
+    More settings follow the noise of one run better by a few units; the other one stays among the alternatives.
+    """
+    best, found = total(place, chosen), list(chosen)
+    for i, old in enumerate(found):
+        others = [*found[:i], *found[i + 1 :]]
+        selected = columns_of(place, others)
+        options = []
+        for cause in cat.plainer.get(old.candidate.cause, ()):
+            if cause not in cat.causes:
+                continue
+            ratios, _ = best_noise(place, selected)
+            new = rival(place, cat, cause, selected, ratios)[1]
+            twice = any(c.candidate.cause == cause and _axis(c) == _axis(new) for c in others)
+            if not twice and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
+                options.append((total(place, [*others, new]), new))
+        value, new = max(options, key=lambda one: one[0], default=(-np.inf, old))
+        if value > best - STRONG:
+            found[i] = new
+    return found
+
+
+def _axis(c: Chosen) -> object:
+    return c.candidate.setting.get("axis")
 
 
 def awaited(place: Space, cat: Catalogue, chosen: Sequence[Chosen], usual: Array) -> list[Chosen]:

@@ -63,8 +63,19 @@ def test_the_defaults_make_a_program(name: str) -> None:
     assert not refused(name), f"postprocessors/{name}.py: correct its default; the other tests wait for it"
 
 
+def test_its_language_is_one_that_is_read_and_run(name: str) -> None:
+    known = sorted(set(readback.names()) & set(families()))
+    assert load(name).language in known, (
+        f"postprocessors/{name}.py: found language={load(name).language!r}; allowed in this project: {', '.join(known)}. "
+        "For another one, write tango_cnc/readback/languages/<language>.py and sim_controller/languages/<language>.py "
+        "(docs/dialects.md, Writing one); the other tests wait for it"
+    )
+
+
 @pytest.fixture
 def post(name: str) -> Post:
+    if load(name).language not in {*readback.names()} & {*families()}:
+        pytest.skip("nothing reads its language: see test_its_language_is_one_that_is_read_and_run")
     if refused(name):
         pytest.skip("its defaults make no program: see test_the_defaults_make_a_program")
     return load(name)
