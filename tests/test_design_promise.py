@@ -13,15 +13,17 @@ from sim_controller.simulate import simulate
 from tango_cnc.commands.check import check
 from tango_cnc.design import goals, order, propose, timed
 from tango_cnc.design.balls import needed, unknowns
+from tango_cnc.design.enough import widened
 from tango_cnc.design.problem import Chosen
 from tango_cnc.design.propose import Setting, Wish
 from tango_cnc.design.proving import from_above, proving
 from tango_cnc.design.spare import used_up
-from tango_cnc.estimate import estimate
+from tango_cnc.estimate import estimate, student
 from tango_cnc.features import bar_left_out, completing, loose
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.identify import select
 from tango_cnc.model import STYLUS
+from tango_cnc.noise import honest
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.records import Approach, Artefact, Cell, InputError, World
 
@@ -43,14 +45,16 @@ def touching(cell: Cell, leave: tuple[str, ...] = ()) -> Cell:
 
 def compare(ready: Setting, found: Chosen, world: World) -> None:
     """Standard deviations that the design states, those of `tango check`, and of `tango estimate` on a simulated run."""
-    said, terms, cell = propose.std_of(ready, found.information), ready.wish.terms, found.cell
+    widens = widened(ready.problem.choice, [t.facet for t in found.plan.touches])
+    said, terms, cell = propose.std_of(ready, found.information, widens), ready.wish.terms, found.cell
     checked = check(cell, found.plan, terms, ready.wish.degree)
     assert checked["unknowns"] == unknowns(ready.problem.choice, [t.facet for t in found.plan.touches])
     assert set(checked["expected_std"]) == set(said)
     for name, (std, _) in said.items():
         assert checked["expected_std"][name]["std"] == pytest.approx(std, rel=0.005), name
     readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=7, moved=last_moves(found.plan))
-    fitted = estimate(cell.machine, cell.artefact, readings, terms, ready.wish.degree)
+    fitted = honest(estimate(cell.machine, cell.artefact, readings, terms, ready.wish.degree))
+    assert widens == pytest.approx(student(checked["dof"]), rel=1e-12) and checked["dof"] == fitted.dof
     scatter = fitted.sigma / cell.machine.probe.repeatability
     factor = [p.std / said[name][0] for name, p in fitted.parameters.items()]
     # Of what a certificate holds the scatter of the touches is a part only.

@@ -83,6 +83,7 @@ def test_ports_have_many_names(url, scheme, target):
     ("url", "found"),
     [
         ("http://host:80", "http"),
+        ("sockets://host:80", "Did you mean 'socket'"),
         ("socket://host", "host:port"),
         ("socket://host:65536", "65535"),
         ("socket://host:0", "65535"),

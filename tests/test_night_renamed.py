@@ -94,6 +94,20 @@ def test_an_alarm_that_was_ignored_until_a_day_that_is_over_has_no_answer(rename
     assert run("nightly", "-C", str(renamed), "--status")[0] == 1 and run("fleet", str(renamed))[0] == 1
 
 
+def test_what_was_ignored_until_a_day_that_is_over_asks_again(renamed: Path) -> None:
+    file = renamed / "machine.yaml"
+    file.write_text(file.read_text(encoding="utf-8").replace("name: NEW", "name: OLD 5"), encoding="utf-8")
+    with opened(renamed / "history.db") as history:
+        (alarm,) = history.open_alarms("OLD 5")
+        history.add_night(fresh("OLD 5", str(renamed)))
+        history.decide("OLD 5", Decision(alarm["id"], "ignore", "Ann", "", "2026-10-30", "2026-10-28T06:00:00+00:00"))
+        assert history.open_alarms("OLD 5") == history.open_alarms("OLD 5", today="2026-10-30") == ()
+        assert [a["id"] for a in history.open_alarms("OLD 5", today="2026-10-31")] == [alarm["id"]]
+        for now, counts in (("2026-10-29T12:00:00+00:00", (0, 1)), ("2026-11-02T12:00:00+00:00", (1, 0))):
+            (standing,) = history.fleet(now)
+            assert (standing.alarms_open, standing.alarms_held) == counts
+
+
 def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_path: Path) -> None:
     with opened(renamed / "history.db") as history:
         assert [f.machine for f in formers(history, "NEW", renamed)] == ["OLD 5"]

@@ -29,7 +29,7 @@ from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
 from tango_cnc.report.may import may
-from tango_cnc.report.svg import ticks
+from tango_cnc.report.svg import Frame, Mark, Series, chart, ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
@@ -550,6 +550,10 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
     told = may(replace(facts, nights=found, wishes=replace(facts.wishes, limit=asked, stated=stated)), texts())
     assert told.answer.may == may_ and why in told.answer.why and basis in told.basis
     assert f"51 µm, {1e3 * asked:.0f} µm allowed" in told.answer.numbers
+    late = may(
+        replace(facts, nights=replace(found, late="2026-11-10"), wishes=replace(facts.wishes, limit=asked, stated=stated)), texts()
+    )
+    assert late.answer.may != "yes" and why in late.answer.why  # what else makes it a "but" hides nothing
 
 
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
@@ -573,3 +577,15 @@ def test_the_page_is_not_written_under_the_name_of_a_pdf(tmp_path: Path) -> None
             tango, ["report", "-C", str(tmp_path), "-o", str(tmp_path / "x.pdf")], standalone_mode=False, catch_exceptions=False
         )
     assert not (tmp_path / "x.pdf").exists()
+
+
+def test_what_a_line_allows_stands_where_no_point_is() -> None:
+    """Nights right above the limit at the left end and far below it at the right: the text goes to the right end."""
+    x = np.arange(22.0)
+    y = np.where(x < 11, 171.0, 145.0)
+    drawn = chart([Series(x, y, "squares")], Frame(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
+    (place,) = re.findall(r"<text ([^>]*)>160 µm allowed", drawn)
+    assert 'text-anchor="end"' in place
+    low = chart([Series(x, y - 100, "squares")], Frame(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
+    (place,) = re.findall(r"<text ([^>]*)>160 µm allowed", low)
+    assert "text-anchor" not in place

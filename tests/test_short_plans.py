@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,16 +18,15 @@ from tango_cnc.commands._design import change_text
 from tango_cnc.commands._trust import judged
 from tango_cnc.commands.check import check
 from tango_cnc.commands.estimate import _predicting
-from tango_cnc.design import goals, propose
+from tango_cnc.design import choose, goals, how_long, propose, shortest
 from tango_cnc.design.changed import Change
 from tango_cnc.design.criterion import Criterion
 from tango_cnc.design.enough import SPARE, to_spare
 from tango_cnc.design.here import bound_here
 from tango_cnc.design.propose import Wish
-from tango_cnc.estimate import Estimate
+from tango_cnc.estimate import Estimate, student
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement
-from tango_cnc.noise import student
 from tango_cnc.noise._system import beside
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.plausible.lacking import gained
@@ -145,9 +145,12 @@ def designed(name: str, goal: str, minutes: float | None = None, feed: float | N
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "goal", "minutes"), [("trunnion", "EX0S=1,EY0C=1", None), ("hu40t", "locations", 5.0)])
-def test_what_a_plan_of_some_minutes_promises_is_kept(name: str, goal: str, minutes: float | None) -> None:
+def test_what_a_plan_of_some_minutes_promises_is_kept(
+    name: str, goal: str, minutes: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shortest, "ENOUGH", 2)  # searches: more of them make a plan that is shorter by some percent
     found = propose.propose(designed(name, goal, minutes))
-    assert to_spare(found) >= SPARE
+    assert to_spare(found) >= SPARE and (minutes is not None or found.seconds < 120)
     cell = found.cell
     moved = last_moves(found.plan)
     promised = check(cell, found.plan, cell.terms, 3)["expected_std"]
@@ -156,16 +159,40 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(name: str, goal: str, minu
         result, judgement, off = run(cell, name, moved, 7000 + seed)
         verdicts.append(judgement.verdict)
         apart.append(off)
-        against.append(off * [p.std / promised[n]["std"] for n, p in result.parameters.items()])
+        if judgement.verdict == "trustworthy":  # a run in doubt says itself that it is not what was promised
+            against.append(off * [p.std / promised[n]["std"] for n, p in result.parameters.items()])
     assert verdicts.count("trustworthy") >= 19 and "implausible" not in verdicts
     assert np.mean(np.abs(apart) < 1.96) > 0.92  # one run errs in many parameters at once
     assert 0.85 < np.sqrt(np.mean(np.square(against))) < 1.15
 
 
 @pytest.mark.long
-def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs() -> None:
-    slow = 700.0  # mm/min of protected moves
-    with pytest.raises(InputError, match="--minutes: found 5"):
-        propose.propose(designed("hu40t", "locations", 5.0, slow))
-    found = propose.propose(designed("hu40t", "locations", None, slow))
+def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    ready = designed("three_axis_calibrated", "locations", None, 200.0)  # mm/min of protected moves
+    found = propose.propose(ready)
     assert found.seconds > 300 and to_spare(found) >= SPARE
+    monkeypatch.setattr(how_long, "needed", lambda *_: 20.0)  # looked for above
+    with pytest.raises(InputError, match="--minutes: found 5"):
+        propose.propose(replace(ready, wish=replace(ready.wish, minutes=5.0)))
+
+
+@pytest.mark.parametrize("begin", [20.0, 80.0, 97.0, 103.0, 130.0, 400.0])
+def test_the_shortest_plan_for_limits_takes_a_handful_of_searches(begin: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A touch every 2 s, 30 unknowns: 90 s for 15 touches to spare; 97.5 s for the limits, with 30 s of turns and gate."""
+    tried = []
+
+    def searched(problem: SimpleNamespace) -> SimpleNamespace:
+        tried.append(problem.seconds)
+        touches = int(problem.seconds / 2)
+        if touches < 30:
+            raise choose.NoTime("allow more time")
+        worst = 67.5 / (problem.seconds - 30)
+        return SimpleNamespace(problem=problem, seconds=problem.seconds, value=worst, rows=range(touches), spare=touches - 30)
+
+    monkeypatch.setattr(shortest, "_begin", lambda _: begin)
+    monkeypatch.setattr(shortest, "to_spare", lambda found: found.spare)
+    monkeypatch.setattr(shortest, "promised", lambda found: found.value)
+    monkeypatch.setattr(shortest, "believed", lambda found: found.spare >= SPARE)
+    monkeypatch.setattr(choose, "chosen", searched)
+    found = shortest.shortest(SimpleNamespace(of_time=lambda s: SimpleNamespace(seconds=s)))  # type: ignore[arg-type]
+    assert 97.5 <= found.seconds <= 97.5 * 1.1 and len(tried) <= shortest.TRIES, tried

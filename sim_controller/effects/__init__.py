@@ -1,7 +1,8 @@
 """What disturbs a measurement beyond the constant errors of the machine: one file a cause, named after it (docs/effects.md).
 
-A file `<cause>.py` holds one function
+A file `<cause>.py` holds one function and one example of its keys, with which the tests try it
 
+    EXAMPLE = {"amplitude": 0.002}
     def disturb(history: History, rng: np.random.Generator, *, amplitude: float, …) -> Disturbance
 
 * Its keyword arguments are the keys that `world.yaml` may give beside `cause`; one without a default is required. The
@@ -14,7 +15,7 @@ A file `<cause>.py` holds one function
   early, outside of where it is: the `r` of the catalogue of causes.
 """
 
-from ._apply import Effect, checked, described, disturbance, names
+from ._apply import Effect, checked, described, disturbance, example, names
 from ._history import Disturbance, History, lever, unit
 
-__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "lever", "names", "unit"]
+__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "example", "lever", "names", "unit"]

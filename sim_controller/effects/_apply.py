@@ -28,6 +28,18 @@ def names() -> list[str]:
     return sorted(m.name for m in pkgutil.iter_modules(folder) if not m.name.startswith("_"))
 
 
+def example(cause: str) -> dict[str, Any]:
+    """cause → keys as `world.yaml` may give them on the HU40T: every required one, of a size that a machine has.
+
+    Raises InputError for a file that states none.
+    """
+    module = importlib.import_module(f".{cause}", __package__)
+    if "EXAMPLE" not in vars(module):
+        needed = ", ".join(name for name, p in _keys(cause)[0].items() if p.default is p.empty)
+        raise InputError(f"sim_controller/effects/{cause}.py: no EXAMPLE; state a dict of the keys that it needs: {needed}")
+    return dict(module.EXAMPLE)
+
+
 def described() -> Iterator[tuple[str, str, str]]:
     """→ cause, its keys (those with a default in brackets), what it is; of every cause."""
     for cause in names():

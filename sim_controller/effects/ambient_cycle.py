@@ -9,6 +9,8 @@ from tango_cnc.records import Vector
 from . import Disturbance, History, unit
 from ._kinds import Positive
 
+EXAMPLE = {"amplitude": 0.003, "period": 1200, "direction": [1, 0, 0]}
+
 
 def disturb(
     history: History,

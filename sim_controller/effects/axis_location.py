@@ -7,6 +7,8 @@ import numpy as np
 from . import Disturbance, History
 from ._kinds import AxisLocation
 
+EXAMPLE = {"name": "EX0C", "amplitude": 0.02}
+
 
 def disturb(history: History, rng: np.random.Generator, *, name: AxisLocation, amplitude: float) -> Disturbance:
     """n touches → `amplitude` mm (X Y Z) or rad (A B C) added to the axis location error `name`: `EX0C`, `EA0B` …"""

@@ -8,6 +8,8 @@ import numpy as np
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.005, "axis": "X"}
+
 
 def disturb(history: History, rng: np.random.Generator, *, axis: Literal["X", "Y", "Z"], amplitude: float) -> Disturbance:
     """n touches → `amplitude` mm added to the axis' E_kkb."""

@@ -7,6 +7,8 @@ import numpy as np
 from . import Disturbance, History
 from ._kinds import FacetId
 
+EXAMPLE = {"amplitude": 0.05, "facet": 16, "at": 30}
+
 
 def disturb(
     history: History, rng: np.random.Generator, *, facet: FacetId, amplitude: float, at: int = 1, until: int = 2**31

@@ -12,6 +12,8 @@ from . import Disturbance, History
 from ._kinds import AnyAxis, Numbers
 from ._parts import in_units_of, positioning
 
+EXAMPLE = {"axis": "X", "nodes": [-200, 0, 200], "values": [0, 0.003, -0.001]}
+
 
 def disturb(history: History, rng: np.random.Generator, *, axis: AnyAxis, nodes: Numbers, values: Numbers) -> Disturbance:
     """n touches → positioning error through `values` (mm; rad) at `nodes` (mm; deg), straight between, constant beyond.

@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import LinearAxis, Positive
 from ._parts import positioning
 
+EXAMPLE = {"axis": "Y", "amplitude": 0.002, "period": 10}
+
 
 def disturb(
     history: History, rng: np.random.Generator, *, axis: LinearAxis, amplitude: float, period: Positive, phase: float = 0.0

@@ -9,6 +9,8 @@ from tango_cnc.records import InputError, Vector
 from . import Disturbance, History, unit
 from ._kinds import FacetIds, Positive
 
+EXAMPLE = {"radius": 200}
+
 ALONG = 1e-3  # cosine: a normal as square to the axis as a file can say it
 
 

@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import Count, RotaryAxis
 from ._parts import positioning, wave
 
+EXAMPLE = {"axis": "C", "amplitude": 2e-5}
+
 
 def disturb(
     history: History, rng: np.random.Generator, *, axis: RotaryAxis, amplitude: float, order: Count = 1, phase: float = 0.0

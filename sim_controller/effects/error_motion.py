@@ -10,6 +10,8 @@ from . import Disturbance, History
 from ._kinds import Count, ErrorMotion, Positive
 from ._parts import span_of
 
+EXAMPLE = {"name": "EYX", "amplitude": 0.01}
+
 
 def disturb(
     history: History,

@@ -9,6 +9,8 @@ import numpy as np
 from . import Disturbance, History
 from ._kinds import Positive
 
+EXAMPLE = {"amplitude": 0.002}
+
 
 def disturb(
     history: History,

@@ -10,6 +10,8 @@ from . import Disturbance, History
 from ._kinds import RotaryAxis
 from ._parts import displaced, in_axis_frame, positioning
 
+EXAMPLE = {"axis": "B", "amplitude": 0.005, "direction": [0, -1, 0]}
+
 
 def disturb(
     history: History,

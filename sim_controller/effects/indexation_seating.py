@@ -6,6 +6,8 @@ import numpy as np
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.002}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float) -> Disturbance:
     """n touches → one random displacement per indexation, standard deviation `amplitude` mm in each of x y z, machine frame."""

@@ -15,6 +15,12 @@ from . import Disturbance, History
 from ._kinds import Mappings, Numbers
 from ._parts import positioning
 
+EXAMPLE = {
+    "factors": [{"covariate": "X", "kind": "polynomial", "low": -300, "high": 300, "count": 2}],
+    "weight": "machine z",
+    "values": [0.002, 0.001],
+}
+
 WEIGHTS = "none, across, machine [x y z], table [x y z], spindle [x y z], axis X, tilt A of X"
 
 

@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import AnyAxis, Positive
 from ._parts import Shape, in_units_of, positioning
 
+EXAMPLE = {"axis": "X", "amplitude": 0.003, "length": 50}
+
 
 def disturb(
     history: History,

@@ -10,6 +10,8 @@ from . import Disturbance, History
 from ._kinds import AnyAxis, ErrorMotion, Positive
 from ._parts import span_of
 
+EXAMPLE = {"name": "EAZ", "by": "Y", "amplitude": 1e-5}
+
 
 def disturb(
     history: History,

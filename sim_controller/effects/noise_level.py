@@ -6,6 +6,8 @@ import numpy as np
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.001}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float) -> Disturbance:
     """n touches → gap, normal and independent, standard deviation `amplitude` mm."""

@@ -8,6 +8,8 @@ from tango_cnc.records import InputError
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.05, "rate": 0.05}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float, rate: float) -> Disturbance:
     """n touches → gap of either sign, between half of and all of `amplitude` mm, on a share `rate` of the touches.

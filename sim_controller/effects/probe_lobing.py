@@ -6,6 +6,8 @@ import numpy as np
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.004}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float, order: int = 3, phase: float = 0.0) -> Disturbance:
     """n touches → gap `amplitude` mm · √(n_sx² + n_sy²) cos(order·θ + phase deg), θ azimuth of the normal in the spindle frame."""

@@ -12,6 +12,8 @@ from . import Disturbance, History, unit
 from ._kinds import RotaryAxis
 from ._parts import positioning
 
+EXAMPLE = {"amplitude": 0.004, "direction": [0, 0, 1], "at": 20, "until": 60}
+
 
 def disturb(
     history: History,

@@ -6,6 +6,8 @@ import numpy as np
 
 from . import Disturbance, History
 
+EXAMPLE = {"amplitude": 0.003}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float) -> Disturbance:
     """n touches → random walk with a standard deviation of `amplitude` mm after one hour, in each of x y z."""

@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import Count, RotaryAxis
 from ._parts import ALONG, displaced, wave
 
+EXAMPLE = {"axis": "C", "amplitude": 0.003}
+
 
 def disturb(
     history: History, rng: np.random.Generator, *, axis: RotaryAxis, amplitude: float, order: Count = 1, phase: float = 0.0

@@ -7,6 +7,8 @@ import numpy as np
 from . import Disturbance, History
 from ._kinds import RotaryAxis
 
+EXAMPLE = {"axis": "C", "amplitude": 2e-5}
+
 
 def disturb(history: History, rng: np.random.Generator, *, axis: RotaryAxis, amplitude: float) -> Disturbance:
     """n touches → `amplitude` rad added to the axis' E_kkb: + after a positive, − after a negative motion."""

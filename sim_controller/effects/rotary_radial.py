@@ -12,6 +12,8 @@ from . import Disturbance, History
 from ._kinds import Count, RotaryAxis
 from ._parts import across, displaced, wave
 
+EXAMPLE = {"axis": "C", "amplitude": 0.003, "direction": [1, 0, 0]}
+
 
 def disturb(
     history: History,

@@ -7,6 +7,8 @@ import numpy as np
 from . import Disturbance, History
 from ._kinds import LinearAxis, Positive
 
+EXAMPLE = {"axis": "X", "amplitude": 1e-5, "tau": 600}
+
 BLOCK = 500  # touches at once, so that no exponential overflows and memory stays small
 
 

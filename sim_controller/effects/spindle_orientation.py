@@ -9,6 +9,8 @@ from tango_cnc.records import InputError
 from . import Disturbance, History
 from ._parts import positioning, wave
 
+EXAMPLE = {"amplitude": 0.001}
+
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float, order: int = 0, phase: float = 0.0) -> Disturbance:
     """n touches → error of S: random at every stop, standard deviation |amplitude| rad, or (order from 1) as a graduation's.

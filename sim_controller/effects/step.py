@@ -10,6 +10,8 @@ from tango_cnc.records import Vector
 
 from . import Disturbance, History, unit
 
+EXAMPLE = {"amplitude": 0.005, "direction": [0, 0, 1], "at": 100}
+
 
 def disturb(
     history: History,

@@ -9,6 +9,8 @@ from tango_cnc.records import Array
 from . import Disturbance, History
 from ._kinds import FacetIds
 
+EXAMPLE = {"amplitude": 0.002}
+
 SPOT = 0.01  # mm: touches of one facet that are closer than this meet the same spot
 
 

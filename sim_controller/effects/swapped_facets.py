@@ -9,6 +9,8 @@ from tango_cnc.records import InputError
 from . import Disturbance, History
 from ._kinds import FacetIds
 
+EXAMPLE = {"facets": [16, 17]}
+
 
 def disturb(history: History, rng: np.random.Generator, *, facets: FacetIds, at: int = 1, until: int = 2**31) -> Disturbance:
     """n touches → each of the two `facets` logged as the other, from touch `at` up to touch `until`, counted over all cycles.

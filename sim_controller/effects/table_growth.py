@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import Point, Positive
 from ._parts import Shape, growth
 
+EXAMPLE = {"amplitude": 4e-5, "tau": 2400}
+
 
 def disturb(
     history: History,

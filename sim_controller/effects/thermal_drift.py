@@ -10,6 +10,8 @@ from . import Disturbance, History, unit
 from ._kinds import Positive
 from ._parts import Shape, growth
 
+EXAMPLE = {"amplitude": 0.01, "tau": 2400, "direction": [0, 1, 0]}
+
 
 def disturb(
     history: History,

@@ -16,7 +16,7 @@ from ..design import order, propose, region, sequence, timed
 from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
-from ..design.enough import SPARE, determined, to_spare
+from ..design.enough import SPARE, determined, to_spare, widened
 from ..design.goals import USUAL_MINUTES
 from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
@@ -36,7 +36,9 @@ TELLS = 1.05  # times a standard deviation grows without an indexation that tell
 
 def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others: Mapping[str, float]) -> dict[str, Any]:
     """setting, plan, why it touches as it does, what a check sees, φ of other plans → plain data of the format tango-design/1."""
-    amount, unit = propose.reached(ready, found.value)
+    facets = [touch.facet for touch in found.plan.touches]
+    widens = widened(ready.problem.choice, facets)
+    amount, unit = propose.reached(ready, found.value, widens)
     data: dict[str, Any] = {
         "format": "tango-design/1",
         "goal": ready.wish.goal.text,
@@ -44,28 +46,29 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "terms": list(ready.wish.terms),
         "touches": len(found.rows),
         "indexations": len(found.cell.strategy.indexations),
-        "unknowns": unknowns(ready.problem.choice, [touch.facet for touch in found.plan.touches]),
+        "unknowns": unknowns(ready.problem.choice, facets),
         "time_s": round(found.seconds, 3),
         "time_by_part_s": {part: round(s, 3) for part, s in timed.parts_of(found).items()},
         "positioning_feed": ready.problem.feed,
         "criterion": {"value": amount, "unit": unit},
         "determined": determined(found.problem, found.information),
+        "widened": widens,
         "to_spare": None if sees is not None else to_spare(found),
         "approach": why,
         "region": region.counted(found.cell.machine, ready.where, ready.lever.position),
         "correlation_with_time": _with_time(found),
-        "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information).items()},
+        "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information, widens).items()},
         "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],
     }
     if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
         data["left_out"] = {**asdict(without), "text": said}
     if others:
-        data["competitors"] = {name: propose.reached(ready, phi)[0] for name, phi in others.items()}
+        data["competitors"] = {name: propose.reached(ready, phi, widens)[0] for name, phi in others.items()}
     if np.isfinite(found.bound):
         data["certificate"] = {
-            "bound": propose.reached(ready, found.bound)[0],
+            "bound": propose.reached(ready, found.bound, widens)[0],
             "efficiency": found.efficiency,
-            "bound_at_these_indexations": propose.reached(ready, found.here)[0],
+            "bound_at_these_indexations": propose.reached(ready, found.here, widens)[0],
             "efficiency_at_these_indexations": efficiency(
                 found.problem.criterion, found.value, found.here, len(found.problem.held)
             ),

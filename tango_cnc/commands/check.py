@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from ..duration import PROOF, duration, proof, saved, spoken
+from ..estimate import student
 from ..features import bar_left_out
 from ..files import blamed_on, drawn_lines, drawn_sizes, read_cell, read_terms, write_text
 from ..files.normals import refuse_inward
@@ -200,11 +201,12 @@ def _told(cell: Cell, plans: Sequence[Plan], terms: tuple[TermItem, ...], degree
     weighted = np.vstack([jacobian, rows * (sigma / uncertainty)[:, None]])
     scale = np.linalg.norm(weighted, axis=0)
     root = np.linalg.qr(weighted / scale, mode="r")
-    std = sigma * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
+    dof = len(touches) + len(rows) - len(model.names)
+    std = student(dof) * sigma * np.linalg.norm(np.linalg.inv(root), axis=1) / scale
     return {
         "unknowns": len(model.names),
         "scale_bar_not_used": bar_left_out(cell.artefact, facets),
-        "dof": len(touches) + len(rows) - len(model.names),
+        "dof": dof,
         "condition_number": condition_number(np.vstack([jacobian, rows])),
         "scaled_condition_number": scaled_condition_number(np.vstack([jacobian, rows])),
         "expected_std": {selection.label(c.name): {"std": float(std[i]), "unit": c.unit} for i, c in enumerate(model.coefficients)},

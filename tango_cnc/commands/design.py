@@ -236,7 +236,7 @@ def _design(
     json_file: str | None,
 ) -> int:
     from ..design import check, propose
-    from ..design.enough import believed
+    from ..design.enough import believed, promised
     from . import _design as told
 
     if picture is not None:
@@ -256,7 +256,7 @@ def _design(
     if not write_json(json_file, data):
         click.echo(lines)
         click.echo(f"strategy written to {output}" if output is not None else "-o FILE writes the strategy", err=True)
-    return int((bool(aim.limits) and (found.value > 1 or not believed(found))) or not data["determined"])
+    return int((bool(aim.limits) and (promised(found) > 1 or not believed(found))) or not data["determined"])
 
 
 def drawable(file: Path) -> None:

@@ -271,7 +271,7 @@ def _status(
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
         waiting = [stamp for stamp, _ in disk.unsent()]
         unfinished = [stamp for stamp, _ in disk.unfinished()]
-        alarms = history.open_alarms(name) if nights else ()
+        alarms = history.open_alarms(name, today=f"{datetime.now().astimezone():%Y-%m-%d}") if nights else ()
         record = history.night(newest.entry).record if newest else {}
         repaired = [d for d in history.decisions(name) if d.action == "repaired" and d.utc >= newest.end_utc] if newest else []
         said = headlines(history, nights)

@@ -67,8 +67,10 @@ def _squares(root: NDArray[Any], rows: Array) -> Array:
 
 def _inverse(root: NDArray[Any]) -> Array:
     """(p, p) lower Cholesky factor of A → A⁻¹."""
-    half = linalg.lapack.dpotri(root, lower=1)[0]
-    return np.asarray(np.tril(half) + np.tril(half, -1).T)
+    half = linalg.lapack.dpotri(root, lower=1)[0]  # above its diagonal are the zeros of the factor
+    full = half + half.T
+    full.flat[:: len(full) + 1] /= 2
+    return np.asarray(full)
 
 
 @dataclass
@@ -111,13 +113,11 @@ class State:
     def block_loss(self, rows: Array) -> float:
         """(m, p) touches that are in → how much φ grows without all of them."""
         left = np.eye(len(rows)) - rows @ self.covariance @ rows.T
-        try:
-            root = np.linalg.cholesky(left)
-        except np.linalg.LinAlgError:
-            return np.inf
         if self.criterion.determinant:
-            return -2 * float(np.log(np.diag(root)).sum())
-        return float(np.trace(linalg.cho_solve((root, True), rows @ self.gain @ rows.T)))
+            root, fault = linalg.lapack.dpotrf(left, lower=1)
+            return np.inf if fault else -2 * float(np.log(np.diag(root)).sum())
+        _, solved, fault = linalg.lapack.dposv(left, rows @ self.gain @ rows.T)
+        return np.inf if fault else float(np.trace(solved))
 
     def block_benefit(self, rows: Array) -> float:
         """(m, p) touches that are not in → how much φ falls with all of them."""

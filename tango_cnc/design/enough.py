@@ -6,11 +6,15 @@ that number grows when the unknowns are taken to be further off, it is made of t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from ..records import Array
+from ..estimate import student
+from ..features import bar_left_out
+from ..records import Array, Id
 from .balls import unknowns
-from .candidates import WIDE
+from .candidates import WIDE, Candidates
 from .check import is_stylus
 from .criterion import value
 from .problem import Chosen, Problem
@@ -44,7 +48,33 @@ def serves(problem: Problem, information: Array) -> bool:
 
 def to_spare(found: Chosen) -> int:
     """plan → touches that it has more than its estimate has unknowns: they show whether the result may be believed."""
-    return len(found.rows) - unknowns(found.problem.choice, [touch.facet for touch in found.plan.touches])
+    return spare(found.problem.choice, [touch.facet for touch in found.plan.touches])
+
+
+def widened(choice: Candidates, facets: Sequence[Id]) -> float:
+    """candidates, facet of every touch → factor by which `tango estimate` widens standard deviations (Student's t).
+
+    Few touches to spare leave the scatter unsure. Certificates count as touches. 1 for a check: it rests on a full run.
+    """
+    if choice.twice:
+        return 1.0
+    model, artefact, touched = choice.selection.model, choice.cell.artefact, set(facets)
+    certain = sum(model.touches.facets[place] in touched for place, _ in model.calibrated)
+    if artefact.scale_bar is not None and bar_left_out(artefact, facets) is None:
+        certain += 1
+    return student(spare(choice, facets) + certain)
+
+
+def promised(found: Chosen) -> float:
+    """plan → φ with the standard deviations that `tango estimate` will state; of the determinant as it is."""
+    if found.problem.criterion.determinant:
+        return found.value
+    return found.value * widened(found.problem.choice, [touch.facet for touch in found.plan.touches]) ** 2
+
+
+def spare(choice: Candidates, facets: Sequence[Id]) -> int:
+    """candidates, facet of every touch → touches more than the estimate of these has unknowns."""
+    return len(facets) - unknowns(choice, facets)
 
 
 def believed(found: Chosen) -> bool:

@@ -16,19 +16,42 @@ from .whole import whole
 
 LONGER, LONGEST = 1.25, 60.0  # steps, and the end, of looking for minutes that would do
 FINE, LATER = 0.1, 1.08  # of the minutes: as near are they looked for; times as many where a plan of them does not do
+Good = Callable[[Problem, Array], bool]  # of a plan's information (p, p)
 
 
-def needed(found: Chosen, good: Callable[[Problem, Array], bool], more_than: float = 0.0, longest: float = LONGEST) -> float | None:
-    """plan, what is asked of its information, minutes that do not do → minutes in which a quick plan reaches it.
+def needed(found: Chosen, good: Good, more_than: float = 0.0, longest: float = LONGEST) -> float | None:
+    """plan, what is asked of one, minutes that do not do → minutes in which a quick plan reaches it.
 
-    None: not within the longest. A quick choice of touches says where to look, in longer and longer times and then between them.
-    What is named has been planned, with its turns as they come.
+    None: not within the longest. A quick choice of touches says where to look, for what touches and turns of the plan take.
+    What is named has been planned, with its turns as they come. Where that plan does not do, its own touches and turns say where
+    to look on.
     """
-    problem = found.problem
-    quick = _Quick(found, good)
-    short, minutes = max(problem.seconds / 60, more_than), None
+    problem, short = found.problem, max(found.problem.seconds / 60, more_than)
+    minutes = _look(found, good, short, longest)
+    while minutes is not None and minutes <= longest:
+        made, short = found, minutes
+        with suppress(InputError):
+            made = choose.quick(problem.of_time(60 * minutes))
+            if good(problem, made.information):
+                return minutes
+        later = math.ceil(2 * minutes * LATER) / 2
+        minutes = later if made is found else max(_look(made, good, short, longest) or longest + 1, later)
+    return None
+
+
+def _look(found: Chosen, good: Good, short: float, longest: float) -> float | None:
+    """plan, what is asked, minutes that do not do, the longest → minutes that do by a quick choice of touches; None: none do.
+
+    Longer and longer times are looked at, then those between the last two.
+    """
+    quick, minutes = Quick(found), None
+
+    def does(minutes: float) -> bool:
+        chosen = quick.chosen(60 * minutes)
+        return chosen is not None and good(quick.light, chosen[0])
+
     while (longer := math.ceil(2 * short * LONGER) / 2) <= longest:
-        if quick.does(longer):
+        if does(longer):
             minutes = longer
             break
         short = longer
@@ -36,36 +59,32 @@ def needed(found: Chosen, good: Callable[[Problem, Array], bool], more_than: flo
         return None
     while minutes - short > max(0.5, FINE * minutes):
         middle = math.ceil(short + minutes) / 2
-        short, minutes = (short, middle) if quick.does(middle) else (middle, minutes)
-    while minutes <= longest:
-        with suppress(InputError):
-            made = choose.quick(problem.of_time(60 * minutes))
-            if good(problem, made.information):
-                return minutes
-        minutes = math.ceil(2 * minutes * LATER) / 2
-    return None
+        short, minutes = (short, middle) if does(middle) else (middle, minutes)
+    return minutes
 
 
-class _Quick:
-    """Whether a quick choice of touches in some time is good, for what touches and turns of a plan take."""
+class Quick:
+    """Quick choices of touches in some time, for what touches and turns of a plan take."""
 
-    def __init__(self, found: Chosen, good: Callable[[Problem, Array], bool]) -> None:
-        self.found, self.good, self.light = found, good, lighter(found.problem)
+    def __init__(self, found: Chosen) -> None:
+        """plan that says what they take."""
+        self.found, self.light = found, lighter(found.problem)
         self.touch, self.visit, self.spare = choose.costs_of(found)
         choice = self.light.choice
         self.each = Costs(np.full(len(choice.rows), self.touch), np.full(len(choice.of_pose), self.visit))
         self.least = choose.least_touches(found.problem)
         self.relaxed: Relaxed | None = None
 
-    def does(self, minutes: float) -> bool:
-        """minutes → whether it is."""
-        problem, light, choice = self.found.problem, self.light, self.light.choice
-        again = problem.of_time(60 * minutes).repeats - problem.repeats  # a longer run repeats its first indexation
-        seconds = 60 * minutes - self.spare - again * self.touch - (self.visit if again and not problem.repeats else 0.0)
-        if seconds < self.visit + 3 * self.touch:  # what every plan needs takes longer
-            return False
-        if choose.most_told(problem, (self.touch, self.visit, self.spare), 60 * minutes)[0] < self.least:
-            return False
-        self.relaxed = relax(choice.rows, choice.of_pose, light.held, self.each, seconds, light.criterion, self.relaxed)
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, self.each, seconds, self.relaxed, 0)
-        return self.good(light, light.held + choice.rows[mask].T @ choice.rows[mask])
+    def chosen(self, seconds: float) -> tuple[Array, list[str]] | None:
+        """s → information (p, p) of a quick choice of touches, and the facet of each; None where none can do."""
+        problem, choice = self.found.problem, self.light.choice
+        again = problem.of_time(seconds).repeats - problem.repeats  # a longer run repeats its first indexation
+        left = seconds - self.spare - again * self.touch - (self.visit if again and not problem.repeats else 0.0)
+        if left < self.visit + 3 * self.touch:  # what every plan needs takes longer
+            return None
+        if choose.most_told(problem, (self.touch, self.visit, self.spare), seconds)[0] < self.least:
+            return None
+        self.relaxed = relax(choice.rows, choice.of_pose, self.light.held, self.each, left, self.light.criterion, self.relaxed)
+        mask = whole(choice.rows, choice.pose, choice.of_pose, self.light.held, self.each, left, self.relaxed, 0)
+        facets = [choice.facet[i] for i in np.flatnonzero(mask)]
+        return self.light.held + choice.rows[mask].T @ choice.rows[mask], facets + facets[: problem.repeats + again]

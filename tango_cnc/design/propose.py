@@ -20,17 +20,17 @@ from . import regular as plain
 from .balls import information
 from .candidates import Candidates
 from .criterion import value
-from .enough import believed, serves
+from .enough import serves
 from .goals import Goal
 from .problem import Chosen, Problem
-from .refused import InVain, more, refused, undetermined, worth_making
+from .refused import InVain, refused, undetermined, worth_making
 from .region import Levers, Region
+from .shortest import shortest
 
 CHECK = 8.0  # minutes at most of a check for which nobody states a time
 WELL = 0.004  # mm, standard deviation of the worst change: about 20 µm are seen
-BEGIN, TRIES = 300.0, 7  # s that are looked at first when limits are given and no time, and how many times are
+TRIES = 7  # times that are looked at at most where the usual minutes of a goal do not do
 DIGITS = 2  # of a degree, of an indexation in readings
-NEAR = 0.05  # of the time: nearer to the least one is near enough
 
 
 @dataclass(frozen=True)
@@ -174,7 +174,7 @@ def _proposed(ready: Setting) -> Chosen:
     """setting → plan. Raises InVain where none of its time does."""
     wish, problem = ready.wish, ready.problem
     if wish.minutes is None and not wish.goal.word:
-        return _shortest(problem)
+        return shortest(problem)
     try:
         if wish.goal.word == "check" and wish.minutes is None:
             return worth_making(_usual_check(problem))
@@ -186,38 +186,6 @@ def _proposed(ready: Setting) -> Chosen:
         raise InVain(error.found, undetermined(error.found)) from None
     except choose.TooFew as error:
         raise InVain(error.found, error.why, error.seconds / 60) from None
-
-
-def _shortest(problem: Problem) -> Chosen:
-    """problem with limits → the shortest plan that was found to keep them. Raises InputError where none does.
-
-    Variances fall about as the time for touches grows, which says where to look next.
-    """
-    seconds, short, best, last = BEGIN, 0.0, None, None
-    for _ in range(TRIES):
-        found = None
-        with suppress(choose.NoTime):
-            found = last = choose.chosen(problem.of_time(seconds))
-        kept = found is not None and found.value <= 1
-        if found is not None and kept and believed(found):
-            best = found if best is None or found.seconds < best.seconds else best
-        else:
-            short = max(short, seconds)
-        if best is not None and best.seconds - short < NEAR * best.seconds:
-            break
-        aim = 2 * seconds if found is None else found.seconds * (1.02 * found.value if not kept else max(found.value, more(found)))
-        if best is not None:
-            aim = min(max(aim, short + 0.4 * (best.seconds - short)), best.seconds - NEAR * best.seconds)
-        seconds = min(aim, 4 * seconds)
-    if best is None:
-        far = ""
-        if last is not None and last.value > 1:
-            far = f"; the worst is {last.value**0.5:.2g} times its limit in {last.seconds / 60:.0f}"
-        raise InputError(
-            f"--goal: no plan of up to {short / 60:.0f} minutes keeps these limits{far}. "
-            "Allow more, or state --minutes for the best plan of that time"
-        )
-    return best
 
 
 def _usual_check(problem: Problem) -> Chosen:
@@ -245,24 +213,24 @@ def information_of(ready: Setting, made: Plan) -> Array:
     return information(choice, [touch.facet for touch in made.touches], timed.rows_of(choice, made))
 
 
-def reached(ready: Setting, phi: float) -> tuple[float, str]:
-    """setting, φ → the number that is told, and its unit."""
+def reached(ready: Setting, phi: float, widens: float = 1.0) -> tuple[float, str]:
+    """setting, φ, factor of standard deviations (`enough.widened`) → the number that is told, and its unit."""
     problem = ready.problem
     sigma = problem.choice.sigma
     if problem.criterion.determinant:
         return phi / len(problem.held), "(−log det per unknown)"
     if problem.criterion.name in ("volume", "check"):
-        return 1e3 * sigma * phi**0.5, "µm"
+        return 1e3 * sigma * widens * phi**0.5, "µm"
     if problem.criterion.name == "limits":
-        return phi**0.5, "of the limit"
-    return sigma * phi**0.5, "mm at a touch"
+        return widens * phi**0.5, "of the limit"
+    return sigma * widens * phi**0.5, "mm at a touch"
 
 
-def std_of(ready: Setting, information: Array) -> dict[str, tuple[float, str]]:
-    """setting, information → standard deviation of every coefficient in its own unit."""
+def std_of(ready: Setting, information: Array, widens: float = 1.0) -> dict[str, tuple[float, str]]:
+    """setting, information, factor of standard deviations (`enough.widened`) → that of every coefficient in its own unit."""
     choice = ready.problem.choice
     sigma = choice.sigma
-    std = sigma * np.sqrt(np.diag(np.linalg.inv(information))) * choice.scale
+    std = sigma * widens * np.sqrt(np.diag(np.linalg.inv(information))) * choice.scale
     return {choice.selection.label(c.name): (float(std[j]), c.unit) for j, c in enumerate(choice.selection.model.coefficients)}
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .propose import Setting
 
 SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
+MORE = 1.02  # times the time in which the touches that lack would be made
 
 
 class InVain(InputError):
@@ -29,15 +30,11 @@ class InVain(InputError):
     def minutes(self) -> float | None:
         """→ minutes that would do, as a quick plan says; None where that does not find any."""
         minutes = how_long.needed(self.found, serves, self.least)
-        if minutes is None or self.found.problem.choice.twice:
+        if minutes is None or believed(self.found) or not serves(self.found.problem, self.found.information):
             return minutes
-        longer = math.ceil(2 * more(self.found) * self.found.seconds / 60) / 2
-        return max(minutes, longer) if believed(self.found) or serves(self.found.problem, self.found.information) else minutes
-
-
-def more(found: Chosen) -> float:
-    """plan → times its seconds that it takes to have touches enough to spare; 1 where it has them."""
-    return 1.0 if believed(found) else 1.02 * (len(found.rows) + SPARE - to_spare(found)) / len(found.rows)
+        touches = len(self.found.rows)
+        more = MORE * (touches + SPARE - to_spare(self.found)) / touches
+        return max(minutes, math.ceil(2 * more * self.found.seconds / 60) / 2)
 
 
 def worth_making(found: Chosen) -> Chosen:

@@ -16,7 +16,7 @@ from . import order
 from .balls import as_estimated, information
 from .candidates import Candidates
 from .criterion import value
-from .enough import determined
+from .enough import determined, widened
 from .problem import Chosen, Problem
 from .sequence import FRACTIONS
 
@@ -59,13 +59,14 @@ def judged(problem: Problem, cell: Cell, made: Plan) -> Chosen:
 
 
 def broken_off(found: Chosen, fractions: Sequence[float] = FRACTIONS) -> Array:
-    """chosen plan, parts of its time → φ of what the touches made by then determine; inf where they do not determine it."""
+    """chosen plan, parts of its time → φ that an estimate of the touches made by then states; inf where they determine none."""
     problem, values = found.problem, []
     for part in fractions:
         made = int((found.time <= part * found.seconds + 1e-6).sum())
         facets = [touch.facet for touch in found.plan.touches[:made]]
         told = information(problem.choice, facets, found.rows[:made])
-        values.append(value(problem.criterion, told) if determined(problem, told) else np.inf)
+        widens = 1.0 if problem.criterion.determinant else widened(problem.choice, facets)
+        values.append(value(problem.criterion, told) * widens**2 if determined(problem, told) else np.inf)
     return np.array(values)
 
 

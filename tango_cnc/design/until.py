@@ -17,6 +17,7 @@ from ..touches import from_readings
 from . import goals, order
 from .balls import information
 from .criterion import Criterion, value
+from .enough import widened
 from .exchange import Draft
 from .measured import noise
 from .propose import Setting, Wish, setting
@@ -42,8 +43,8 @@ class Until:
     def share(self, made: Sequence[int] | slice, sigma: float | None = None) -> float:
         """rows of touches made, mm of scatter → largest ratio of a standard uncertainty to what is asked for."""
         choice, number = self.ready.problem.choice, np.arange(len(self.rows))[made]
-        larger = 1.0 if sigma is None else sigma / choice.sigma
         facets = [self.plan.touches[i].facet for i in number]
+        larger = widened(choice, facets) * (1.0 if sigma is None else sigma / choice.sigma)
         return larger * value(self.criterion, information(choice, facets, self.rows[number])) ** 0.5
 
     def ahead(self, readings: Readings | None) -> tuple[int, float]:

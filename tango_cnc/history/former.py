@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..texts import Said, say
-from .records import HELD, Decision, Night
+from .records import HELD, Decision, Night, over
 
 
 class Names(Protocol):
@@ -49,21 +49,23 @@ class Former:
         return say(f"history.former.{'new' if new else 'known'}{'_held' if self.held else ''}", **values, **counts)
 
 
-def formers(history: Names, name: str, folder: Path, within: bool = False, others: Collection[str] = ()) -> tuple[Former, ...]:
+def formers(
+    history: Names, name: str, folder: Path, within: bool = False, others: Collection[str] = (), today: str = ""
+) -> tuple[Former, ...]:
     """history, name of the machine of a cell today, its folder, whether the history is a file in that folder, names of machines of
-    other cells → the other names under which nights of this cell are in it.
+    other cells, local date ('': that of the clock) → the other names under which nights of this cell are in it.
 
     A night belongs to the cell that its record names. In a file of the cell every other name is one of this cell. What was ignored
     until a date counts as unanswered after that day.
     """
-    found, today = [], datetime.now().astimezone().strftime("%Y-%m-%d")
+    found, today = [], today or datetime.now().astimezone().strftime("%Y-%m-%d")
     for other in history.machines():
         if other == name or other in others or not (newest := history.records(other, 1)):
             continue
         if not within and not _same(str(newest[0].get("cell") or ""), folder):
             continue
         last = {d.alarm: d for d in history.decisions(other)}
-        last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
+        last = {key: d for key, d in last.items() if not over(d, today)}
         alarms = [a for s in history.alarmed(other) for a in s.record["alarms"]]
         open_ = tuple(a for a in alarms if a["id"] not in last)
         held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)

@@ -79,6 +79,11 @@ class Decision:
     machine: str = ""
 
 
+def over(d: Any, today: str) -> bool:
+    """decision, local date → whether it ignored its alarm until a day that is over: nobody has answered it any more."""
+    return d.action == "ignore" and str(d.until or "") < today
+
+
 @dataclass(frozen=True)
 class Compensation:
     """One event of a compensation; µm are rms over the volume that it was made for."""

@@ -30,7 +30,7 @@ from . import _asked as asked
 from . import _chain, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored, Trend
+from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored, Trend, over
 
 FORMAT = "tango-night/1"
 MANY = 500  # records that are read at once
@@ -96,7 +96,7 @@ class History:
                 f"decision: found {decision.action} with until {decision.until}; allowed: until a date with ignore only"
             )
         if decision.until is not None:
-            today = datetime.fromisoformat(decision.utc or _stamp(datetime.now(UTC))).astimezone().strftime("%Y-%m-%d")
+            today = _date_of(decision.utc or _stamp(datetime.now(UTC)))
             if _date(decision.until) < today:
                 raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
         if not decision.owner.strip():
@@ -281,9 +281,10 @@ class History:
         for at in range(0, len(new), MANY):
             for entry, record in self.records_of(new[at : at + MANY]).items():
                 self._alarms[entry] = tuple(str(alarm["id"]) for alarm in record["alarms"])
-        answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action)
+        answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action, t.decision.c.until)
         answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
-        decided = {(row.name, row.alarm): row.action for row in self._rows(answered)}  # the last one counts
+        last_ones, today = {(x.name, x.alarm): x for x in self._rows(answered)}, _date_of(now_utc)
+        decided = {key: x.action for key, x in last_ones.items() if not over(x, today)}
         held = Counter(name for (name, _), action in decided.items() if action in HELD)
         waiting: Counter[str] = Counter()
         for row in alarmed:
@@ -295,9 +296,9 @@ class History:
             found.append(Standing(name, last.get(name), nights, waiting[name], late, held[name]))
         return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))
 
-    def open_alarms(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
-        """machine, how many of its nights with an alarm (None: all) → their alarms that nobody has decided about, newest first."""
-        decided = {d.alarm for d in self.decisions(machine)}
+    def open_alarms(self, machine: str, last: int | None = None, today: str = "") -> tuple[Mapping[str, Any], ...]:
+        """machine, how many of its nights with an alarm (None: all), local date ('': none is over) → alarms without an answer."""
+        decided = {key for key, d in {d.alarm: d for d in self.decisions(machine)}.items() if not over(d, today)}
         alarms = (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"])
         return tuple(alarm for alarm in alarms if alarm["id"] not in decided)
 
@@ -439,6 +440,10 @@ def _date(text: str) -> str:
         return datetime.strptime(text, "%Y-%m-%d").strftime("%Y-%m-%d")
     except ValueError:
         raise InputError(f"date: found {text!r}; allowed: year-month-day, e.g. 2026-11-23") from None
+
+
+def _date_of(stamp: str) -> str:
+    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d")
 
 
 def _stamp(moment: datetime) -> str:

@@ -168,7 +168,10 @@ def _parts(url: str) -> tuple[str, str, str]:
     scheme = known.get(parts.scheme.lower(), "")
     if not scheme:
         allowed = ", ".join(f"{name}://" for name in known)
-        raise InputError(f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path")
+        meant = suggestion(parts.scheme.lower()[:80], known)
+        raise InputError(
+            f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path{meant and '.' + meant}"
+        )
     if ways()[scheme].needs == "file":  # file:///C:/TANGO.TXT has a slash that is no part of the path
         return scheme, re.sub(r"^/(?=[A-Za-z]:)", "", unquote(parts.netloc + parts.path)), parts.query
     return scheme, parts.netloc + (parts.path if ways()[scheme].path else ""), parts.query

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from ._client import Client, Ended, Event, Failed, Job, Refused, Touched
+from ._punched import CODES
 from ._words import SUM
 
 
 class Listener(Client):
-    """How far the program is, by the records that have come."""
+    """How far the program is, by the records that have come. A client of its own says what a whole line means (`_complete`)."""
+
+    longest = 256  # characters of a line that are kept
 
     def __init__(self, job: Job) -> None:
         """job → nothing has come yet."""
@@ -17,6 +20,23 @@ class Listener(Client):
         self._position = 0  # of the next touch in job.numbers
         self._silence = 0.0
         self._line = bytearray()
+
+    def receive(self, data: bytes) -> list[Event]:
+        """bytes, cut anywhere → the events that whole lines among them mean; leader and print codes are no characters of a line."""
+        events: list[Event] = []
+        for byte in data:
+            if byte in b"\r\n":
+                text = self._line.decode("latin-1").strip()
+                self._line.clear()
+                events += self._complete(text) if text and not self._over else []
+            elif byte not in CODES:
+                self._line.append(byte)
+                del self._line[: -self.longest]
+        return events
+
+    def _complete(self, text: str) -> list[Event]:
+        """one line, not empty → what it means."""
+        raise NotImplementedError
 
     def _counted(self, event: Event, text: str) -> list[Event]:
         """a record and the line that it was read from → events; it comes before the start mark, counts a touch, or is the end."""

@@ -17,9 +17,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy import special
 
-from ..estimate import Estimate, Noise
+from ..estimate import Estimate, Noise, student
 from ..model import known, linearise
 from ._fit import by_noise
 from ._step import moved
@@ -27,8 +26,6 @@ from ._step import moved
 STRAIGHT = 0.01  # mm: a touch that moves by less between two fits sees the same derivatives, but for 1 part in 1000
 BENT = 0.1  # of the white scatter, by which what a touch moves further may differ from what its derivatives say
 ROUNDS = 4
-PLENTY = 120  # touches to spare that tell their scatter well enough
-TWO_SIDED = 0.975
 
 
 def honest(result: Estimate) -> Estimate:
@@ -49,14 +46,6 @@ def honest(result: Estimate) -> Estimate:
     step = moved(result, found)
     found = replace(found, covariance=found.covariance * student(found.dof) ** 2)
     return found if step is None else replace(found, noise=replace(found.noise or Noise(found.sigma), step=step))
-
-
-def student(dof: float) -> float:
-    """touches to spare → factor of standard deviations, so that ± 1.96 of them hold in 95 of 100 runs (Student's t).
-
-    Few touches scatter by less than the probe does in every second run. Of 120 it is less than 1 %, and left alone.
-    """
-    return float(special.stdtrit(max(dof, 1.0), TWO_SIDED) / special.ndtri(TWO_SIDED)) if dof < PLENTY else 1.0
 
 
 def _at(result: Estimate, found: Estimate) -> Estimate:

@@ -103,7 +103,7 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
 
     What this night found counts though it was closed since: parts were made with it.
     """
-    dates = [str(a["begun"]) for a in found if a.get("begun") and not (_closed(a) and a.get("older"))]
+    dates = [str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and not (_closed(a) and a.get("older"))]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 

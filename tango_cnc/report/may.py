@@ -76,10 +76,12 @@ def _but(found: Answer, strict: Answer | None, f: Facts, t: Texts) -> Answer:
     """answer by the limit that was asked for, that by the one of nightly.yaml (None: the same one) → a yes is no plain one where
     the limit of nightly.yaml says less.
     """
-    if strict is None or found.may != "yes" or WORSE[strict.may] == WORSE["yes"] or f.wishes.stated is None:
+    if strict is None or WORSE[strict.may] <= WORSE[found.may] or f.wishes.stated is None:
         return found
-    why = t("may.looser", stated=length(1e3 * f.wishes.stated, f.wishes.units), answer=strict.word)
-    return replace(found, may="but", word=t("may.but"), state="", why=why)
+    told = t("may.looser", stated=length(1e3 * f.wishes.stated, f.wishes.units), answer=strict.word)
+    if found.may != "yes":
+        return replace(found, why=f"{told} {found.why}".strip())
+    return replace(found, may="but", word=t("may.but"), state="", why=told)
 
 
 def _own(f: Facts, t: Texts) -> Answer:

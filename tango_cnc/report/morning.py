@@ -108,6 +108,9 @@ def context(
     suspect = _suspect(told.may, within, never, began, t)
     if suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
         suspect += f" {t('morning.suspect_before', date=day(first, t))}"
+    back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
+    if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
+        suspect = t("morning.suspect_gone", date=day(back, t))
     if busy:
         told = measuring(told, t)
     return {

@@ -18,7 +18,7 @@ from .words import spoken
 SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is told
 COMMAND = re.compile(r"('tango [^']*')")
 BRACKETS = re.compile(r" \((E[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))(?:-E\w+)?)\)")
-ENGINEER = re.compile(r"\bE[XYZABC]\w{1,2}\b|\.yaml\b|'tango |--\w|standard deviation|degrees of freedom")
+ENGINEER = re.compile(r"\bE[XYZABC]\w{1,2}\b|\.yaml\b|'tango |--\w|standard\s+deviation|degrees\s+of\s+freedom")
 SYMBOL = re.compile(r"\bE[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))\b(?:-E[XYZ][XYZ]1\b)?")
 TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/m)(?![\w/²³])")
 SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")

@@ -294,10 +294,26 @@ class _Plot:
             return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
+        place, foot = self._free(m.text, y)
         return [
             _path(f"M{self.left:.1f} {y:.1f}H{self.right:.1f}", m.color, m.dash, 1.2),
-            f'<text x="{self.left + 4:.1f}" y="{y - 4:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>',
+            f'<text {place} y="{foot:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>',
         ]
+
+    def _free(self, text: str, y: float) -> tuple[str, float]:
+        """text of a line across the chart, its y in px → where it stands: at the left or right end, above or below, where it covers
+        the fewest points; its foot.
+        """
+        at = [self._points(s, s.y) for s in self.series if s.kind != "band" and len(s.x)]
+        between = [((a[0] + b[0]) / 2, (a[1] + b[1]) / 2) for points in at for a, b in pairwise(points)]
+        points, wide = [*(p for one in at for p in one), *between], 6.2 * len(text)
+        found = []
+        for i, (left, foot) in enumerate((a, b) for b in (y - 4, y + 13) for a in (self.left + 4, self.right - 4 - wide)):
+            inside = sum(left - 5 < a < left + wide + 5 and foot - 15 < b < foot + 7 for a, b in points)
+            out = foot - 9 < self.top or foot + 2 > self.bottom
+            found.append((out, inside, i, left, foot))
+        _, _, i, left, foot = min(found)
+        return (f'x="{left:.1f}"' if i % 2 == 0 else f'x="{self.right - 4:.1f}" text-anchor="end"'), foot
 
 
 def _way(points: Sequence[tuple[float, float]]) -> str:

@@ -35,23 +35,30 @@ def listening(host: str, port: int) -> socket.socket:
         taken.listen()
     except OSError as error:
         taken.close()
-        raise InputError(_why(host, port, error)) from None
+        raise _refused(host, port, error) from None
     return taken
 
 
-def _why(host: str, port: int, error: OSError) -> str:
+def _refused(host: str, port: int, error: OSError) -> InputError:
     if error.errno == errno.EADDRINUSE:
         who = holder(port)
-        by = f"{who} listens there" if who else "another program listens there ('ss -ltnp' says which; on Windows 'netstat -ano')"
-        return (
-            f"--port: {port} of {host} is in use: {by}. Open http://{host}:{port}/ to see whether it is a 'tango serve' that shows "
+        return InputError(
+            f"--port: {port} of {host} is in use: "
+            + (
+                f"{who} listens there"
+                if who
+                else "another program listens there ('ss -ltnp' says which; on Windows 'netstat -ano')"
+            )
+            + f". Open http://{host}:{port}/ to see whether it is a 'tango serve' that shows "
             f"these machines already; end that program, or take another port: --port {port + 1 if port < 65535 else 8026}"
         )
     if error.errno == errno.EACCES:
-        return f"--port: {port} is not for this user (below 1024 only root may listen); allowed: another one, such as --port 8026"
+        return InputError(
+            f"--port: {port} is not for this user (below 1024 only root may listen); allowed: another one, such as --port 8026"
+        )
     if error.errno == errno.EADDRNOTAVAIL:
-        return f"--host: found {host}, which is no address of this computer; allowed: 127.0.0.1, or one of its own"
-    return f"--port: nothing can listen at {host}, port {port}: {error.strerror}; allowed: another address or port"
+        return InputError(f"--host: found {host}, which is no address of this computer; allowed: 127.0.0.1, or one of its own")
+    return InputError(f"--port: nothing can listen at {host}, port {port}: {error.strerror}; allowed: another address or port")
 
 
 def holder(port: int) -> str:

@@ -143,7 +143,8 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
     for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):
         assert mark in text, (
             f"tests/transcripts/{protocol}/: no page has {mark!r}. Write what is sent (->), received (<-), waited (..), lost (!!); "
-            f"{WRITE} -k {protocol} adds what the client makes of it (=>)"
+            f"{WRITE} -k {protocol} adds what the client makes of it (=>). Where the client speaks first, begin each page with "
+            "what it sends (->) and what the control answers (<-)"
         )
 
 
@@ -180,6 +181,19 @@ def test_any_cut_equals_all_at_once(protocol, file):
             return [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True)]
 
         assert replay(protocol, file, pieces)[0] == whole
+
+
+@pytest.mark.few(12)
+@every_conversation
+def test_leader_and_print_codes_are_no_characters_of_a_line(protocol, file):
+    """Paper tape lives on: a control that prints puts NUL, DEL and codes around a line, and some do into files, too."""
+    if not any(mark == "<-" and text.startswith("TANGO START") for mark, text in lines(file)) or protocol == "dnc":
+        return  # no lines of text; to dnc these codes mean something, which its own pages say
+
+    def taped(data):
+        return [b"\0\x12" + line + b"\x14\x7f" for line in data.splitlines(keepends=True)]
+
+    assert replay(protocol, file, taped)[0] == replay(protocol, file, lambda data: [data])[0]
 
 
 @every_protocol
@@ -253,6 +267,24 @@ def test_a_protocol_with_a_scheme_is_one_file(monkeypatch):
     assert spoken("toy://192.168.1.20:8193") == "toy"
     address = parse("toy://192.168.1.20:8193?pace=slow", {"pace": ("fast", "slow")})
     assert (address.scheme, address.target, address.options) == ("socket", "192.168.1.20:8193", {"pace": "slow"})
+
+
+@every_protocol
+def test_every_setting_of_a_port_is_documented(protocol):
+    page = (Path(__file__).parents[2] / "docs" / "link.md").read_text(encoding="utf-8")
+    missing = [key for key in load(protocol).OPTIONS if f"`{key}`" not in page and f"{key}=" not in page]
+    assert not missing, f"docs/link.md: say what the settings {', '.join(missing)} of {protocol}:// mean, each as `key`"
+
+
+def test_every_way_is_opened_by_a_test():
+    tests = {file: file.read_text(encoding="utf-8") for file in TRANSCRIPTS.parent.glob("test_link*.py")}
+    schemes_of = {way: [scheme for scheme, (_, by) in schemes().items() if by == way] for way in ways()}
+    for way, names_ in schemes_of.items():
+        spelled = [f"{name}://" for name in (way, *names_)]
+        assert any(word in text for text in tests.values() for word in spelled), (
+            f"tango_cnc/link/transport/: no test opens {' or '.join(spelled)}: write tests/test_link_{way}.py, with a control that "
+            "answers, is silent, closes and is not there"
+        )
 
 
 @every_protocol

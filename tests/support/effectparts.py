@@ -2,63 +2,24 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
+from sim_controller import effects
 from sim_controller.effects import History
-from sim_controller.effects._apply import names
 from sim_controller.probing import facet_rows, history, rig
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell
 from tango_cnc.records import Array, Cell, World
 
-# What world.yaml must at least give for each cause, of a size that good machines have; others need an amplitude only.
-LEAST: dict[str, dict[str, object]] = {
-    "ambient_cycle": {"amplitude": 0.003, "period": 1200, "direction": [1, 0, 0]},
-    "axis_location": {"name": "EX0C", "amplitude": 0.02},
-    "backlash": {"amplitude": 0.005, "axis": "X"},
-    "chip": {"amplitude": 0.05, "facet": 16, "at": 30},
-    "compensation_kink": {"axis": "X", "nodes": [-200, 0, 200], "values": [0, 0.003, -0.001]},
-    "cyclic_error": {"axis": "Y", "amplitude": 0.002, "period": 10},
-    "cylinder_cosine": {"radius": 200},
-    "encoder_harmonic": {"axis": "C", "amplitude": 2e-5},
-    "error_motion": {"name": "EYX", "amplitude": 0.01},
-    "first_touch": {"amplitude": 0.002},
-    "gravity_sag": {"axis": "B", "amplitude": 0.005, "direction": [0, -1, 0]},
-    "indexation_seating": {"amplitude": 0.002},
-    "learned": {
-        "factors": [{"covariate": "X", "kind": "polynomial", "low": -300, "high": 300, "count": 2}],
-        "weight": "machine z",
-        "values": [0.002, 0.001],
-    },
-    "move_length_memory": {"axis": "X", "amplitude": 0.003, "length": 50},
-    "moving_mass": {"name": "EAZ", "by": "Y", "amplitude": 1e-5},
-    "noise_level": {"amplitude": 0.001},
-    "outliers": {"amplitude": 0.05, "rate": 0.05},
-    "pretravel_anisotropy": {"amplitude": 0.003},
-    "probe_hysteresis": {"amplitude": 0.001},
-    "probe_lobing": {"amplitude": 0.004},
-    "pulse": {"amplitude": 0.004, "direction": [0, 0, 1], "at": 20, "until": 60},
-    "random_walk": {"amplitude": 0.003},
-    "rotary_axial": {"axis": "C", "amplitude": 0.003},
-    "rotary_backlash": {"axis": "C", "amplitude": 2e-5},
-    "rotary_radial": {"axis": "C", "amplitude": 0.003, "direction": [1, 0, 0]},
-    "rotary_tilt": {"axis": "C", "amplitude": 1e-5, "direction": [1, 0, 0]},
-    "scale_drift": {"axis": "X", "amplitude": 4e-5, "tau": 2400},
-    "screw_heat": {"axis": "X", "amplitude": 1e-5, "tau": 600},
-    "spindle_orientation": {"amplitude": 0.001},
-    "step": {"amplitude": 0.005, "direction": [0, 0, 1], "at": 100},
-    "surface_form": {"amplitude": 0.002},
-    "swapped_facets": {"facets": [16, 17]},
-    "table_drift": {"amplitude": 0.005, "tau": 2400, "direction": [0, 1, 0]},
-    "table_growth": {"amplitude": 4e-5, "tau": 2400},
-    "thermal_drift": {"amplitude": 0.01, "tau": 2400, "direction": [0, 1, 0]},
-    "trigger_latency": {"delay": 0.001},
-}
-LEAST |= {name: {"amplitude": 0.002} for name in names() if name not in LEAST}
-RANDOM = {"indexation_seating", "noise_level", "outliers", "random_walk", "spindle_orientation", "surface_form"}
+
+def uses_chance(cause: str) -> bool:
+    """effect → whether it draws random numbers."""
+    return "rng." in inspect.getsource(import_module(f"sim_controller.effects.{cause}").disturb)
 
 
 def flat(cell: Cell) -> Cell:
@@ -79,7 +40,7 @@ X, Y, Z = np.eye(3)
 
 
 def world(cause: str, **more: object) -> World:
-    return World(effects=({"cause": cause, **LEAST[cause], **more},), seed=5)
+    return World(effects=({"cause": cause, **effects.example(cause), **more},), seed=5)
 
 
 def measured(cell: Cell, world: World) -> History:

@@ -135,7 +135,7 @@ class Client(Listener):
             self._punching = False
             return cut
         elif char in b"\r\n":
-            return self._complete()
+            return self._whole()
         elif char not in (NUL, DEL):
             self._line.append(char)
             if len(self._line) > LINE_LIMIT:
@@ -168,7 +168,7 @@ class Client(Listener):
         """→ whether a line that comes now should be a record."""
         return self._punching if self._punches else self._begun
 
-    def _complete(self) -> list[Event]:
+    def _whole(self) -> list[Event]:
         text = self._take()
         if text in ("", "%"):
             return []

@@ -20,14 +20,10 @@ OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on
 }
 SCHEMES: Mapping[str, str] = {"file": "file"}
-LINE_LIMIT = 256
-CODES = b"\0\x11\x12\x13\x14\x7f"  # leader and print codes, which some controls write into files too
 
 
 class Client(Listener):
     """Reads the records of one program; sends nothing."""
-
-    longest = LINE_LIMIT  # characters of a line that are kept
 
     def __init__(self, job: Job, options: Mapping[str, str]) -> None:
         """job, {option: value of `OPTIONS`} → client."""
@@ -57,19 +53,6 @@ class Client(Listener):
     def bytes_to_send(self, limit: int) -> bytes:
         """most bytes wanted → none."""
         return b""
-
-    def receive(self, data: bytes) -> list[Event]:
-        """bytes of the file, cut anywhere → the events they complete."""
-        events: list[Event] = []
-        for byte in data:
-            if byte in b"\r\n":
-                text = self._line.decode("latin-1").strip()
-                self._line.clear()
-                events += self._complete(text) if text and not self._over else []
-            elif byte not in CODES:
-                self._line.append(byte)
-                del self._line[: -self.longest]
-        return events
 
     def _complete(self, text: str) -> list[Event]:
         event = record(text, self._letters)
