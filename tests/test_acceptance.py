@@ -60,6 +60,14 @@ def signed(folder: Path, shown: Sheet, judgement: Judgement = GOOD, source: Sour
     return made(order(folder, **changed), shown, judgement, CELL, source, (), (), "1", TODAY)
 
 
+def test_nothing_conforms_by_readings_that_are_older_than_the_compensation_in_the_control(tmp_path: Path) -> None:
+    """They are of a machine that is no more: it may be better now, or worse."""
+    older = replace(MEASURED, older="compensation 1 (siemens) is in the control and not in these readings, as they ended before")
+    found = signed(tmp_path, sheet(1.0), source=older)
+    assert found.rows[0].verdict == "not stated" and not found.conforms
+    assert "compensation 1 (siemens)" in found.stands and "Measure again" in found.stands
+
+
 @pytest.mark.parametrize(
     ("value", "expected"),
     [

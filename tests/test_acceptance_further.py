@@ -160,6 +160,20 @@ def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.C
     assert {f["verdict"] for f in data["figures"]} == {"not stated"}  # simulated readings
 
 
+@pytest.mark.long
+def test_readings_that_a_compensation_was_made_from_accept_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Once it is in the control, they are of a machine that is no more."""
+    made = ["compensate", "-C", str(cell), "--target", "fanuc", "--set", "tables=no", "--simulated"]
+    assert CliRunner().invoke(tango, made).exit_code == 0
+    for noted in (False, True):
+        if noted:
+            assert CliRunner().invoke(tango, ["compensate", "-C", str(cell), "--written", "1"]).exit_code == 0
+        accepted(cell, "limits: {parameter EY0C: 20}\n")
+        out = capsys.readouterr().out
+        assert ("compensation 1 (fanuc) is in the control and not in these readings" in out) == noted
+        assert {f["verdict"] for f in json.loads(out)["figures"]} == {"not stated"}
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("text", "words"),

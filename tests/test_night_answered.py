@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from support.histories import record as kept
 from tango_cnc.cli import tango
 from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import History, opened
+from tango_cnc.nightly.answered import undone
 from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
 from tango_cnc.nightly.words import headline, message
@@ -120,6 +122,24 @@ def test_an_ignored_change_that_goes_back_is_said_and_does_not_alarm(root: Path,
     records = answered(root, tmp_path / "h.db", story, 12, {8: "ignore"})
     assert records[10]["verdict"] == "good" and "as Ann ignores it" in records[10]["headline"]
     assert records[10]["ignored"][0]["size"] == pytest.approx(-0.010, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "tonight", "back"),
+    [(0.020, 0.0003, -0.0197, True), (0.020, 0.012, -0.008, False), (0.008, 0.006, 0.006, False), (0.008, 0.005, -0.003, False)],
+)
+def test_a_change_takes_an_older_one_back_only_where_it_goes_the_other_way_and_most_of_it(
+    monkeypatch: pytest.MonkeyPatch, then: float, now: float, tonight: float, back: bool
+) -> None:
+    """On a machine that wanders by more than the older change was, nothing stands out: that is no return."""
+    h = Hypothesis("axis_location", "EX0C", np.eye(4)[:, :1], "mm", ("C",))
+    gone = Moved(np.array([then]), np.array([now]), np.array([0.0005]), np.array([0.0005]), np.array([0.004]), h)
+    older = (SimpleNamespace(record={"night": "2026-10-08"}), {"id": "2026-10-08-1"})
+    monkeypatch.setattr("tango_cnc.nightly.answered.unclosed", lambda *_: iter([older]))
+    monkeypatch.setattr("tango_cnc.nightly.answered.moved", lambda *_: gone)
+    alarm = {"cause": "axis_location", "parameter": "EX0C", "text": "t", "since": "2026-10-20", "size": tonight, "std": 0.0005}
+    (told,) = undone(*[None] * 4, [alarm])  # type: ignore[arg-type]
+    assert ("undoes" in told) == back and ("gone back" in told["text"]) == back
 
 
 def open_and_decided(file: Path, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:

@@ -101,6 +101,14 @@ def test_a_haas_expands_its_fields_and_ends_lines_with_cr() -> None:
     assert run(program).out == b"\x12X 2345.5000 Y-   0.5000\n\x14"
 
 
+def test_a_control_of_several_skip_inputs_wants_its_own_skip_word() -> None:
+    """M700V p. 555: G31.1 … G31.4, or P behind G31; the plain word is that of another input."""
+    assert run("O1\nG31.2 X-5. F100.\nM30", skip_word="G31.2").alarm is None
+    assert alarm_of("O1\nG31 X-5. F100.\nM30", skip_word="G31.2") == "P601"
+    assert alarm_of("O1\nG31 X-5. F100.\nM30", skip_word="G31 P1") == "P601"
+    assert alarm_of("O1\nG31.2 X-5. F100.\nM30") == "PS0010"
+
+
 def test_the_feed_of_a_mitsubishis_g31_is_its_own() -> None:
     """M700V p. 547: F in the block, the modal one is not updated, P603 without."""
     assert "PS0011" in str(run("O1\nG31 X-5. F100.\nG1 X0.\nM30", skip_feed="own").alarm)

@@ -5,27 +5,39 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pkgutil
 import select
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sim_controller import protocols
 from sim_controller.__main__ import run
 from sim_controller.lines import ParityLine, even
+from sim_controller.protocols import Talk
 from sim_controller.protocols._tape import Tape
 
+TALKS = sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
 DC1, DC2, DC3, DC4 = b"\x11", b"\x12", b"\x13", b"\x14"
 HELLO = b"%\nO1\nPOPEN\nDPRNT[HELLO]\nPCLOS\nM30\n%\n"
 TOUCH = b"G0 X-90. Y0.\nG0 Z340.\nG31 Z325. F180.\nDPRNT[H1*Z#5063[44]]\nG1 Z340. F2000.\n"
 PATIENCE = 60.0  # s, for a loaded machine
+
+
+@pytest.mark.parametrize("name", TALKS)
+def test_every_protocol_of_the_simulated_control_says_how_it_talks_and_where(name: str) -> None:
+    talk = import_module(f"sim_controller.protocols.{name}").TALK
+    assert isinstance(talk, Talk) and callable(talk.serve)
+    assert all("{}" in url for url in (talk.tcp, talk.pty))
 
 
 class Process:

@@ -10,9 +10,10 @@ from scipy import special
 
 from ..compensate.fit import Known
 from ..estimate import Estimate
+from ..iso230.doubt import UNDECIDED
 from ..iso230.expansion import stretches
 from ..iso230.poses import all_steady, at_poses
-from ..iso230.signed import UNDECIDED, OnPart, Sheet
+from ..iso230.signed import OnPart, Sheet
 from ..iso230.temperature import NO_CHANGE, scale
 from ..nc import features
 from ..nc.follow import Motion, Setup

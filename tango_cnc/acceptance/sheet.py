@@ -3,8 +3,9 @@
 A figure conforms when value and guard band lie inside the limit, and does not when they lie outside it (ISO 14253-1:2017; 95 %
 for one limit and a normal distribution: g = 1.65 u). A range is not normal: its guard bands end where it is larger, or smaller,
 with 5 %; and what noise alone may show is not rejected. Between both nothing is stated. No interval stands, and nothing conforms,
-where no machine is known to have been measured, where the estimate is not trustworthy, where there is no budget or it does not
-name what every machine has, or where the touches scatter more than the budget allows for.
+where no machine is known to have been measured, where the control has got a compensation since, where the estimate is not
+trustworthy, where there is no budget or it does not name what every machine has, or where the touches scatter more than the budget
+allows for.
 """
 
 from __future__ import annotations
@@ -29,12 +30,16 @@ SURPRISE = 0.01
 
 @dataclass(frozen=True)
 class Source:
-    """Where the readings come from: `doubt` is empty where a run measured a machine; its begin and end, UTC; touches left out."""
+    """Where the readings come from: `doubt` is empty where a run measured a machine; its begin and end, UTC; touches left out.
+
+    `older`: empty, or which compensation in the control they do not contain, and why.
+    """
 
     doubt: str
     ran: tuple[datetime, datetime] | None = None
     text: str = ""
     remarks: tuple[str, ...] = ()
+    older: str = ""
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,8 @@ def made(
 
 
 def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence[str]) -> str:
+    if source.older:
+        return f"{source.older}: the readings do not show the machine as it is now. Measure again and accept by those readings"
     if source.doubt:
         return f"{source.doubt}: nothing says that a machine was measured"
     if judgement.verdict != "trustworthy":

@@ -13,7 +13,7 @@ from ..acceptance import Order, Source, made, page, read_order
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import look_up
+from ..files.origin import check_values, look_up
 from ..iso230.signed import Sheet, signed
 from ..nc import features
 from ..nc.follow import Setup, zero_of
@@ -69,7 +69,7 @@ def command(
         _with_further(wanted, signed(result, wanted.tool_length, thermal_of(folder), budget=budget), result, cell),
         judgement,
         cell,
-        _source(source, origin.simulated, readings.status),
+        replace(_source(source, origin.simulated, readings.status), older=_older(folder, source)),
         () if budget is None else absent(budget.named),
         origin.files,
         __version__,
@@ -120,6 +120,18 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
     left = sum(s != "ok" for s in status)
     remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
     return Source(doubt, (moments[0], moments[-1]) if moments else None, text, remarks)
+
+
+def _older(folder: Path, readings: Path) -> str:
+    """cell, its readings → the compensation in the control that they do not contain, and why; '' where there is none."""
+    from ..compensate import loop
+
+    run = look_up(readings).known.get("run") or {}
+    missed = loop.ignored(folder, check_values(readings.read_text(encoding="utf-8-sig")), run.get("end_utc"))
+    if missed is None:
+        return ""
+    kept, why = missed
+    return f"compensation {kept.number} ({kept.record['target']}) is in the control and not in these readings, as {why}"
 
 
 def _moment(text: object) -> datetime | None:

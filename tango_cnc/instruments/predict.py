@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .. import kinematics
 from ..estimate import Estimate
+from ..iso230.doubt import undecided
 from ..iso230.expansion import expanded, stretches, with_column
 from ..iso230.onpart import Ask
 from ..iso230.poses import all_steady, at_poses
@@ -74,7 +75,7 @@ def predict(
     std = np.sqrt(np.clip(np.diag(covariance), 0.0, None)).reshape(q, n)
     value = (every.curve @ grown.values * 1e3).reshape(q, n)
     felt = [_weighed(r, stretched) for r in rows]
-    figures = tuple(told(a, own, wide, learned, f, warm) for a, own, f in zip(asks, owns, felt, strict=True))
+    figures = tuple(told(a, own, wide, learned, f, warm, undecided(a, wide)) for a, own, f in zip(asks, owns, felt, strict=True))
     return Predicted(path, figures, rows, value, std, covariance, free, state, () if budget is None else budget.named)
 
 

@@ -43,7 +43,7 @@ def with_column(ask: Ask, felt: Array) -> Ask:
 
 def feels(ask: Ask, felt: Array) -> bool:
     """figure, what it feels of a scale of 1 → whether an expansion changes it; an offset of all of a curve changes no range."""
-    return bool((np.ptp(felt) if ask.is_range else abs(felt)) > FELT)
+    return bool((np.ptp(felt) if ask.curve.ndim == 2 else np.max(np.abs(felt))) > FELT)
 
 
 def expanded(w: Whole, more: Known) -> Whole:
@@ -52,8 +52,8 @@ def expanded(w: Whole, more: Known) -> Whole:
     covariance = np.zeros((p + 1, p + 1))
     covariance[:p, :p], covariance[p, p] = w.covariance, more.std**2
     motions = (*w.motions, "the expansion of bar and machine")
-    draws = w.draws
+    draws, free = w.draws, None if w.free is None else np.append(w.free, False)
     if draws is not None:
         drawn = more.value + more.std * np.random.default_rng(2308).standard_normal(draws.shape[1])
         draws = np.vstack([draws, drawn])
-    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance, draws=draws)
+    return replace(w, motions=motions, values=np.append(w.values, more.value), covariance=covariance, draws=draws, free=free)

@@ -14,6 +14,9 @@ import numpy as np
 from ..records import Array
 
 DRAWS = 1000
+STEEPEST = 5.0  # power by which draws count: three scales and three squarenesses
+NEAR = 0.25  # of a deviation: so near to what was read, scatter moves a range evenly, and bends it by a little
+NARROW = 1e-3  # of the largest: what is smaller counts as much
 
 
 class Spread(NamedTuple):
@@ -36,6 +39,36 @@ def of_drawn(curves: Array, read: Array, noise: Array, coverage: float = 0.95) -
     of_noise, often = (float(v) for v in np.quantile(nothing, [1 - tail, 1 - 2 * tail]))
     size = float(np.ptp(read))
     return Spread(best, 0.0 if size <= of_noise else low, high, 0.0 if size <= often else least, most)
+
+
+def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
+    """curves that are possible (m, d), or vectors (m, 3, d); by how much each differs from their mean in what the touches alone
+    decide, alike → largest minus smallest, or the longest, of them.
+
+    Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
+    range^(1 − k): then noise takes a range to neither side. k is found from how much the free directions enlarge it around
+    what was read.
+    Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
+    """
+    tail, sizes = (1 - coverage) / 2, _sizes(curves)
+    mean = curves.mean(axis=-1, keepdims=True)
+    read, (up, down) = float(_sizes(mean)[0]), (_sizes(mean + s * NEAR * (curves - mean)) for s in (1, -1))
+    scatter = float(np.var(up - down)) / (2 * NEAR) ** 2
+    if scatter <= 0.0:
+        return Spread(*[read] * 5)
+    bent = sum(float(_sizes(mean + s * NEAR * free).mean()) - read for s in (1, -1)) / 2 / NEAR**2
+    by = min(max(2 * read * bent / scatter, 0.0), STEEPEST)
+    order = np.argsort(sizes)
+    worth = np.maximum(sizes[order] / sizes.max(), NARROW) ** -by
+    at = (np.cumsum(worth) - worth / 2) / worth.sum()
+    low, least, best, most, high = (float(v) for v in np.interp([tail, 2 * tail, 0.5, 1 - 2 * tail, 1 - tail], at, sizes[order]))
+    of_noise, often = (float(v) for v in np.quantile(_sizes(curves - mean), [1 - tail, 1 - 2 * tail]))
+    return Spread(best, 0.0 if read <= of_noise else low, high, 0.0 if read <= often else least, most)
+
+
+def _sizes(curves: Array) -> Array:
+    """(m, d) → (d,) largest minus smallest; (m, 3, d) → the longest."""
+    return np.asarray(np.ptp(curves, axis=0) if curves.ndim == 2 else np.linalg.norm(curves, axis=1).max(axis=0))
 
 
 def of_range(mean: Array, root: Array, coverage: float = 0.95) -> tuple[float, float, float]:

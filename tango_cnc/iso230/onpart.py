@@ -25,7 +25,10 @@ LEVELS = 5  # poses along each linear axis
 
 @dataclass(frozen=True)
 class Ask:
-    """One figure: a range of `curve` (m, p), or a number with weights (p,); `factor` takes mm or rad to `unit`."""
+    """One figure: a range of `curve` (m, p), the longest of vectors (m, 3, p), or a number with weights (p,).
+
+    `factor` takes mm or rad to `unit`.
+    """
 
     kind: str
     name: str
@@ -37,11 +40,12 @@ class Ask:
     note: str = ""
     zone: bool = False  # the minimum zone of the curve over its axis
     command: Array | None = None
+    length: float | None = None  # mm, of the tool: it sums the errors of all linear axes over a volume
 
     @property
     def is_range(self) -> bool:
-        """→ whether it is largest minus smallest."""
-        return self.curve.ndim == 2
+        """→ whether it is largest minus smallest, or the longest: never less than 0."""
+        return self.curve.ndim > 1
 
 
 def asked(
@@ -99,8 +103,14 @@ def _volumetric(
     rest = (moved - flat @ np.linalg.lstsq(flat, moved, rcond=None)[0]).reshape(seen.shift.shape)
     over_what = say("iso_said.onpart.poses", count=LEVELS)
     aligned = say("iso_said.onpart.aligned", count=LEVELS)
-    found = [Ask("volumetric", f"V{c}", "µm", 1e3, rest[:, i], "", None, aligned) for i, c in enumerate("XYZ")]
-    return found + [Ask("volumetric", f"V{c}", "µrad", 1e6, seen.turn[:, i], "", None, over_what) for i, c in enumerate("ABC")]
+    longest = say("iso_said.onpart.longest", count=LEVELS)
+    curves = [(c, "µm", 1e3, rest[:, i], aligned) for i, c in enumerate("XYZ")]
+    curves += [(c, "µrad", 1e6, seen.turn[:, i], over_what) for i, c in enumerate("ABC")]
+    curves.append(("", "µm", 1e3, rest, longest))
+    return [
+        Ask("volumetric", f"V{c}", unit, factor, at_all, "", None, note, length=at.length)
+        for c, unit, factor, at_all, note in curves
+    ]
 
 
 def _slope(command: Array, curve: Array) -> tuple[Array, Array]:

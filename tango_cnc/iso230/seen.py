@@ -10,7 +10,7 @@ from ..estimate import Estimate
 from ..records import Array
 from .sizes import learned
 from .unseen import Unseen, unseen
-from .whole import DEGREE, ORDER, Whole, disturbed, moved, orders
+from .whole import DEGREE, ORDER, Whole, disturbed, moved, orders, whole
 
 WORTH = 0.01  # of an order of the model that counts
 
@@ -30,6 +30,7 @@ class Seen:
     """One machine, seen by its touches."""
 
     wide: Whole  # decides what is withheld
+    plain: Whole  # the same at `DEGREE` and `ORDER`: decides it for figures of a volume
     learned: Whole  # values and intervals: machines of all orders, drawn
     tried: tuple[tuple[tuple[int, int], float], ...]  # every order and what it is worth
     expected: float | None  # mm, scatter of a touch that the budget allows for
@@ -45,13 +46,15 @@ def seen(result: Estimate, budget: Budget | None = None) -> Seen:
     """
     compared = orders(result)
     wide = next(w for w, _ in compared if w.order >= (DEGREE, ORDER))
+    plain = wide if wide.order == (DEGREE, ORDER) else whole(result, scatter=wide.sigma)  # what it lacks is no scatter
     drawn, expected = learned(result, wide), None
     open_to = unseen(wide, drawn)
     if budget is not None:
+        plain = moved(plain, budget.beside_scatter)
         wide, expected = disturbed(wide, budget.factors, budget.beside_scatter)
         drawn = moved(drawn, budget.beside_scatter)
     tried, left_out = tuple((w.order, worth) for w, worth in compared), tuple(w.left_out for w, _ in compared)
-    return Seen(wide, drawn, tried, expected, open_to, left_out)
+    return Seen(wide, plain, drawn, tried, expected, open_to, left_out)
 
 
 def root_of(curve: Array, covariance: Array) -> Array:

@@ -16,8 +16,9 @@ from ..estimate import Estimate
 from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
+from .doubt import UNDECIDED, Doubt, most, undecided, worst
 from .expansion import expanded, feels, felt_by, with_column
-from .interval import Spread, of_drawn
+from .interval import Spread, of_drawn, of_volume
 from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
 from .temperature import NO_CHANGE, Known, Thermal, scale, state_of
@@ -26,9 +27,6 @@ from .unseen import positions
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
-UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
-SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
-NAMED = 4
 
 
 @dataclass(frozen=True)
@@ -93,11 +91,15 @@ def signed(
     machine = seen(result, budget)
     wide, learned = machine.wide, machine.learned
     (asks, at), (drawn, _) = _asked(wide, length), _asked(learned, length)
+    usual = {(a.kind, a.name): a for a in (asks if machine.plain is wide else _asked(machine.plain, length)[0])}
     owns = {(a.kind, a.name): a for a in drawn}
     pairs = [(a, owns[a.kind, a.name]) for a in asks]
     warm = NO_CHANGE if thermal is None else scale(thermal, at_reference)
     felt = felt_by(wide.touches.machine, _over(wide), at)
-    found = [told(a, own, wide, learned, felt.get((a.kind, a.name)), warm) for a, own in pairs]
+    doubts = [undecided(a, wide) if a.length is None else undecided(usual[a.kind, a.name], machine.plain) for a, _ in pairs]
+    found = [
+        told(a, own, wide, learned, felt.get((a.kind, a.name)), warm, doubt) for (a, own), doubt in zip(pairs, doubts, strict=True)
+    ]
     state = state_of(thermal, at_reference)
     figures = (*found, *_relative(pairs, found, wide, learned, warm))
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
@@ -123,7 +125,7 @@ def withheld(result: Estimate) -> tuple[str, ...]:
     """estimate → a sentence for every ISO figure that these touches do not decide; one where they are too few for any."""
     try:
         all_of_it = whole(result)
-        return tuple(doubt[1] for ask in _asked(all_of_it)[0] if (doubt := _undecided(ask, all_of_it)))
+        return tuple(doubt[1] for ask in _asked(all_of_it)[0] if (doubt := undecided(ask, all_of_it)))
     except TangoError as error:
         return (str(error),)
 
@@ -152,41 +154,23 @@ def decided(selection: Selection, length: float | None = None) -> tuple[tuple[st
     w = foreseen(selection)
     asks, _ = _asked(w, length)
     names = Counter(ask.name for ask in asks)
-    known = [_worst(a, w)[1] <= UNDECIDED[a.unit] for a in asks]  # what the others are mixed with is not asked for here
+    known = [worst(a, w)[1] <= most(a, w) for a in asks]  # what the others are mixed with is not asked for here
     told = [(a.name if names[a.name] == 1 else f"{a.name} ({a.kind})", k) for a, k in zip(asks, known, strict=True)]
     return tuple(name for name, known in told if known), tuple(name for name, known in told if not known)
 
 
-def _worst(ask: Ask, w: Whole) -> tuple[Array, float]:
-    """→ weights (p,) of the part of a figure that is known worst, and its standard deviation in the figure's unit."""
-    if not ask.is_range:
-        return ask.curve, max(float(ask.curve @ w.covariance @ ask.curve), 0.0) ** 0.5 * ask.factor
-    centred = ask.curve - ask.curve.mean(axis=0)
-    std = np.sqrt(np.clip(np.sum(centred @ w.covariance * centred, axis=1), 0.0, None))
-    i = int(np.argmax(std))
-    return centred[i], float(std[i]) * ask.factor
-
-
-def _undecided(ask: Ask, w: Whole) -> tuple[tuple[str, ...], str] | None:
-    """figure, machine → the error motions it cannot be separated from, and the sentence why it is withheld; None when it is not."""
-    weights, std = _worst(ask, w)
-    if std <= UNDECIDED[ask.unit]:
-        return None
-    mixed = _mixed(ask, weights, w)
-    others = f"cannot be separated from {_list(mixed)}" if mixed else "is not decided by these touches"
-    return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
-
-
-def told(ask: Ask, own: Ask, wide: Whole, learned: Whole, felt: Array | None = None, warm: Known = NO_CHANGE) -> OnPart:
+def told(
+    ask: Ask, own: Ask, wide: Whole, learned: Whole, felt: Array | None = None, warm: Known = NO_CHANGE, doubt: Doubt | None = None
+) -> OnPart:
     """figure as it depends on the coefficients of the first machine and of the second one, machine twice (`Seen`), what the
-    figure feels of a scale of 1, what temperature adds to scales (mm/mm) → value, interval, or why not.
+    figure feels of a scale of 1, what temperature adds to scales (mm/mm), why it is withheld → value, interval, or why not.
 
     The touches alone decide what is withheld. An expansion that nobody knows makes an interval wider, and its value no larger.
     """
     axis = ask.own[2:3] if ask.range is not None else ""
     differ = positions(wide.touches, axis) if axis in wide.touches.machine.names else 0
     expands = felt is not None and feels(ask, felt)
-    if (doubt := _undecided(ask, wide)) is not None:
+    if doubt is not None:
         return OnPart(ask.kind, ask.name, ask.unit, None, None, ask.range, ask.note, *doubt, differ, expands)
     found = _spread(ask, own, wide, learned)
     if felt is not None and expands and warm != NO_CHANGE:
@@ -206,12 +190,15 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     """figure by the coefficients of both machines → value, interval and limits of one side, in its unit."""
     if not ask.is_range:
         student = [float(special.stdtrit(wide.freedom, p)) for p in (0.5 + COVERAGE / 2, COVERAGE)]
-        value, std = float(own.curve @ learned.values) * own.factor, _worst(own, learned)[1]
+        value, std = float(own.curve @ learned.values) * own.factor, worst(own, learned)[1]
         two, one = (t * std for t in student)
         return Spread(value, value - two, value + two, value - one, value + one)
-    assert learned.draws is not None
-    used = np.flatnonzero(own.curve.any(axis=0))
-    drawn = own.factor * (own.curve[:, used] @ learned.draws[used])
+    assert learned.draws is not None and learned.free is not None
+    used = np.flatnonzero(own.curve.any(axis=tuple(range(own.curve.ndim - 1))))
+    drawn = own.factor * (own.curve[..., used] @ learned.draws[used])
+    if own.length is not None:
+        free = used[learned.free[used]]
+        return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])))
     curve = ask.curve * ask.factor
     wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
     found, mean = of_drawn(drawn, curve @ wide.values, wider * root_of(curve, wide.covariance)), drawn.mean(axis=1)
@@ -219,15 +206,6 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
         part = minimum_zone(own.command, mean) / float(np.ptp(mean))
         found = Spread(*(part * v for v in found))
     return found
-
-
-def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
-    """→ error motions that explain most of what is undecided in a figure, the strongest first."""
-    along = w.covariance @ weights
-    total = float(weights @ along)
-    shares = {name: float(along[own] @ inverse @ along[own]) / total for name, own, inverse in w.blocks if name != ask.own}
-    found = {name: share for name, share in shares.items() if share > SHARE}
-    return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 
 def _relative(asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, learned: Whole, warm: Known) -> list[OnPart]:
@@ -246,7 +224,7 @@ def _relative(asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, lea
             note = "relative: neither is known alone" if first is None else "relative: as if all axes were as warm as each other"
             for sign, word in signs:
                 ask = Ask(two.kind, f"{two.name} {word} {one.name}", two.unit, two.factor, two.curve + sign * one.curve, two.own)
-                if _worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
+                if worst(ask, wide)[1] <= UNDECIDED[ask.unit]:
                     own = replace(ask, curve=own_two.curve + sign * own_one.curve)
                     s = _spread(ask, own, wide, learned)
                     given.append(OnPart(ask.kind, ask.name, ask.unit, s.best, (s.low, s.high), None, note))
@@ -256,7 +234,3 @@ def _relative(asks: list[tuple[Ask, Ask]], found: list[OnPart], wide: Whole, lea
 def _too_warm(f: OnPart, warm: Known) -> bool:
     """figure, what temperature adds to scales → whether it is a scale that temperature leaves undecided."""
     return f.kind == "positioning gain" and f.expands and warm.std * 1e6 > UNDECIDED["µm/m"]
-
-
-def _list(words: tuple[str, ...]) -> str:
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -136,6 +136,8 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     gain[seen[own]] = (width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])))[own]
     values = draws.mean(axis=1)
     covariance = np.cov(draws) + 2 * _unsettled(draws)
+    free = np.ones(p, dtype=bool)
+    free[[seen[j] for j in kinds]] = False
     return replace(
         wide,
         coefficients=found,
@@ -146,6 +148,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         gain=gain,
         leave=None,
         widths=sizes,
+        free=free,
         draws=draws,
     )
 

@@ -56,6 +56,7 @@ class Whole:
     leave: Array | None = None  # (n, n + m) what is left of them in the residuals
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
     left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
+    free: NDArray[np.bool_] | None = None  # (p,) of machines that are drawn: what the touches alone decide, no size of its kind
     draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
 
     @cached_property
@@ -107,8 +108,8 @@ def orders(result: Estimate) -> list[tuple[Whole, float]]:
     return sorted(zip(found, (worth / worth.sum()).tolist(), strict=True), key=lambda pair: -pair[1])
 
 
-def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
-    """estimate, degree of polynomials, highest harmonic → the same touches with every error motion of the topology.
+def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: float | None = None) -> Whole:
+    """estimate, degree, highest harmonic, scatter (mm; None: what is left) → the same touches with every error motion.
 
     Raises TangoError where too few touches are left.
     """
@@ -122,7 +123,7 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
     width = widths(model)
     seen = width > 0
     n, values = len(touches), start
-    sigma = max(result.sigma, FINEST)
+    sigma = max(scatter or result.sigma, FINEST)
     for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
         for _ in range(steps):
             gaps, jacobian = linearise(model, values)
@@ -143,7 +144,8 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER) -> Whole:
                 f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
                 "allowed: 3 or more; touch more indexations"
             )
-        weighed, sigma = sigma, max(float(np.sqrt(gaps @ gaps / freedom)), FINEST)
+        weighed = sigma
+        sigma = max(float(np.sqrt(gaps @ gaps / freedom)), FINEST) if scatter is None else sigma
         if abs(np.log(sigma / weighed)) < SETTLED:
             break
     matrix[:n] *= weighed / sigma

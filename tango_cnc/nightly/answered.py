@@ -22,6 +22,7 @@ from .ports import Past
 from .words import value
 
 OPEN = 3.0  # times what an alarm found: what a repair may move
+MOST_BACK = 0.5  # share of what an alarm found that may be there still where tonight's change takes it back
 FASTER = 1.25  # times the rate that was seen: an ignored drift that goes on faster is another one
 WITHOUT_SIZE = ("unknown",)  # causes that leave nothing to compare with
 BY_SIZE = ("noise_level", "temperature")  # causes whose alarm finds the whole of it anew every time
@@ -176,6 +177,8 @@ def _undone(past: Past, machine: str, k: Known, after: State, alarm: dict[str, A
         if m is None or m.apart():
             continue
         then, now, std = m.along()
+        if (len(m.then) == 1 and alarm["size"] * then > 0) or abs(now) > MOST_BACK * abs(then):
+            continue  # it went on the same way, or half of it is there still: however little that says of a machine that wanders
         told = {"alarm": a["id"], "night": stored.record["night"], "size_before": then, "left": now, "std": std, "least": m.least()}
         text = gone(alarm, m, then)
         return alarm | {"text": text, "do": say("night.gone_do"), "undoes": told}

@@ -298,6 +298,7 @@ class Truth:
         d = (p - p.mean(0)) @ turn - (q - q.mean(0))
         small = real[:, :3, :3] @ np.swapaxes(nominal[:, :3, :3], 1, 2)
         found = {("volumetric", f"V{'XYZ'[i]}"): 1e3 * float(np.ptp(d[:, i])) for i in range(3)}
+        found["volumetric", "V"] = 1e3 * float(np.linalg.norm(d, axis=1).max())
         for i in range(3):
             angle = (small[:, (i + 2) % 3, (i + 1) % 3] - small[:, (i + 1) % 3, (i + 2) % 3]) / 2
             found["volumetric", f"V{'ABC'[i]}"] = 1e6 * float(np.ptp(angle))

@@ -16,6 +16,7 @@ import numpy as np
 
 from postprocessors._base import Post, load
 from sim_controller.world import nominal_machine, tip_in_table
+from support.dialects import EVERY
 from tango_cnc.records import Cell, Machine, Plan
 
 BRAKE = 11
@@ -158,17 +159,18 @@ def cases(name: str) -> dict[str, Case]:
     if isinstance(word, str) and name != "grbl":
         turns = {"habits": {"orient": "P"}}
         found["orientation"] = Case("orientation", turns, {}, {"orient": "M19 P"}, "orient", person=False, oriented="M19 P")
-    if post.language == "macro_b" and name != "haas":  # whose fields grow
+    habits = EVERY[name].settings
+    if post.language == "macro_b" and habits.get("overflow") != "expanded":  # where fields do not grow
         found["widths"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
-    if post.language == "macro_b":  # they read positions by number and have a variable for the input
+    if post.language == "macro_b":  # they have a variable for the input
+        found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
+    if post.language == "macro_b" and not habits.get("lettered"):  # they read positions by number
         numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
         )
-        if name != "haas":
-            found["alive"] = Case("alive", {"habits": {"skip_word": "G31 P1"}}, {}, {"skip": "G31 P1"}, "skip")
-        found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
-    if name == "haas":
+        found["alive"] = Case("alive", {"habits": {"skip_word": "G31 P1"}}, {}, {"skip": "G31 P1"}, "skip")
+    if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
     if name == "okuma":
         found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[1001]"}, "probe_state")

@@ -178,8 +178,11 @@ class Control:
         if 103 in g_codes and self._profile.macros_ahead:
             self._axes.limited = any(word.letter == "P" and word.value == 1 for word in found)
             return None, None
-        if 31 in g_codes and "P" in self._profile.skip_word and not any(word.letter == "P" for word in found):
+        skip = self._profile.skip_word
+        if 31 in g_codes and (("P" in skip and not any(word.letter == "P" for word in found)) or "." in skip):
             raise alarm("P601", block.raw)
+        if "." in skip:
+            g_codes = [31.0 if code == float(skip[1:5]) else code for code in g_codes]
         for code in g_codes:
             if code not in G_CODES:
                 raise alarm("PS0010", block.raw)

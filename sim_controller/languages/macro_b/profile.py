@@ -28,7 +28,7 @@ class Profile:
     straight_rapid: bool = False  # G0 runs on a straight line (1401#1 LRP)
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
-    skip_word: str = "G31"  # how a skip move has to be written: G31 P1 with several inputs, else alarm P601 (M700V p. 555)
+    skip_word: str = "G31"  # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555)
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
     scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (a setting, G51, G51.1)
