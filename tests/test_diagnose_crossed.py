@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 from support import blind
+from support.annex import KINDS
+from support.judge import tried
 
 from tango_cnc.diagnose._smooth import forms
 from tango_cnc.diagnose.sentences import covariate
@@ -31,3 +33,14 @@ def compared() -> set[str]:
 def test_a_pair_competes_with_the_names_and_has_words(pair: str, compared: set[str]) -> None:
     assert pair in compared
     assert covariate(pair) == PAIRS[pair]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("kind", "peak", "seed"),
+    [("stiff_hose", 0.003, 96_020_030), ("dying_battery", 0.008, 96_028_080), ("second_slab", 0.005, 96_026_050)],
+)
+def test_a_shape_is_said_to_follow_what_it_was_made_of(kind: str, peak: float, seed: int) -> None:
+    """What bends with two things, ends steeply, or begins beyond a place and grows with another one."""
+    found = tried("fork_head", kind, peak, seed, kinds=KINDS)
+    assert found.right and not found.found, (found.found, found.remains)

@@ -31,6 +31,7 @@ from tango_cnc.noise._system import beside
 from tango_cnc.plan import last_moves, plan
 from tango_cnc.plausible.lacking import gained
 from tango_cnc.records import Approach, Array, Cell, Indexation, InputError, World
+from tango_cnc.verify import held_out
 from tango_cnc.verify.held_out import _chance
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -135,6 +136,23 @@ def test_a_column_of_a_pattern_that_is_rounding_explains_nothing() -> None:
     gram, pull = rows @ rows.T, rows @ np.ones(12)
     with_it, without = gained(gram[None], gram[None], pull[None]), gained(gram[None, 1:, 1:], gram[None, 1:, 1:], pull[None, 1:])
     assert with_it[0] == pytest.approx(without[0]) and with_it[1] == without[1] == 1
+
+
+@pytest.mark.long
+def test_indexations_that_cannot_be_held_out_are_named_and_the_others_are_predicted(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = short()
+    # Without indexation 2 two of what is left are hardly told apart: an estimate of it does not settle.
+    few = tuple(replace(i, facets=i.facets[:12]) for i in cell.strategy.indexations)
+    cell = replace(cell, strategy=replace(cell.strategy, indexations=few))
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, usual("hu40t", np.random.default_rng(3)), seed=3)
+    before = Judgement("trustworthy", remarks=("before",))
+    judgement = _predicting(cell, readings, cell.terms, 3, before)
+    assert judgement.verdict == "trustworthy" and judgement.remarks[0] == "before"
+    assert [text.split(":")[0] for text in judgement.remarks[1:]] == ["indexations 2 were not predicted from the others"]
+    monkeypatch.setattr(held_out.HeldOut, "beyond", 2.0)
+    assert _predicting(cell, readings, cell.terms, 3, before).verdict == "doubtful"
+    judgement = _predicting(cell, readings.rows(np.arange(8)), cell.terms, 3, before)
+    assert judgement.remarks[1].startswith("no indexation was predicted from the others")
 
 
 def designed(name: str, goal: str, minutes: float | None = None, feed: float | None = None) -> propose.Setting:

@@ -141,10 +141,15 @@ def _predicting(cell: Cell, readings: Readings, items: Sequence[TermItem], degre
     try:
         number = held_out.indexations(readings, cell.machine)
         groups = held_out.dealt(number, math.ceil(number.max() / GROUPS))
-        ratio = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree).beyond
+        found = held_out.held_out(cell.machine, cell.artefact, readings, items, groups, degree, whole=False)
     except TangoError:
-        return judgement  # too few indexations: 'tango verify' says so
-    if ratio < PREDICTED[0]:
+        text = "no indexation was predicted from the others, which is a test of the model: these touches are too few for it"
+        return replace(judgement, remarks=(*judgement.remarks, text))
+    if found.skipped:
+        some = ", ".join(str(i) for group in found.skipped for i in group)
+        text = f"indexations {some} were not predicted from the others: without their touches there is no estimate"
+        judgement = replace(judgement, remarks=(*judgement.remarks, text))
+    if (ratio := found.beyond) < PREDICTED[0]:
         return judgement
     text = f"held-out indexations are {ratio:.1f} times as far off as predicted: 'tango diagnose' looks for what the terms lack"
     return replace(judgement, verdict="doubtful", reasons=(*judgement.reasons, text))

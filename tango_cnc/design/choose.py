@@ -40,7 +40,7 @@ from .worst import FEWER, sharpened
 
 MOST = 4  # touches in a row at each facet: each further one tells as much and takes a third of the time
 SHARE = 0.75  # of the time that goes into touches at most
-ENOUGH = 1.1  # facets for each unknown; with fewer, touching them again is not looked at
+ENOUGH = 0.8  # facets for each unknown; with fewer, touching them again is not looked at
 CLOSE = 0.015  # of the time
 TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far

@@ -88,7 +88,8 @@ def slow(touches: Touches) -> dict[str, Array]:
         if len(name) == 2 and name[0] == "d":
             found[name] = np.column_stack([one, np.sign(v)])
         elif name in machine.rotary and np.ptp(v) > HALF:
-            found[name] = np.column_stack([one, np.cos(v), np.sin(v)])
+            # A load may be as large to either side: the second order follows it.
+            found[name] = np.column_stack([one, np.cos(v), np.sin(v), np.cos(2 * v) / 2, np.sin(2 * v) / 2])
         else:
             found[name] = np.polynomial.legendre.legvander(2 * (v - v.min()) / np.ptp(v) - 1, SLOW)
     return found

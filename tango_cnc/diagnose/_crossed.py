@@ -26,8 +26,8 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
         v = known[name]
         return Factor(name, LEGENDRE, float(v.min()), float(v.max()), count)
 
-    def slow(axis: str) -> Factor:
-        return Factor(axis, TURN, -1e3, 1e3, 2 * FEW) if np.ptp(known[axis]) > WHOLE else line(axis, FEW)
+    def slow(axis: str, count: int = FEW) -> Factor:
+        return Factor(axis, TURN, -1e3, 1e3, 2 * FEW) if np.ptp(known[axis]) > WHOLE else line(axis, count)
 
     sides = [name for name in known if name.startswith("normal")]
     places = [name for name in known if name.startswith("place")]
@@ -52,6 +52,8 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
     for i, one in enumerate(moving):  # what the table carries
         for other in (*moving[i + 1 :], *(line(axis, FEW) for axis in linear)):
             yield from (Form((one, other), f"table {c}") for c in "xyz")
+    if carried and len(rotary) == 2:  # a bearing that another axis loads
+        yield Form((slow(rotary[0], 2 * FEW), slow(rotary[1], 2 * FEW)), "table")
     felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
     for before in ("since indexation", "pause"):
         if before in known:

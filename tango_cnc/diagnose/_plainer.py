@@ -4,6 +4,7 @@ A pair of covariates often beats one of them by a little that is chance. An inte
 for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart. What a name
 with a size that changes follows is one of these, too. Of as many covariates, those that are no history are told first: a plan that
 goes to few places makes the path to them a function of the places, and a path has more variants to be the best by chance.
+Few functions tell best what a weak shape follows; its size comes from more of them.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..records import Array
+from ..terms._shape import LEGENDRE
 from ._catalogue import STRONG
 from ._contest import Field, Picked, State, begin, price, scores, whiten
-from ._smooth import Kernel
+from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
 BEFORE = ("way", "path", "since", "pause")
@@ -45,10 +47,24 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
         near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
         wider = [k for k in (first, own) if parts[j] < parts[k]]  # a pair that was chosen, where one of both is told
         rivals = tuple(dict.fromkeys(every[k].covariate for k in (*wider, *near)))[:TOLD]
+        j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
         if every[j] is not p.kernel:
             p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=float(at[rows[j], 0]))
         found[i] = replace(p, rivals=rivals)
     return tuple(found)
+
+
+def _richer(one: Kernel, other: Kernel) -> bool:
+    """two shapes → whether one is the other, a pair that bends, with more functions of both: these know their size better.
+
+    Few functions tell best what a weak shape follows. What they cannot follow of it would be missing in the size and its std.
+    """
+    if one.form is None or other.form is None or one.form.weight != other.form.weight:
+        return False
+    a, b = one.form.factors, other.form.factors
+    if len(b) != 2 or [(f.covariate, f.kind) for f in a] != [(f.covariate, f.kind) for f in b]:
+        return False
+    return all(f.count == CURVED and f.kind == LEGENDRE for f in b) and all(f.count > CURVED for f in a)
 
 
 def _much(parts: set[str]) -> tuple[int, int]:

@@ -22,16 +22,18 @@ from ._crossed import crossed
 from ._rows import Rows
 
 FAST, SLOW = 14, 4  # functions of a shape of one covariate, and of each one of two
-STEEP = 6  # functions of time, for what grows ever faster towards the end
+STEEP = (6, 10)  # functions of time, for what grows ever faster towards the end
 WINDOWS = (6, 12, 24, 48, 80)  # touches
 CYCLES = (*np.arange(1.5, 6, 0.15), *np.arange(6, 12, 0.25))  # over the test, of what repeats in time
 KEPT = (0.4, 0.6, 0.8, 0.9)  # correlation of neighbouring touches
 REMEMBERED = 160  # waves of a noise with memory
 WHOLE = 4.0  # rad: what an axis turns beyond this is a wave, and no polynomial of four functions
 PLAIN = 1  # function of each covariate of a pair that is a product; two beside a side from which an axis came
+CURVED = 2  # functions of each covariate of a pair that bends: four of each follow more, and pay for it
 HALF = 2.0  # rad: what waves of an axis can do with a name, they can do without one
 OFTEN = 6  # touches of a facet that show a course, and beyond a place
 PLACES = 40  # of an axis beyond which something may rest elsewhere
+JOINTS = 12  # places of a linear axis, among the touched ones, beyond which another axis may stand otherwise
 LEAST = {"way": 1e-3, "pause": 0.2, "place": 1.0, "path": 0.05, "since": 1.0, "T": 0.05, "feed": 1e-6, "probe": 0.05, "time": 1.0}
 
 
@@ -61,7 +63,7 @@ def forms(touches: Touches) -> Iterator[Form]:
         if few > 3:
             yield Form((line(name, LEGENDRE, 3),), weight)
         if name == "time" and weight == ONE:  # a probe that fails ever faster: a pair must not follow it better than time alone
-            yield Form((line(name, LEGENDRE, STEEP),), weight)
+            yield from (Form((line(name, LEGENDRE, count),), weight) for count in STEEP)
         yield Form((line(name, WAVES, min(FAST, few - 1)),), weight)
         if name in machine.rotary and np.ptp(known[name]) > HALF:
             yield Form((Factor(name, TURN, -1e3, 1e3, 8),), weight)
@@ -109,7 +111,17 @@ def forms(touches: Touches) -> Iterator[Form]:
             pair = (slow(one), slow(other))
             for weight in felt:
                 yield Form(pair, weight)
-                yield Form((line(one, LEGENDRE, PLAIN), line(other, LEGENDRE, PLAIN)), weight)
+                yield from (Form((line(one, LEGENDRE, n), line(other, LEGENDRE, n)), weight) for n in (PLAIN, CURVED))
+    for one in linear:  # what a place does abruptly, such as a joint of the bed, may grow with another one
+        for other in places:
+            if other in (one, "S"):
+                continue
+            plain = line(other, LEGENDRE, PLAIN)
+            for weight in (f"axis {one}", *(f"machine {c}" for c in "xyz")):
+                yield Form((line(one, WAVES, FAST), plain), weight)
+                if other in linear and weight != f"axis {one}":
+                    for place in _between(known[one], JOINTS):
+                        yield Form((Factor(one, BEYOND, place, float(known[one].max()), 1), plain), weight)
     for name in (d for d in known if d[0] == "d"):
         for other in places:
             if other != name[1:] or other in linear:
@@ -124,11 +136,11 @@ def forms(touches: Touches) -> Iterator[Form]:
     yield from crossed(known, linear, rotary)
 
 
-def _between(v: Array) -> list[float]:
-    """(n,) angles → places between those that were used, with enough touches on each side."""
+def _between(v: Array, most: int = PLACES) -> list[float]:
+    """(n,) angles or places, how many at most → places between those that were used, with enough touches on each side."""
     used = np.unique(np.round(v, 4))
-    if len(used) > PLACES:
-        used = np.unique(np.quantile(used, np.linspace(0, 1, PLACES)))
+    if len(used) > most:
+        used = np.unique(np.quantile(used, np.linspace(0, 1, most)))
     middle = (used[1:] + used[:-1]) / 2
     return [float(m) for m in middle if min((v > m).sum(), (v < m).sum()) >= OFTEN]
 

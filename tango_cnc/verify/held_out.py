@@ -38,6 +38,7 @@ class HeldOut:
     unpredictable: tuple[str, ...]  # facets that only held-out indexations touch
     unseen: tuple[str, ...]  # what the remaining indexations cannot tell apart, in words
     chance: float = 0.0  # ratio that a model which lacks nothing exceeds once in 1000 runs
+    skipped: Groups = ()  # groups without which the other touches support no estimate
 
     @property
     def figures(self) -> Figures:
@@ -91,14 +92,21 @@ def dealt(number: NDArray[np.int64], size: int) -> Groups:
 
 
 def held_out(
-    machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], groups: Groups, degree: int = 3
+    machine: Machine,
+    artefact: Artefact,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    groups: Groups,
+    degree: int = 3,
+    whole: bool = True,
 ) -> HeldOut:
-    """readings, terms, groups of indexations → each group predicted by an estimate from all others.
+    """readings, terms, groups of indexations, whether each must be → each group predicted by an estimate from all others.
 
-    Raises InputError for an indexation that the readings lack, TangoError when what remains supports no estimate.
+    Raises InputError for an indexation that the readings lack, TangoError when what remains supports no estimate; unless each
+    must be predicted, only when that holds for all of them.
     """
     number = indexations(readings, machine)
-    whole = estimate(machine, artefact, readings, terms, degree).model
+    every = estimate(machine, artefact, readings, terms, degree).model
     known = set(number.tolist())
     for i in (i for group in groups for i in group):
         if i not in known:
@@ -108,11 +116,15 @@ def held_out(
     lost: set[str] = set()
     fitted: list[Array] = []
     unseen: dict[str, None] = {}
+    skipped: list[tuple[int, ...]] = []
     for place, group in enumerate(groups):
         out = np.isin(number, group)
         try:
             result = estimate(machine, artefact, readings.rows(~out & _whole_balls(artefact, readings, ~out)), terms, degree)
         except TangoError as error:
+            if not whole and len(skipped) < len(groups) - 1:
+                skipped.append(group)
+                continue
             raise TangoError(f"without indexations {', '.join(map(str, group))}: {error}") from None
         fitted.append(result.residuals)
         unseen |= {c.text: None for c in result.selection.unseen}
@@ -121,7 +133,7 @@ def held_out(
         lost |= {readings.facet[i] for i in rows} - seen
         rows = rows[[readings.facet[i] in seen for i in rows]]
         if len(rows):
-            told = _told(whole, result.model, np.flatnonzero(readings.ok), rows, out)
+            told = _told(every, result.model, np.flatnonzero(readings.ok), rows, out)
             gaps, covariance = _predicted(result, readings, rows)
             expected = np.sqrt(np.diag(covariance))
             parts.append((readings.rows(rows), number[rows], place, told, gaps, expected))
@@ -144,6 +156,7 @@ def held_out(
         tuple(f for f in artefact.facets if f in lost),
         tuple(unseen),
         _chance(worth),
+        tuple(skipped),
     )
 
 
