@@ -25,6 +25,7 @@ from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.state.naming import Hypothesis
+from tango_cnc.texts import say
 
 KNOCK = 20e-6  # rad, EC0X on night 8
 
@@ -114,6 +115,44 @@ def test_what_is_ignored_alarms_again_when_it_is_larger_and_not_before(root: Pat
     assert alarm["parameter"] == "EY0C" and alarm["size"] == pytest.approx(0.025, abs=0.002)
     assert f"that Ann ignores until {UNTIL}" in alarm["text"] and alarm["ignored"]["seen"].startswith("+10.")
     assert {r["verdict"] for r in records[10:]} == {"changed"}
+
+
+@pytest.mark.long
+def test_every_night_says_what_is_ignored_and_a_larger_one_says_how_far_it_is_in_all(root: Path, tmp_path: Path) -> None:
+    """Also where a step alone is smaller than what is ignored."""
+    story = Story((Event(8, {"EY0C": 0.015}), Event(11, {"EY0C": 0.012})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 12, {8: "ignore"})
+    for quiet in records[8:10]:
+        assert quiet["verdict"] == "good" and EXIT[quiet["verdict"]] == 0 and not quiet.get("ignored")
+        (unheard,) = quiet["unheard"]
+        assert unheard["alarm"] == records[7]["alarms"][0]["id"] and unheard["total"] == pytest.approx(0.015, abs=0.002)
+        page = context(quiet, (), None, texts())
+        for said in (quiet["headline"], message(quiet, (), ())[1], " ".join(page["ignored"])):
+            assert "Ann" in said and "moved along Y" in said and "still there: +1" in said.lower()
+            assert "nothing has changed" not in said.lower()
+    (alarm,) = records[10]["alarms"]
+    assert "+27." in alarm["text"] or "+26." in alarm["text"]
+    assert f"in all since {records[6]['night']}, more than the +1" in alarm["text"] and "that Ann ignores" in alarm["text"]
+    assert alarm["size"] == pytest.approx(0.012, abs=0.002) and alarm["ignored"]["total"] == pytest.approx(0.027, abs=0.002)
+    assert alarm["ignored"]["since"] == records[6]["night"]
+    assert str(records[6]["night"]) in alarm["on_part"] and alarm["on_part_um"] == pytest.approx(54, abs=4)
+    page = context(records[10], (), None, texts())["first"]
+    assert "27 µm" in page["text"] and "7 Oct" in page["on_part"] and "8 Oct" not in page["on_part"]
+    for later in records[10:]:
+        assert [u["owner"] for u in later["unheard"]] == ["Ann"] and "Ann ignores until" in message(later, (), ())[1]
+
+
+def test_what_is_ignored_is_in_the_sentence_of_a_night_beside_what_else_it_says() -> None:
+    ignored = {"alarm": "a", "night": "2026-10-08", "text": "it moved by +15 µm", "now": "still there: +14 µm", "owner": "Cy"}
+    record = {"status": "complete", "verdict": "good", "alarms": [], "limits": [], "unheard": [ignored | {"until": "2026-10-20"}]}
+    record |= {"change": {"p_value": 0.5}}
+    told = "it moved by +15 µm (still there: +14 µm)"
+    assert headline(record).startswith(f"no alarm, as Cy ignores it until 2026-10-20: {told}")
+    helped = headline(record | {"repaired": [{"text": "as before, after the repair"}]})
+    assert helped.startswith("as before, after the repair") and told in helped and "Cy ignores it until 2026-10-20" in helped
+    assert "something else creeps" in headline(record | {"trend": {"parameter": "EX0C", "text": "something else creeps"}})
+    gone = say("night.alarms.gone_again_left", told="+0 µm")
+    assert headline(record | {"unheard": [record["unheard"][0] | {"now": gone}]}).startswith("nothing has changed")
 
 
 @pytest.mark.long

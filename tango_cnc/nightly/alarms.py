@@ -21,9 +21,9 @@ from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
 from ..state.naming import SCALES
-from ..texts import Said, instead, joined, say
+from ..texts import instead, joined, say
 from .ports import Past
-from .words import cause_texts, changed, on_part, value
+from .words import cause_texts, changed, is_gone, on_part, value
 
 LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
@@ -287,7 +287,7 @@ def standing(
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
-            told |= {"compensation": alarm["compensation"]} if alarm.get("compensation") else {}
+            told |= {key: alarm[key] for key in ("compensation", "ignored") if alarm.get(key)}
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
             told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
@@ -303,20 +303,27 @@ def standing(
     return sorted(found, key=_urgency)
 
 
-def gone_unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
-    """history, machine, day, what is known tonight, kind of night → alarms that somebody ignores (`standing` has no such), and that
-    have gone again: `alarm`, `now` and `total` as there.
+def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night → alarms that somebody ignores until a day that is not over
+    (`standing` has no such), what does more to a part first, with what they are by now.
     """
-    if not past.knows(machine) or not parameters:
+    if not past.knows(machine):
         return []
     today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
-    unheard = {key for key, d in last.items() if d.action == "ignore" and (d.until or "") >= today}
+    wanted = {key: d for key, d in last.items() if d.action == "ignore" and (d.until or "") >= today}
+    if not wanted:
+        return []
+    known, when = (parameters, "") if parameters else _known(past, machine)
     found = []
-    for stored in past.alarmed(machine, LISTED) if unheard else ():
+    for stored in past.alarmed(machine, LISTED):
         for a in stored.record["alarms"]:
-            if a["id"] in unheard and is_gone(now := _now(a, stored.record, parameters, kind)):
-                found.append({"alarm": a["id"], "now": now, "total": _total(a, stored.record, parameters)})
-    return found
+            if (d := wanted.get(a["id"])) is None:
+                continue
+            now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
+            told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
+            told |= {"text": instead(a["text"], LAST_NIGHT, str(a["since"])), "now": now, "total": _total(a, stored.record, known)}
+            found.append({"alarm": a["id"], "night": stored.record["night"], "owner": d.owner, "until": d.until} | told)
+    return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
 
 
 def _known(past: Past, machine: str) -> tuple[Mapping[str, Any], str]:
@@ -359,11 +366,6 @@ def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:
     grown = abs(alarm["total"] / alarm["size"]) if alarm["total"] is not None and alarm["size"] else 1.0
     answered = alarm["decision"] is not None
     return answered, change(alarm["cause"]).of_the_probe, -abs(alarm["on_part_um"] or 0.0) * grown
-
-
-def is_gone(now: str) -> bool:
-    """what `_now` says → whether what moved is back where it was."""
-    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:

@@ -36,11 +36,12 @@ from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from . import answered, parts
-from .alarms import Known, alarms_of, date_of, gone_unheard, since, since_full, standing
+from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
 from .trend import ALIKE, SLOPE, as_alarm, behind, drift, slopes
+from .words import is_gone
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -238,13 +239,13 @@ class Nights:
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         judged = believed(judged, diagnosis, alarms, first)
-        helped, unheard = list[dict[str, Any]](), list[dict[str, Any]]()
+        helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []
         elif not first:
             alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
-            alarms, unheard = answered.split(past, machine, known, after, alarms, day)
+            alarms, ignored = answered.split(past, machine, known, after, alarms, day)
         quiet = judged.believed and not (first or alarm or repaired)
         gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
         parts_have = replace(after, mean=after.mean - gone)
@@ -265,11 +266,12 @@ class Nights:
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         found = parameters if judged.believed else {}
         waiting = standing(past, machine, day, found, kind, self.happened)
-        gone_again = gone_unheard(past, machine, day, found, kind)
+        silent = unheard(past, machine, day, found, kind)
+        gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
             told_of = as_alarm(moving, known)
-            alarms, unheard = answered.split(past, machine, known, after, [told_of], day)
+            alarms, ignored = answered.split(past, machine, known, after, [told_of], day)
             alarms = [{**a, "was": parts.was(told_of, parameters, ())} for a in alarms]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
@@ -297,9 +299,9 @@ class Nights:
             "state": as_numbers(after) | {"learned": learned, "since_learned": since_learned},
             "carried": judged.believed,
         }
-        told |= {"standing": waiting} if waiting else {}
+        told |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
         told |= {"in_control": self.control.as_json()} if self.control is not None else {}
-        told |= ({"behind": causes} if causes else {}) | ({"ignored": unheard} if unheard else {})
+        told |= ({"behind": causes} if causes else {}) | ({"ignored": ignored} if ignored else {})
         told |= ({"repaired": helped} if helped else {}) | ({"gone": gone_again} if gone_again else {})
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:

@@ -201,11 +201,28 @@ def split(
             heard.append(alarm)
         elif found["beyond"]:
             told = {"owner": found["owner"], "until": found["until"], "seen": found["seen"]}
+            if found["whole"] is not None:
+                older, m = found["whole"]
+                heard.append(_in_all(k, alarm, older, m, told))
+                continue
             key = "beyond" if found["seen"] else "beyond_unknown"
             heard.append(alarm | {"text": say(f"night.ignored.{key}", text=alarm["text"], **told), "ignored": told})
         else:
-            unheard.append({key: value for key, value in found.items() if key != "beyond"})
+            unheard.append({key: value for key, value in found.items() if key not in ("beyond", "whole")})
     return heard, unheard
+
+
+def _in_all(k: Known, alarm: dict[str, Any], ignored_: Mapping[str, Any], m: Moved, told: Mapping[str, str]) -> dict[str, Any]:
+    """what is known, alarm of tonight, the one it goes beyond, how far that is by now, who ignores it → the alarm with what has
+    come together since before that one, which is what parts have.
+    """
+    then, now, std = m.along()
+    since = str(ignored_["since"])
+    key = "beyond_in_all" if now * then > 0 and abs(now) > abs(then) else "beyond_aside"
+    text = say(f"night.ignored.{key}", text=alarm["text"], total=value(now, m.unit, std), since=since, **told)
+    effect, on_part, _ = effect_of(k, alarm["cause"], alarm["parameter"], now, m.unit, m.what.directions @ m.now, since)
+    whole = {**told, "total": now, "since": since}
+    return alarm | {"text": text, "on_part_um": effect, "on_part": on_part, "ignored": whole}
 
 
 def ignored(past: Past, machine: str, k: Known, after: State, alarm: Mapping[str, Any], day: float) -> dict[str, Any] | None:
@@ -227,8 +244,19 @@ def ignored(past: Past, machine: str, k: Known, after: State, alarm: Mapping[str
     found = []
     for d, stored, a in same:
         beyond = _beyond(past, machine, k, after, alarm, stored, a, day)
-        found.append(told | {"owner": d.owner, "until": d.until, "seen": seen(a), "beyond": beyond})
+        whole = _whole(past, machine, k, after, alarm, stored, a) if beyond else None
+        found.append(told | {"owner": d.owner, "until": d.until, "seen": seen(a), "beyond": beyond, "whole": whole})
     return next((f for f in found if not f["beyond"]), found[0])
+
+
+def _whole(
+    past: Past, machine: str, k: Known, after: State, alarm: Mapping[str, Any], stored: Any, ignored_: Mapping[str, Any]
+) -> tuple[Mapping[str, Any], Moved] | None:
+    """→ the alarm that somebody ignores and how far that is by now, where both came at once and are one number; None where not."""
+    if alarm.get("rate_per_day") or ignored_.get("rate_per_day") or ignored_["cause"] in (*WITHOUT_SIZE, *BY_SIZE):
+        return None
+    m = moved(past, machine, k, after, stored, ignored_)
+    return None if m is None or len(m.then) != 1 else (ignored_, m)
 
 
 def _beyond(

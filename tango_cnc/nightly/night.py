@@ -25,7 +25,7 @@ from ..history.former import formers
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
-from .alarms import night_of, standing
+from .alarms import night_of, standing, unheard
 from .broken import stopped, unexplained
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
@@ -276,7 +276,8 @@ def _kept(
     if record["verdict"] == "not_measured" and record["status"] != "refused":
         with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
             waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
-            record |= {"standing": waiting} if waiting else {}
+            silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")
+            record |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
     record["headline"] = headline(record)
     trouble: list[str] = []
     if readings is not None:

@@ -13,7 +13,7 @@ from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
 from ..report.units import shown
 from ..report.words import moved, named
-from ..texts import joined, say
+from ..texts import Said, joined, say
 
 SHOWN = 3  # alarms that wait, in full
 
@@ -40,6 +40,11 @@ def value(number: float, unit: str, std: float | None = None) -> str:
     factor, name = shown(unit)
     spread = "" if std is None else f" ± {std * factor:.1f}"
     return f"{number * factor:+.1f}{spread} {name}"
+
+
+def is_gone(now: str) -> bool:
+    """what a night says of an older alarm by now → whether what moved is back where it was."""
+    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
 def headline(record: Mapping[str, Any]) -> str:
@@ -106,8 +111,10 @@ def headline(record: Mapping[str, Any]) -> str:
     elif unheard := record.get("ignored"):
         told = unheard[0]
         nothing = say("night.words.no_alarm_as_ignored", text=told["text"], owner=told["owner"], until=told["until"])
-    elif trend := record.get("trend"):
+    elif (trend := record.get("trend")) and not _unheard(record):
         nothing = say("night.words.no_alarm_but", text=trend["text"])
+    if silent := () if record.get("ignored") else _unheard(record):
+        nothing = _beside_unheard(nothing if put_right else None, silent, record.get("trend"))
     open_ones = [limit for limit in record["limits"] if limit["passed"] is None]
     if open_ones:
         o = open_ones[0]
@@ -125,6 +132,23 @@ def headline(record: Mapping[str, Any]) -> str:
     first_time = (record.get("change") or {}).get("p_value") is None
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     return joined("", (first_word if first_time else nothing, part, told, gap))
+
+
+def _unheard(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """record → what somebody ignores and that has not gone again."""
+    return [a for a in record.get("unheard") or () if not is_gone(a["now"])]
+
+
+def _beside_unheard(told: str | None, silent: Sequence[Mapping[str, Any]], trend: Mapping[str, Any] | None) -> Said:
+    """what a repair has done (None: nothing), what somebody ignores, a trend → the sentence of a night without an alarm."""
+    first = silent[0]
+    text = joined("", (first["text"], *((" (", first["now"], ")") if first["now"] else ())))
+    more = say("night.words.more_ignored", count=len(silent) - 1) if len(silent) > 1 else ""
+    unheard = say("night.words.no_alarm_as_ignored", owner=first["owner"], until=first["until"], text=joined("", (text, more)))
+    whole = unheard if told is None else joined("; ", (told, unheard))
+    if trend is None or trend.get("parameter") in {a.get("parameter") for a in silent}:
+        return whole
+    return say("night.words.besides", told=whole, text=trend["text"])
 
 
 def every(alarms: Sequence[Mapping[str, Any]]) -> str:
@@ -185,6 +209,9 @@ def message(
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
+    for alarm in record.get("unheard") or ():
+        told = {key: alarm[key] for key in ("night", "owner", "until", "text")}
+        lines += [f"* {t('mail.ignored', **told)}", *([f"  {t.of(alarm['now'])}"] if alarm["now"] else []), ""]
     named = {alarm.get("parameter") for alarm in (*record["alarms"], *standing[:SHOWN])}  # their alarm has said the rest above
     for cause in record.get("behind") or ():
         lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=cause['text'])}"]

@@ -264,7 +264,8 @@ def _whole(
         whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])
-        large = abs(small * every / own)
+        counted = float((first.get("ignored") or {}).get("total") or own)  # what its effect on a part is of
+        large = abs(small * (counted + every - own) / counted)
         effect = str(first["raw_part"]).replace(f"{small:.1f} µm", f"{large:.1f} µm", 1)
         whole |= {"on_part_um": large, "on_part": sentence(plain(effect, u, t, machine), Units())}
     return whole
@@ -421,7 +422,8 @@ def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:
     key = f"{own.key.removesuffix('_since')}_since" if isinstance(own, Said) else ""
     if not a.get("since") or key not in t or not isinstance(own, Said):
         return _told(a, "on_part", u, t)
-    return t(key, **{**own.values, "since": _since(a, t)})
+    whole = (a.get("ignored") or {}).get("since")  # its effect is that of all since before what somebody ignores
+    return t(key, **{**own.values, "since": day(whole, t) if whole else _since(a, t)})
 
 
 def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:

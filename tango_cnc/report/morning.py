@@ -150,6 +150,7 @@ def context(
         "alarms": alarms,
         "first": found[0] if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
+        "ignored": _ignored(record, {str(a.get("id")) for a in waiting}, u, t, machine),
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
@@ -177,6 +178,21 @@ def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None)
     since = x.get("since")  # older records do not have it
     told = whole_sentence(sentence(plain(t.of(x.get("text") or ""), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
+
+
+def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, machine: Machine | None) -> list[str]:
+    """record, alarms that the page shows already, units, texts, chain of axes → what somebody ignores, as sentences of the shop."""
+
+    def told(text: str) -> str:
+        return whole_sentence(sentence(plain(t.of(text), u, t, machine), Units()))
+
+    found = []
+    for a in record.get("unheard") or ():
+        if str(a["alarm"]) not in shown:
+            words = {"text": told(a["text"]), "owner": a["owner"], "until": day(a["until"], t)}
+            now = {"now": told(a["now"])} if a["now"] else {}
+            found.append(t("morning.ignored_now" if now else "morning.ignored_by", **words, **now))
+    return found
 
 
 def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
