@@ -27,7 +27,7 @@ UNITS = {"mm": ("µm", 1e3), "rad": ("µrad", 1e6), "mm/mm": ("µm/m", 1e6), "ra
 
 
 def parameters(result: Estimate, names: Sequence[str], sheet: Sheet, file: str = "acceptance.yaml") -> tuple[OnPart, ...]:
-    """estimate, names of its parameters, figures with their budget, name of the order → each in µm, µrad or µm/m with its 95 % interval.
+    """estimate, names of its parameters, figures with their budget, order → each in µm, µrad or µm/m with its 95 % interval.
 
     What of the budget the scatter does not contain moves the fit linearly. Raises InputError for names that it does not hold,
     and for those that are polynomials of an error motion: straightness and its like are figures of their own.
