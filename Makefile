@@ -61,7 +61,7 @@ mutants: .venv/test.stamp
 blind: .venv/test.stamp
 	$(BIN)/python -m pytest tests/test_diagnose_blind.py tests/test_diagnose_outside.py -m campaign -s
 
-# The table of docs/design.md: make design-table ROW=hu40t/volume/10 for one row, which takes minutes; PARTS=1 with runs broken off.
+# The table of docs/measured_design.md: make design-table ROW=hu40t/volume/10 for one row, which takes minutes; PARTS=1 with runs broken off.
 design-table: .venv/test.stamp
 	$(BIN)/python benchmarks/design_table.py $(ROW) $(if $(PARTS),--parts)
 

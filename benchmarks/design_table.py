@@ -1,4 +1,4 @@
-"""The table of docs/design.md, row by row: what plans of `tango design` reach, how near that is to the best, and what others reach.
+"""The table of docs/measured_design.md: what plans of `tango design` reach, how near that is to the best, and what others reach.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/design_table.py [ROW …] [--keep FILE] [--plans FOLDER] [--parts]
 

@@ -63,6 +63,7 @@ def test_a_check_that_was_designed_tells_a_machine_that_changed_from_one_that_di
     capsys.readouterr()
     same = measured(few, world, 2, tmp_path / "same.csv")
     assert guarded(tango.main, [*asked, "--judge", str(same)], standalone_mode=False) == 0
+    assert guarded(tango.main, [*asked, "--judge", asked[asked.index("--readings") + 1]], standalone_mode=False) == 2
     assert "not changed" in capsys.readouterr().out
     # Twice what is stated: power beyond 0.999. An axis of the table that moves by s moves a part by s at least.
     moved = replace(world, errors={**world.errors, "EY0C": world.errors["EY0C"] + 2e-3 * size})

@@ -286,6 +286,19 @@ def test_all_mistakes_of_a_cell_are_said_at_once(cell: Path, capsys: pytest.Capt
     assert lines[0] == f"tango: {len(said)} mistakes:" and len(lines) == 1 + len(said)  # and nothing that only follows from one
 
 
+def test_the_strategy_of_another_machine_is_one_mistake(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = CELL["strategy.yaml"].replace("B:", "A:").replace("[top, 1]", "[37, 38]")
+    (cell / "strategy.yaml").write_text(other, encoding="utf-8")
+    refused(["check", "-C", str(cell)], cell, ["indexations: found A, ", "Is it the strategy of another machine or table?"], capsys)
+    assert "mistakes" not in str(capsys.readouterr())
+
+
+@pytest.mark.parametrize("arguments", [["check", "-C"], ["nightly", "--status", "-C"]])
+def test_a_cell_is_a_folder_that_exists(arguments: list[str], cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    refused([*arguments, str(cell / "machine.yaml")], cell, ["machine.yaml: found a file; allowed: the folder of the cell"], capsys)
+    refused([*arguments, str(cell / "nobody")], cell, ["no such file; give the folder of the cell with -C"], capsys)
+
+
 def test_all_mistakes_of_nightly_yaml_are_said_at_once(cell: Path) -> None:
     text = "owner: Ann\ncheck_minutes: 3min\nlimits: {volume: -40}\ntemprature: [18, 26]\n"
     (cell / "nightly.yaml").write_text(text, encoding="utf-8")

@@ -19,7 +19,7 @@ APART = {"machine": 1.0, "table": 2.0}  # K
 def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple[datetime, datetime] | None) -> None:
     """order, cell, temperatures, days on which the readings were made → nothing. Raises InputError where they contradict."""
     for c in order.certificates:
-        _certificate(c, cell)
+        _certificate(c, cell, order.file)
     told = order.temperatures
     if thermal is not None:
         on_table = thermal.table or thermal.bar
@@ -27,7 +27,7 @@ def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple
             value, most = told.get(f"{key}_temperature"), APART[key] + 3 * known.std
             if value is not None and abs(value - known.value) > most:
                 raise InputError(
-                    f"acceptance.yaml: conditions.{key}_temperature: found {value:g} °C, and temperature.yaml says "
+                    f"{order.file}: conditions.{key}_temperature: found {value:g} °C, and temperature.yaml says "
                     f"{known.value:g} °C; allowed: within {most:g} K of it, or one of the two files is wrong"
                 )
     if order.performed is not None and ran is not None:
@@ -35,7 +35,7 @@ def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple
         begun, ended = ran
         if last < (begun - WEST).date() or first > (ended + EAST).date():
             raise InputError(
-                f"acceptance.yaml: performed: found {_span(first, last)}, and the readings are of {begun:%Y-%m-%d %H:%M} to "
+                f"{order.file}: performed: found {_span(first, last)}, and the readings are of {begun:%Y-%m-%d %H:%M} to "
                 f"{ended:%Y-%m-%d %H:%M} UTC; "
                 "allowed: the day on which they were made"
             )
@@ -45,8 +45,8 @@ def _span(first: date, last: date) -> str:
     return f"{first}" if first == last else f"{first} to {last}"
 
 
-def _certificate(c: Certificate, cell: Cell) -> None:
-    where = f"acceptance.yaml: certificates: {c.of} {c.number}"
+def _certificate(c: Certificate, cell: Cell, file: str) -> None:
+    where = f"{file}: certificates: {c.of} {c.number}"
     if c.of == "scale bar":
         bar = cell.artefact.scale_bar
         if bar is None:

@@ -26,8 +26,8 @@ PARAMETER, PART = "parameter", "part"
 UNITS = {"mm": ("µm", 1e3), "rad": ("µrad", 1e6), "mm/mm": ("µm/m", 1e6), "rad/rad": ("µrad/rad", 1e6)}
 
 
-def parameters(result: Estimate, names: Sequence[str], sheet: Sheet) -> tuple[OnPart, ...]:
-    """estimate, names of its parameters, figures with their budget → each in µm, µrad or µm/m with its 95 % interval.
+def parameters(result: Estimate, names: Sequence[str], sheet: Sheet, file: str = "acceptance.yaml") -> tuple[OnPart, ...]:
+    """estimate, names of its parameters, figures with their budget, order → each in µm, µrad or µm/m with its 95 % interval.
 
     What of the budget the scatter does not contain moves the fit linearly. Raises InputError for names that it does not hold,
     and for those that are polynomials of an error motion: straightness and its like are figures of their own.
@@ -37,9 +37,7 @@ def parameters(result: Estimate, names: Sequence[str], sheet: Sheet) -> tuple[On
     given = [name for name in own if result.model.coefficients[own[name]].unit in UNITS]
     for name in names:
         if name not in given:
-            raise InputError(
-                f"acceptance.yaml: limits: found '{PARAMETER} {name}'; allowed: {PARAMETER} and one of {', '.join(given)}"
-            )
+            raise InputError(f"{file}: limits: found '{PARAMETER} {name}'; allowed: {PARAMETER} and one of {', '.join(given)}")
     covariance = result.covariance + _beside(result, sheet)
     student = float(special.stdtrit(sheet.freedom, 0.5 + COVERAGE / 2))
     found = []

@@ -73,6 +73,7 @@ class Order:
     performed: tuple[date, date] | None = None
     temperatures: Mapping[str, float] = field(default_factory=dict)  # °C, of `conditions`
     part: PartAsked | None = None
+    file: str = "acceptance.yaml"  # as it was asked for, for messages
 
 
 def read_order(file: Path, today: date) -> Order:
@@ -95,6 +96,7 @@ def read_order(file: Path, today: date) -> Order:
         _days(fields["performed"], today) if "performed" in fields and _said(fields["performed"]) else None,
         temperatures,
         _part(fields["part"], file.parent) if "part" in fields else None,
+        str(file),
     )
 
 

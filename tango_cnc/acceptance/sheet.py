@@ -99,7 +99,7 @@ def made(
         hint = ", 'parameter NAME' of the fit, and 'part NAME' where 'part' lists features"
         near = [name for name in known if any(word in name.split() for word in unknown[0].split())] or list(known)
         found = ", ".join(map(repr, unknown))
-        raise InputError(f"acceptance.yaml: limits: found {found}; allowed: {', '.join(near)}{hint}")
+        raise InputError(f"{order.file}: limits: found {found}; allowed: {', '.join(near)}{hint}")
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
     rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())

@@ -29,6 +29,7 @@ from ..files.write import dump
 from ..records import Array, Strategy, TermItem
 from ..report.drawn import Drawn
 from ..report.texts import texts
+from ..report.units import shown
 
 REASONS = 3  # parameters that are named for an indexation
 TELLS = 1.05  # times a standard deviation grows without an indexation that tells something of the parameter
@@ -229,7 +230,9 @@ def change_json(found: Change) -> dict[str, Any]:
         "limit_um": 1e3 * found.limit,
         "p_other": found.p_other,
         "false_alarms": found.alarms,
-        "parameters": {name: {"change": change, "std": std} for name, (change, std) in found.parameters.items()},
+        "parameters": {
+            name: {"change": change, "std": std, "unit": found.units[name]} for name, (change, std) in found.parameters.items()
+        },
     }
 
 
@@ -246,9 +249,10 @@ def change_text(found: Change) -> str:
     lines = []
     if found.moved > found.limit:
         (name, (change, std)), *_ = found.parameters.items()
+        factor, unit = shown(found.units[name])
         lines += [
             f"changed: {far}; more than {limit:.1f} µm is an alarm ({rate})",
-            f"the surest parameter is {name}: {change:+.3g}, {abs(change / std):.1f} standard deviations",
+            f"the surest parameter is {name}: {change * factor:+.1f} ± {std * factor:.1f} {unit}".rstrip(),
         ]
     if found.other:
         other = f"the touches differ from what the full run predicts (p = {found.p_other:.1g})"

@@ -94,11 +94,11 @@ def command(
 def _with_further(order: Order, sheet: Sheet, result: Estimate, cell: Cell) -> Sheet:
     """order, figures, estimate, cell → the figures, and the parameters and features of the part that the order asks for."""
     names = [name.removeprefix(f"{PARAMETER} ") for name in order.limits if name.startswith(f"{PARAMETER} ")]
-    more = parameters(result, names, sheet) if names else ()
+    more = parameters(result, names, sheet, order.file) if names else ()
     part = order.part
     if part is None:
         return replace(sheet, figures=(*sheet.figures, *more))
-    zero = zero_of(",".join(f"{axis}={value}" for axis, value in part.zero.items()), cell.machine, "acceptance.yaml: part: zero")
+    zero = zero_of(",".join(f"{axis}={value}" for axis, value in part.zero.items()), cell.machine, f"{order.file}: part: zero")
     setup = Setup(cell.machine, zero, cell.machine.probe.length if part.tool_length is None else part.tool_length)
     known, labels = known_of(sheet, setup), {}
     if part.program is not None:

@@ -259,6 +259,8 @@ def _status(
     from ._unreadable import machine_of
 
     name = ""
+    if not folder.is_dir():
+        read_cell(folder)  # says that there is no such cell
     try:
         name = read_cell(folder).machine.name
     except TangoError as error:

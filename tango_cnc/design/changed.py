@@ -24,6 +24,7 @@ class Change:
     p_other: float  # of the touches' differences from the prediction, whatever their shape
     alarms: float  # false alarms of both tests together
     parameters: dict[str, tuple[float, float]]  # change, standard deviation, in the parameter's own unit; most certain first
+    units: dict[str, str]  # of the parameters: mm, rad, mm/mm …
 
     @property
     def changed(self) -> bool:
@@ -48,10 +49,12 @@ def changed(
 
     `limit`: mm, where it is known already (`Seen.limit`).
 
-    Raises InputError for a check that touches a facet which the full run has not touched.
+    Raises InputError for a check that touches a facet which the full run has not touched, and for one that is the full run itself.
     """
     artefact = choice.cell.artefact
     machine = choice.cell.machine
+    if before.position.shape == check.position.shape and np.array_equal(before.position, check.position):
+        raise InputError("check: found the readings of the full run itself; allowed: those of a check made after it")
     full, few = (replace(from_readings(machine, artefact, r), artefact=artefact) for r in (before, check))
     new = sorted(set(few.facets) - set(full.facets))
     if new:
@@ -68,10 +71,12 @@ def changed(
     change = estimate[p:][own]
     white = linalg.solve_triangular(root, gaps / choice.sigma, lower=True)
     std = np.sqrt(np.diag(told.covariance))
-    names = {}
+    names, units = {}, {}
     for i in np.argsort(-np.abs(change) / std):
         j = choice.twice[own[i]]
-        label = choice.selection.label(choice.selection.model.coefficients[j].name)
+        coefficient = choice.selection.model.coefficients[j]
+        label = choice.selection.label(coefficient.name)
+        units[label] = coefficient.unit
         names[label] = (float(change[i] * choice.scale[j]), float(std[i] * choice.scale[j]))
     return Change(
         float(told.most(change[None])[0]),
@@ -79,4 +84,5 @@ def changed(
         float(special.chdtrc(len(white), white @ white)),
         alarms,
         names,
+        units,
     )

@@ -53,6 +53,8 @@ def read_cell(folder: Path, *, strategy: bool = True) -> Cell:
 
     `strategy`: whether it needs one. Where it does not, and the file is not there yet, nothing is touched in it (`FIRST`).
     """
+    if folder.is_file():
+        raise InputError(f"{folder}: found a file; allowed: the folder of the cell, such as -C {folder.parent}")
     file = folder / "tango.yaml"
     made, touched = True, Strategy("none yet", FIRST, ())
     terms: tuple[TermItem, ...] = ("S3",)

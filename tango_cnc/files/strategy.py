@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from ..records import Approach, Artefact, Find, Indexation, Machine, Strategy
+from ..records import Approach, Artefact, Find, Indexation, InputError, Machine, Strategy
 from .angles import angle
 from .checked import Node, load, suggestion
 from .gathered import gathered
@@ -19,6 +20,7 @@ LEAST = {
 }
 OBSTRUCTED = ("leave-out-facing-away", "leave-out", "refuse", "warn")  # the first is usual; what they do: docs/formats.md
 LONGEST = 1000.0  # mm of stand-off and search: a probe that looks further at measuring feed looks for minutes
+MOSTLY = 0.8  # of the indexations name what this cell lacks: not single mistakes, but another cell's strategy
 CLEAR_OF_ZONE = 0.5  # mm from where the measuring move of a double touch begins to its search zone
 
 
@@ -32,6 +34,12 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
             lambda: _approach(fields["approach"].fields(["standoff", "search", "feed"], ["find"]), machine.probe.max_feed)
         )
         items = fields["indexations"].list()
+        if found := _of_another_cell(items, machine, artefact):
+            raise fields["indexations"].wrong(
+                f"rotary axes {', '.join(machine.rotary) or 'none'} of {machine.name}, and facets of {artefact.name!r} "
+                f"({', '.join(artefact.facets)}). Is it the strategy of another machine or table?",
+                found,
+            )
         indexations = read.each(items, lambda item: _indexation(item, machine, artefact))
     if not indexations:
         raise fields["indexations"].wrong("at least one indexation", "none")
@@ -44,6 +52,19 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
             )
         used += [] if used[-1:] == [indexation.stylus] else [indexation.stylus]
     return Strategy(name, approach, tuple(indexations), obstructed)
+
+
+def _of_another_cell(items: Sequence[Node], machine: Machine, artefact: Artefact) -> str:
+    """indexations → the axes and facets that this cell lacks, where nearly all of them name some; else nothing: single mistakes."""
+    strange: list[list[str]] = []
+    with suppress(InputError, AttributeError, TypeError):
+        for item in (node.plain() for node in items):
+            axes = [key for key in item if key in ("A", "B", "C") and key not in machine.rotary]
+            strange.append([*axes, *(f"facet {name}" for name in item.get("facets", ()) if str(name) not in artefact.facets)])
+    each = list(dict.fromkeys(name for names in strange for name in names))
+    if len(strange) < 2 or len(each) < 2 or sum(map(bool, strange)) < MOSTLY * len(strange):
+        return ""
+    return ", ".join(each[:6]) + (f" and {len(each) - 6} more" if len(each) > 6 else "")
 
 
 def _approach(fields: Mapping[str, Node], fastest: float) -> Approach:
