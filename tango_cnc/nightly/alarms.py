@@ -16,6 +16,7 @@ from ..records import Array, Cell
 from ..report.compensated import as_loaded, dated
 from ..report.texts import texts
 from ..report.units import shown
+from ..report.words import unforeseen
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
@@ -289,7 +290,7 @@ def standing(
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
             told |= {key: alarm[key] for key in ("compensation", "ignored") if alarm.get(key)}
             told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
-            told["text"] = instead(alarm["text"], LAST_NIGHT, str(alarm["since"]))
+            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
             gone = is_gone(told["now"])
@@ -321,7 +322,8 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
                 continue
             now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
-            told |= {"text": instead(a["text"], LAST_NIGHT, str(a["since"])), "now": now, "total": _total(a, stored.record, known)}
+            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
+            told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
             found.append({"alarm": a["id"], "night": stored.record["night"], "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
 

@@ -40,7 +40,7 @@ from .alarms import Known, alarms_of, date_of, since, since_full, standing, unhe
 from .control import COVER, Given, InControl, limited
 from .doubt import Judged, attempted, believed
 from .ports import Measured, Past
-from .trend import ALIKE, SLOPE, as_alarm, behind, drift, slopes
+from .trend import ALIKE, SLOPE, as_alarm, behind, drift, looking_ahead, slopes
 from .words import is_gone
 
 LEARNED_FROM = 60  # nights
@@ -266,6 +266,7 @@ class Nights:
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         found = parameters if judged.believed else {}
         waiting = standing(past, machine, day, found, kind, self.happened)
+        waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
         silent = unheard(past, machine, day, found, kind)
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)

@@ -21,6 +21,7 @@ from ..records import Array
 from ..report.texts import texts
 from ..state import State
 from ..state.naming import SCALES
+from ..texts import say
 from .alarms import Known, effect_of, others
 from .control import reached
 from .course import (
@@ -49,6 +50,8 @@ SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
+PAUSE = 3  # measured nights within which a drift that is told again is the same one
+LATELY = 14  # measured nights from which the rate of a drift that stands is told
 YEAR = 365.0  # d: what reaches a limit later than that is for the table
 # Standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders.
 PLAIN = 6.0
@@ -104,8 +107,62 @@ def drift(
     control takes away from parts → the surest drift, or else what creeps, or else what has plainly moved on a machine that is
     hardly known; a steady one with the limit that it reaches.
     """
-    found = _beyond(k, records, after, scale) or creeping(k, records, after, limits, gone) or _young(k, records, after)
+    found = _beyond(k, records, after, scale) or creeping(k, records, after, limits, gone)
+    found = _young(k, records, after) if found is None else _as_begun(k, found, records, after)
     return None if found is None else _limited(k, found, after, limits, gone)
+
+
+def _as_begun(k: Known, d: Drift, records: Sequence[Mapping[str, Any]], after: State) -> Drift:
+    """what is known, a drift, records newest first, state after tonight → the same, counted from where the night counted it that
+    said it first, as long as it goes on: how sure it is, is tonight's.
+    """
+    place = next(i for i in followed(k) if name_of(k, i) == d.parameter)
+    measured = [r for r in records if r.get("parameters") and r.get("state")]
+    begun = None
+    for record in measured[:PAUSE]:
+        if told(record, *names_of(k, place), d.parameter):
+            break
+        before = record.get("trend") or {}
+        if before.get("parameter") == d.parameter and before["size"] * d.size > 0:
+            begun = next((r for r in measured if r["night"] == before["since"]), None)
+            break
+    if begun is None or begun["night"] == d.since or on_record(k, place, begun, after) is None:
+        return d
+    size, std = moved_since(k, place, begun, after)
+    if size * d.size <= 0 or abs(size) < TOLD * std:
+        return d
+    return _drift(k, place, begun, size, std, after, d.sigmas, d.p_value, records, d.alarms)
+
+
+def looking_ahead(
+    k: Known,
+    alarm: dict[str, Any],
+    records: Sequence[Mapping[str, Any]],
+    after: State,
+    limits: Sequence[Mapping[str, Any]],
+    gone: Array | None = None,
+) -> dict[str, Any]:
+    """what is known, alarm of another night, records newest first, state after tonight, limits, what the control takes away → the
+    same; of a drift that still goes on with `ahead`: when it reaches which limit, from where it is tonight, at its rate of late.
+    """
+    place = next((i for i in followed(k) if name_of(k, i) == alarm["parameter"]), None)
+    rate = alarm["rate_per_day"] if alarm.get("steady", True) else None
+    since = [r for r in records if r.get("parameters") and r.get("state") and r["night"] >= str(alarm["since"])][:LATELY]
+    if place is None or not rate or not since or on_record(k, place, since[-1], after) is None:
+        return alarm
+    size, std = moved_since(k, place, since[-1], after)
+    days = after.day - float(since[-1]["state"]["day"])
+    if (
+        size * rate <= 0
+        or abs(size) < 2 * std
+        or days <= 0
+        or (first := _first(k, place, size / days, after, limits, gone)) is None
+    ):
+        return alarm
+    unit = k.followed.units[places_of(place)[0]]
+    words = {"rate": value(size / days, unit), "what": what_of(first[1]), "nights": f"{max(first[0], 1.0):.0f}"}
+    told = {"what": first[1], "days": first[0], "rate_per_day": size / days, "text": say("night.words.ahead", **words)}
+    return alarm | {"ahead": told}
 
 
 def _limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any]], gone: Array | None) -> Drift:
@@ -115,12 +172,19 @@ def _limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any
     place = next((i for i in followed(k) if name_of(k, i) == d.parameter), None)
     if place is None:
         return d
-    a_day = only(k, place, d.rate_per_day)
-    mean = after.mean if gone is None else after.mean - gone
-    first = min(
-        ((days, str(x["what"])) for x in limits if (days := reached(k.followed, k.lever, mean, a_day, x)) < YEAR), default=None
-    )
+    first = _first(k, place, d.rate_per_day, after, limits, gone)
     return d if first is None else replace(d, nights=first[0], limit=first[1])
+
+
+def _first(
+    k: Known, i: Place, rate: float, after: State, limits: Sequence[Mapping[str, Any]], gone: Array | None
+) -> tuple[float, str] | None:
+    """what is known, a parameter, its rate a day, state after tonight, limits, what the control takes away → in how many days it
+    reaches the first limit, and which; None where it reaches none within a year.
+    """
+    a_day, mean = only(k, i, rate), after.mean if gone is None else after.mean - gone
+    found = ((reached(k.followed, k.lever, mean, a_day, x), str(x["what"])) for x in limits)
+    return min(((float(days), what) for days, what in found if days < YEAR), default=None)
 
 
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:

@@ -87,7 +87,8 @@ def headline(record: Mapping[str, Any]) -> str:
     if standing := record.get("standing"):
         first = standing[0]
         more = say("night.words.more_wait", count=len(standing) - 1) if len(standing) > 1 else ""
-        now = joined("", (" (", first["now"], ")")) if first.get("now") else ""
+        by_now = joined("; ", (first.get("now"), (first.get("ahead") or {}).get("text")))
+        now = joined("", (" (", by_now, ")")) if by_now else ""
         who = (
             say("night.words.has", owner=first["owner"])
             if first["decision"]
@@ -103,7 +104,9 @@ def headline(record: Mapping[str, Any]) -> str:
             part=part,
             gap=gap,
         )
-        more_told = put_right or (record.get("trend") or {}).get("text")
+        trend = record.get("trend") or {}
+        known = {a["parameter"] for a in standing if a.get("rate_per_day")}  # that goes on is what its alarm says
+        more_told = put_right or (None if trend.get("parameter") in known else trend.get("text"))
         return waiting if more_told is None else say("night.words.besides", told=waiting, text=more_told)
     nothing = say("night.words.nothing_has_changed")
     if put_right is not None:
@@ -206,6 +209,7 @@ def message(
         who = _who(alarm, decisions, t)
         lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=alarm['text'])}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
+        lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
@@ -239,7 +243,8 @@ def message(
     if why := record.get("undiagnosed"):
         lines.append(f"* {t('night.undiagnosed', why=str(why).rstrip('.'))}")
     if (change := record.get("change")) is not None and change.get("p_value") is not None:
-        lines.append("* " + t("mail.chance", text=change["text"], p=f"{change['p_value']:.2g}"))
+        text = change["text"]
+        lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
@@ -266,6 +271,16 @@ def message(
     return subject, "\n".join(lines) + "\n"
 
 
+def _by_test(record: Mapping[str, Any]) -> bool:
+    """record → whether the one test of the night decided it: not a repair that was measured, a drift of many nights, an alarm of
+    another night, or somebody who ignores it.
+    """
+    change = record["change"]
+    if any(not a.get("repair") and not a.get("rate_per_day") for a in record["alarms"]):
+        return bool(change["p_value"] < change["limit"])
+    return not any(record.get(member) for member in ("alarms", "repaired", "ignored", "standing"))
+
+
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
     what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
@@ -283,7 +298,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
     rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
-    again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") else ""
+    again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady else ""  # a drift is not asked about
     lines += [t("mail.on_part", text=cause["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]

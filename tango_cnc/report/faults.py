@@ -17,7 +17,7 @@ from .days import day, days_between, local_day
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts, texts
 from .units import Units, shown
-from .words import moved, named, spoken
+from .words import moved, named, spoken, unforeseen
 
 if TYPE_CHECKING:
     from ..history import History
@@ -29,8 +29,8 @@ SAME = 0.25  # share of its size by which what stands may differ from what was f
 
 
 def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """alarms of earlier nights → the same, read today: "since last night" names the night instead."""
-    return [{**a, "text": instead(a.get("text") or "", "last night", str(a.get("since")))} for a in alarms]
+    """alarms of earlier nights → the same, read today: "since last night" names the night instead, and a forecast is over."""
+    return [{**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))))} for a in alarms]
 
 
 def faults(
@@ -413,7 +413,8 @@ def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
     """→ what to do; no full measurement is asked for where one has found the cause again."""
     own = _told(a, "do", u, t)
     key = "confirmed.square" if own in (t("part.square_do"), texts()("part.square_do")) else f"confirmed.{a.get('cause')}"
-    return t(key) if a.get("confirmed") and key in t else own
+    drifts = a.get("rate_per_day") and a.get("steady", True)  # who was at the machine that night has not made it
+    return t(key) if a.get("confirmed") and key in t and not drifts else own
 
 
 def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:

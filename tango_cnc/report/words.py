@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from ..records import Machine
+from ..texts import Said
 from .texts import Texts, texts
 
 PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
@@ -66,3 +67,12 @@ def moved(parameter: str, size: str, since: str, t: Texts | None = None) -> str:
         what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
         return t("changed.off", what=what, letter=match[1], size=size, name=parameter, since=since)
     return t("changed.other", what=plain, size=size, name=parameter, since=since)
+
+
+def unforeseen(text: str) -> str:
+    """what an alarm said in its night → the same without what it expected of the nights to come, which have come since."""
+    if not isinstance(text, Said):
+        return text
+    if text.key == "changed.reaches":
+        return str(text.values["moved"])
+    return text.but(**{name: unforeseen(value) for name, value in text.values.items() if isinstance(value, Said)})
