@@ -142,6 +142,16 @@ def test_every_night_says_what_is_ignored_and_a_larger_one_says_how_far_it_is_in
         assert [u["owner"] for u in later["unheard"]] == ["Ann"] and "Ann ignores until" in message(later, (), ())[1]
 
 
+@pytest.mark.long
+def test_a_table_that_is_moved_farther_than_is_ignored_says_how_far_it_is_in_all(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, table=(0.0, 0.016, 0.012)), Event(9, table=(0.0, 0.008, 0.006))), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 9, {8: "ignore"})
+    (alarm,) = records[8]["alarms"]
+    assert alarm["cause"] == "table" and alarm["size"] == pytest.approx(0.010, abs=0.001)
+    assert alarm["ignored"]["total"] == pytest.approx(0.030, abs=0.002) and alarm["on_part_um"] == pytest.approx(30, abs=2)
+    assert f"in all since {records[6]['night']}, more than the +" in alarm["text"]
+
+
 def test_what_is_ignored_is_in_the_sentence_of_a_night_beside_what_else_it_says() -> None:
     ignored = {"alarm": "a", "night": "2026-10-08", "text": "it moved by +15 µm", "now": "still there: +14 µm", "owner": "Cy"}
     record = {"status": "complete", "verdict": "good", "alarms": [], "limits": [], "unheard": [ignored | {"until": "2026-10-20"}]}

@@ -217,6 +217,7 @@ def _in_all(k: Known, alarm: dict[str, Any], ignored_: Mapping[str, Any], m: Mov
     come together since before that one, which is what parts have.
     """
     then, now, std = m.along()
+    now = now if len(m.now) == 1 else float(np.linalg.norm(m.now))
     since = str(ignored_["since"])
     key = "beyond_in_all" if now * then > 0 and abs(now) > abs(then) else "beyond_aside"
     text = say(f"night.ignored.{key}", text=alarm["text"], total=value(now, m.unit, std), since=since, **told)
@@ -244,19 +245,21 @@ def ignored(past: Past, machine: str, k: Known, after: State, alarm: Mapping[str
     found = []
     for d, stored, a in same:
         beyond = _beyond(past, machine, k, after, alarm, stored, a, day)
-        whole = _whole(past, machine, k, after, alarm, stored, a) if beyond else None
+        whole = _whole(past, machine, k, after, stored, a) if beyond else None
         found.append(told | {"owner": d.owner, "until": d.until, "seen": seen(a), "beyond": beyond, "whole": whole})
     return next((f for f in found if not f["beyond"]), found[0])
 
 
 def _whole(
-    past: Past, machine: str, k: Known, after: State, alarm: Mapping[str, Any], stored: Any, ignored_: Mapping[str, Any]
+    past: Past, machine: str, k: Known, after: State, stored: Any, ignored_: Mapping[str, Any]
 ) -> tuple[Mapping[str, Any], Moved] | None:
-    """→ the alarm that somebody ignores and how far that is by now, where both came at once and are one number; None where not."""
-    if alarm.get("rate_per_day") or ignored_.get("rate_per_day") or ignored_["cause"] in (*WITHOUT_SIZE, *BY_SIZE):
+    """→ the alarm that somebody ignores and how far that is by now, where that came at once; None of a drift, and where nothing
+    is left to compare with.
+    """
+    if ignored_.get("rate_per_day") or ignored_["cause"] in (*WITHOUT_SIZE, *BY_SIZE):
         return None
     m = moved(past, machine, k, after, stored, ignored_)
-    return None if m is None or len(m.then) != 1 else (ignored_, m)
+    return None if m is None else (ignored_, m)
 
 
 def _beyond(
