@@ -21,7 +21,7 @@ from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
 from tango_cnc.nightly.words import headline, message
 from tango_cnc.report.faults import earlier, faults, unclosed
-from tango_cnc.report.morning import context
+from tango_cnc.report.morning import context, render
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.state.naming import Hypothesis
@@ -127,6 +127,7 @@ def test_every_night_says_what_is_ignored_and_a_larger_one_says_how_far_it_is_in
         (unheard,) = quiet["unheard"]
         assert unheard["alarm"] == records[7]["alarms"][0]["id"] and unheard["total"] == pytest.approx(0.015, abs=0.002)
         page = context(quiet, (), None, texts())
+        assert page["ignored"][0] in " ".join(render(quiet).replace("&#39;", "'").split())
         for said in (quiet["headline"], message(quiet, (), ())[1], " ".join(page["ignored"])):
             assert "Ann" in said and "moved along Y" in said and "still there: +1" in said.lower()
             assert "nothing has changed" not in said.lower()
