@@ -203,7 +203,9 @@ class Line:
     def read(self, count: int) -> bytes:
         got = b""
         while len(got) < count:
-            got += self._ours.recv(count - len(got))
+            if not (more := self._ours.recv(count - len(got))):
+                raise ConnectionError("the other end of the line is closed")
+            got += more
         return got
 
     def close(self) -> None:
