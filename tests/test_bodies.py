@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from tango_cnc.check.bodies import pairs
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.files.write import machine_text
-from tango_cnc.plan import plan
+from tango_cnc.plan import guard, plan
 from tango_cnc.records import Cell, InputError, Obstacle, Plan, World
 
 YOKE = (
@@ -72,6 +73,30 @@ def test_a_yoke_and_a_tool_setter_leave_all_touches_and_are_not_met() -> None:
 
 
 @pytest.mark.few(0)
+class Met:
+    """Stands for a guard that finds every move of one margin to meet something, and no other move."""
+
+    def __init__(self, margin: int | None) -> None:
+        cheek = SimpleNamespace(
+            one=SimpleNamespace(name="nose", probe=True), other=SimpleNamespace(name="cheek"), margins=(5, 6, 7)
+        )
+        self.margin, self.pairs = margin, (cheek,)
+
+    def meets(self, places: np.ndarray, margin: int) -> np.ndarray:
+        return np.full(len(places), 0 if margin == self.margin else -1)
+
+    def turns(self, *asked: object, **more: object) -> None:
+        return None
+
+
+@pytest.mark.parametrize(("margin", "keeps"), [(guard.TOUCH, "5 mm"), (guard.TRAVEL, "6 mm")])
+def test_a_move_that_meets_something_is_refused_near_a_facet_and_on_the_way(margin: int, keeps: str) -> None:
+    made = plan(read_cell(Path(__file__).parent / "golden" / "cell"))
+    guard.refuse(made, Met(None))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=f"nose would come within {keeps} of cheek"):
+        guard.refuse(made, Met(margin))  # type: ignore[arg-type]
+
+
 def test_what_is_far_away_changes_nothing() -> None:
     far = Obstacle("box", low=(5000.0, 5000.0, 0.0), high=(5100.0, 5100.0, 100.0), on="A")
     blind = plan(trunnion())
