@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from tango_cnc.check.solid import Body, solid
+from tango_cnc.check.solid import THIN, Body, solid
 from tango_cnc.records import Array, Artefact, Obstacle
 
 MUCH = 1.06  # times as large as the true solid: this far out nothing of the body is left
@@ -57,3 +57,10 @@ def test_the_body_of_a_round_drawing_holds_it_and_little_more() -> None:
     way /= np.linalg.norm(way, axis=1)[:, None]
     centre = np.array([40.0, -30.0, 80.0])
     holds(body_of(Obstacle("hull", points=tuple(map(tuple, centre + 20 * way)))), centre + 20 * way, centre + 20 * ROUND * way)
+
+
+def test_a_box_without_thickness_is_a_thin_body() -> None:
+    """Its normals point to both sides: a plane has no inside, and nothing could be found to meet it."""
+    body = body_of(Obstacle("box", low=(0.0, 0.0, 5.0), high=(10.0, 10.0, 5.0), title="sheet"))
+    low, high = body.corner.min(axis=0), body.corner.max(axis=0)
+    assert (high - low).tolist() == pytest.approx([10.0, 10.0, THIN])
