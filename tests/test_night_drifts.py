@@ -1,4 +1,4 @@
-"""A drift is told in one way from its first sentence to its last morning: since one night, with its own advice."""
+"""From its first sentence to its last morning a drift has one "since" and its own advice."""
 
 from __future__ import annotations
 

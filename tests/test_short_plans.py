@@ -141,7 +141,7 @@ def test_a_column_of_a_pattern_that_is_rounding_explains_nothing() -> None:
 @pytest.mark.long
 def test_indexations_that_cannot_be_held_out_are_named_and_the_others_are_predicted(monkeypatch: pytest.MonkeyPatch) -> None:
     cell = short()
-    # Without indexation 2 two of what is left are hardly told apart: an estimate of it does not settle.
+    # Without indexation 2 the touches hardly separate two of the unknowns: an estimate does not settle.
     few = tuple(replace(i, facets=i.facets[:12]) for i in cell.strategy.indexations)
     cell = replace(cell, strategy=replace(cell.strategy, indexations=few))
     readings = simulate(cell.machine, cell.artefact, cell.strategy, usual("hu40t", np.random.default_rng(3)), seed=3)

@@ -123,7 +123,7 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
 
 
 def _older(folder: Path, readings: Path) -> str:
-    """cell, its readings → the compensation in the control that they do not contain, and why; '' where there is none."""
+    """cell, its readings → the compensation in the control that was written after them, and why; '' where there is none."""
     from ..compensate import loop
 
     run = look_up(readings).known.get("run") or {}

@@ -214,7 +214,7 @@ def information_of(ready: Setting, made: Plan) -> Array:
 
 
 def reached(ready: Setting, phi: float, widens: float = 1.0) -> tuple[float, str]:
-    """setting, φ, factor of standard deviations (`enough.widened`) → the number that is told, and its unit."""
+    """setting, φ, factor of standard deviations (`enough.widened`) → the number that the command prints, and its unit."""
     problem = ready.problem
     sigma = problem.choice.sigma
     if problem.criterion.determinant:

@@ -50,8 +50,8 @@ SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
 WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
-PAUSE = 3  # measured nights within which a drift that is told again is the same one
-LATELY = 14  # measured nights from which the rate of a drift that stands is told
+PAUSE = 3  # measured nights: a drift that comes back within them is the same one
+LATELY = 14  # measured nights that give the rate of a drift whose alarm stands
 YEAR = 365.0  # d: what reaches a limit later than that is for the table
 # Standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders.
 PLAIN = 6.0

@@ -8,11 +8,11 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
+from ..files.checked import printable
 from ..records import InputError
 
 PROC = Path("/proc")
 LISTENS = "0A"  # state of a socket in /proc/net/tcp
-MOST = 60  # characters of a command line that are shown
 
 
 def listening(host: str, port: int) -> socket.socket:
@@ -62,17 +62,17 @@ def _refused(host: str, port: int, error: OSError) -> InputError:
 
 
 def holder(port: int) -> str:
-    """port → number and command of the program that listens there; '' where this computer does not say."""
+    """port → number and name of the program that listens there; '' where this computer does not say. No argument of it: one
+    may be a secret.
+    """
     wanted = _inodes(port)
     if not wanted:
         return ""
     for process in PROC.glob("[0-9]*"):
         with suppress(OSError):
             if any(os.readlink(link) in wanted for link in (process / "fd").iterdir()):
-                words = (process / "cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace").strip()
-                shown = "".join(c for c in words if c.isprintable())
-                shown = shown if len(shown) <= MOST else f"…{shown[-MOST:]}"
-                return f"process {process.name} ({shown})"
+                name = (process / "comm").read_text(encoding="utf-8", errors="replace").strip()
+                return f"process {process.name} ({printable(name)})"
     return ""
 
 

@@ -151,7 +151,7 @@ def run_of(request: Request, machine: Machine) -> Run | None:
 
 
 def ran_of(request: Request, machine: Machine) -> str:
-    """request, machine → in words, when its newest complete run on this computer began; '' without one."""
+    """request, machine → when its newest complete run on this computer began, as a text; '' without one."""
     if machine.folder is None:
         return ""
     state, cell = state_of(request), state_of(request).places.cell(machine.folder)
