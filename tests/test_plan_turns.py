@@ -254,7 +254,7 @@ def test_which_point_of_its_line_a_rotary_axis_states_does_not_matter(height: fl
 
 @given(st.integers(0, 2**32 - 1))
 def test_the_sphere_that_a_table_sweeps_is_as_small_as_two_axes_and_a_middle_allow(seed: int) -> None:
-    """Its centre is on the axis that turns all, next to the other; of one axis alone halfway between the ends of what it carries."""
+    """Its centre is on the axis that turns all, next to the other; of one axis alone halfway between the ends of its load."""
     rng = np.random.default_rng(seed)
     axis, place, far = _unit(rng), rng.uniform(-300, 300, 3), float(rng.uniform(-900, 900))
     balls = rng.uniform(-200, 200, (5, 3)), rng.uniform(0, 40, 5)
