@@ -126,6 +126,8 @@ def test_every_night_says_what_is_ignored_and_a_larger_one_says_how_far_it_is_in
         assert quiet["verdict"] == "good" and EXIT[quiet["verdict"]] == 0 and not quiet.get("ignored")
         (unheard,) = quiet["unheard"]
         assert unheard["alarm"] == records[7]["alarms"][0]["id"] and unheard["total"] == pytest.approx(0.015, abs=0.002)
+        (fault,) = faults(quiet, records[7]["alarms"], {}, Units(), texts())  # as the pages of a server show it
+        assert fault["now"].startswith("still there: +15") and not fault["gone"]
         page = context(quiet, (), None, texts())
         assert page["ignored"][0] in " ".join(render(quiet).replace("&#39;", "'").split())
         for said in (quiet["headline"], message(quiet, (), ())[1], " ".join(page["ignored"])):

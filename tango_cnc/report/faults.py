@@ -45,12 +45,12 @@ def faults(
     events: Sequence[Any] = (),
 ) -> list[dict[str, Any]]:
     """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations → what
-    is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that, what is closed
-    last. One order a machine: what was done is not told again.
+    is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that, what somebody
+    ignores after that, what is closed last. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
-    standing |= {str(a["alarm"]): a for a in known.get("gone") or ()}  # what somebody ignores does not stand
+    standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in known.get(key) or ()}  # what somebody ignores
     tonight = [(a, False) for a in record.get("alarms") or ()]
     older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
     before_ = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
@@ -210,8 +210,7 @@ def _confirmed_on(now: str, night: str, t: Texts) -> str:
 
 def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
     """alarms of a parameter, oldest first → whether it is back where it was before the oldest of them."""
-    now = same[0].get("now")
-    if same[0]["older"] and isinstance(now, Said) and now.key == "night.alarms.gone_again_left":
+    if same[0]["older"] and isinstance(now := same[0].get("now"), Said) and now.key == "night.alarms.gone_again_left":
         return True
     return any((a.get("undoes") or {}).get("alarm") == same[0]["id"] for a in same)
 
@@ -307,8 +306,9 @@ def _whole_error(
     return f"{text} {t(f'part.whole_{way}')}"
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    return change(a.get("cause")).of_the_probe, -size_of(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    ignored = a["decision"] is not None and a["decision"].action == "ignore"
+    return ignored, change(a.get("cause")).of_the_probe, -size_of(a)
 
 
 def size_of(a: Mapping[str, Any]) -> float:
