@@ -16,10 +16,11 @@ from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
 from .audit import audit, made_of, source
+from .checks import verdict
 from .course import course
 from .days import at
 from .drawings import drawing
-from .facts import Facts, effects, verdict
+from .facts import Facts, effects
 from .may import may
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
