@@ -37,10 +37,13 @@ from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from . import answered, parts
 from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
+from .behind import behind
 from .control import COVER, Given, InControl, limited
+from .course import ALIKE
 from .doubt import Judged, attempted, believed
+from .drift import as_alarm
 from .ports import Measured, Past
-from .trend import ALIKE, SLOPE, as_alarm, behind, drift, looking_ahead, slopes
+from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
 
 LEARNED_FROM = 60  # nights
