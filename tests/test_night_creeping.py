@@ -18,7 +18,7 @@ STD = 1e-4  # mm
 @pytest.fixture
 def said(monkeypatch: pytest.MonkeyPatch) -> Any:
     """(nights, 20) values oldest first, nights with an alarm about P0 → name of the parameter that is told, or None."""
-    monkeypatch.setattr(trend, "drift_of", lambda k, i, *_, alarms: None if alarms else k.followed.names[i])
+    monkeypatch.setattr(creep, "drift_of", lambda k, i, *_, alarms: None if alarms else k.followed.names[i])
     followed = SimpleNamespace(machine=range(20), names=NAMES, selection=SimpleNamespace(label=lambda name: name))
     known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
 
