@@ -41,8 +41,10 @@ def _again(alarm: dict[str, Any], older: Sequence[tuple[Decision, Mapping[str, A
 
 
 def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """alarm of tonight, those of earlier nights that nobody has closed, what is known → the same; where an older one of its parameter went the
-    same way and is still there, what to do is what is to be done about a drift: a new location would be wrong tomorrow.
+    """alarm of tonight, those of earlier nights that nobody has closed, what is known → the same.
+
+    Where an older one of its parameter went the same way and is still there, what to do is what is to be done about a drift: a
+    new location would be wrong tomorrow.
     """
     same = [a for a in older if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) and not is_gone(a["now"])]
     if own_of(parameters, alarm["parameter"]) is None or alarm.get("repair"):  # a length has no way
