@@ -198,7 +198,8 @@ def message(
     subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
     lines += [_sentence(t.of(as_decided(record, decisions))), ""]
-    crossed = [limit for limit in record["limits"] if limit["passed"] is False]
+    limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
+    crossed = [limit for limit in limits if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
     owner = record.get("owner") or t("mail.nobody")
     for alarm in record["alarms"]:
@@ -235,7 +236,7 @@ def message(
         lines += [f"* {t('mail.do', text=orders(reasons, t))}", f"  {t('mail.owner', owner=owner)}"]
         if not record.get("carried", True):
             lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
-    lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
+    lines += [_limit_line(limit, t) for limit in limits if limit["passed"] is not False]
     if line := held(record, t):
         lines.append(f"* {line}")
     if apart := record.get("outliers") or ():
