@@ -24,7 +24,7 @@ from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatt
 from ._candidates import candidate
 from ._catalogue import STRONG, Chosen, columns_of
 from ._changing import over
-from ._contest import SURE, Field, Outcome, contest, largest
+from ._contest import ALONE, SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
@@ -336,7 +336,7 @@ def _told(
     if accepted and not remains and _scatter.uneven(scatter):
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     if not remains:
-        remains += _undecided(findings, n)
+        remains += _undecided(findings, n, len(accepted) > 1)
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
@@ -361,15 +361,20 @@ def _told(
     )
 
 
-def _undecided(findings: Sequence[Finding], n: int) -> list[Remainder]:
-    """what is named, number of rows → of which of these another cause does nearly as well: that one of them is there explains
-    the touches, and not what it is.
+def _undecided(findings: Sequence[Finding], n: int, several: bool = False) -> list[Remainder]:
+    """what is named, number of rows, whether several causes are → of which of these another cause, or a shape, does nearly as well: that one of them is there
+    explains the touches, and not what it is.
+
+    A name may follow what another one leaves that only resembles what is there: where there are several, each has to be sure.
     """
+    least = SURE if several else ALONE
     found = []
     for f in findings:
         near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
         if near:
             found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
+        if f.nearest is not None and f.nearest[1] < least:
+            found.append(Remainder(f.nearest[0], "none", "near", f.size.amplitude, 0.0, np.zeros(n), confirm=f.cause))
     return found
 
 

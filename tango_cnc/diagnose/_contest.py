@@ -29,9 +29,10 @@ ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
-MARGIN = 10.0  # evidence by which names must beat shapes: very strong (Kass & Raftery 1995)
+MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
+ALONE = 10.0  # and by which a name explains the touches, and not one of both: very strong
 CHANGES = 20.0  # evidence that a name's own size changes: it is the name itself, and more, so less of it proves nothing
-SURE = 20.0  # and where something is left beside them, of which they may be a part
+SURE = 20.0  # and where something is left beside them, of which they may be a part, or where there are several
 
 
 class Field:
@@ -447,4 +448,4 @@ def _columns(m: int, chosen: Sequence[Chosen]) -> Array:
     return np.hstack([c.columns for c in chosen]) if chosen else np.empty((m, 0))
 
 
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]
+__all__ = ["ALONE", "SURE", "Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]
