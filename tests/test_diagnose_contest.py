@@ -63,7 +63,9 @@ def test_what_lies_on_three_facets_is_one_thing_and_no_three_chips(facets: str, 
 
 
 @pytest.mark.parametrize(("size", "least", "most"), [(0.36, np.inf, np.inf), (0.42, MARGIN, ALONE), (0.55, ALONE, SURE)])
-def test_a_name_stands_where_it_is_strongly_better_than_a_shape_and_tells_by_how_much(size: float, least: float, most: float) -> None:
+def test_a_name_stands_where_it_is_strongly_better_than_a_shape_and_tells_by_how_much(
+    size: float, least: float, most: float
+) -> None:
     rng = np.random.default_rng(8)
     pattern, other, noise = rng.normal(size=(3, TOUCHES))
     shape = (0.9 * pattern + 0.45 * other)[:, None]

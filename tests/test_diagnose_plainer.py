@@ -153,7 +153,9 @@ def test_a_name_beside_another_that_does_nearly_as_well_is_undecided() -> None:
     assert "time together with position of Z, with an evidence of 12 less" in nearly(("time × Z", 12.2))
 
 
-@pytest.mark.parametrize(("less", "several", "told"), [(9.0, False, True), (12.0, False, False), (12.0, True, True), (21.0, True, False)])
+@pytest.mark.parametrize(
+    ("less", "several", "told"), [(9.0, False, True), (12.0, False, False), (12.0, True, True), (21.0, True, False)]
+)
 def test_a_name_that_a_shape_comes_near_is_one_of_both_and_beside_another_name_it_has_to_be_sure(
     less: float, several: bool, told: bool
 ) -> None:

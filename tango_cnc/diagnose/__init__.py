@@ -23,7 +23,7 @@ from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
 from ._catalogue import STRONG, Chosen, columns_of
-from ._changing import over
+from ._changing import over, unsteady
 from ._contest import ALONE, SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
@@ -264,9 +264,7 @@ def _told(
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
-    left = [p.kernel.covariate for p in outcome.shapes]
-    left = left or [r.covariate for r in (resting(accepted, outcome) if weak else ())]
-    weak = [c for c in weak if any(akin(c.candidate, covariate) for covariate in left)]
+    weak = [c for c in weak if any(akin(c.candidate, p.kernel.covariate) for p in outcome.shapes)]
     if weak:
         why |= {id(c): "rest" for c in weak}
         lost = outcome.resembled
@@ -337,6 +335,10 @@ def _told(
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     if not remains:
         remains += _undecided(findings, n, len(accepted) > 1)
+    if not remains:
+        for c, covariate in unsteady(field, found.place.y, alone, accepted, outcome.picked):
+            about = sizes[id(c)].amplitude, 0.0, np.zeros(n)
+            remains.append(Remainder(covariate, "none", "near", *about, confirm=c.candidate.cause))
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
@@ -362,8 +364,8 @@ def _told(
 
 
 def _undecided(findings: Sequence[Finding], n: int, several: bool = False) -> list[Remainder]:
-    """what is named, number of rows, whether several causes are → of which of these another cause, or a shape, does nearly as well: that one of them is there
-    explains the touches, and not what it is.
+    """what is named, number of rows, whether several causes are → of which of these another cause, or a shape, does nearly as
+    well: that one of them is there explains the touches, and not what it is.
 
     A name may follow what another one leaves that only resembles what is there: where there are several, each has to be sure.
     """

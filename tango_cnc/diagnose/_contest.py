@@ -25,7 +25,6 @@ from ._space import orthonormal
 
 TAUS = tuple(np.geomspace(0.01, 1000.0, 11))  # variance of a shape at a touch over that of the noise
 MOST = 6  # shapes that are added
-ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
@@ -154,7 +153,7 @@ def scores(field: Field, s: State) -> tuple[Array, Array]:
 def whiten(s: State, kernel: Kernel, columns: Array, own: Array, tau: float, score: float) -> State:
     """state, a shape with its features as the model and as the state leaves them, τ → state with it in the covariance."""
     u, d, _ = np.linalg.svd(own, full_matrices=False)
-    keep = d > ROUND * max(float(d[0]), 1e-300)
+    keep = d > 1e-7 * max(float(d[0]), 1e-300)
     u, d = u[:, keep], d[keep]
     amount = 1 - 1 / np.sqrt(1 + tau * d**2)
     y = s.y - u @ ((amount if s.y.ndim == 1 else amount[:, None]) * (u.T @ s.y))
