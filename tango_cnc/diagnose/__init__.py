@@ -264,7 +264,10 @@ def _told(
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
-    weak = [c for c in weak if any(akin(c.candidate, p.kernel.covariate) for p in outcome.shapes)]
+    left = [p.kernel.covariate for p in outcome.shapes]
+    if weak and len(accepted) > 1:  # one of them may follow what another one leaves; of one alone, the verdict tells
+        left = left or [r.covariate for r in resting(accepted, outcome)]
+    weak = [c for c in weak if any(akin(c.candidate, covariate) for covariate in left)]
     if weak:
         why |= {id(c): "rest" for c in weak}
         lost = outcome.resembled

@@ -29,7 +29,7 @@ NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
 MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
-ALONE = 10.0  # and by which a name explains the touches, and not one of both: very strong
+ALONE = 10.0  # and by which a name explains the touches, and not one of both, and by which several must: very strong
 CHANGES = 20.0  # evidence that a name's own size changes: it is the name itself, and more, so less of it proves nothing
 SURE = 20.0  # and where something is left beside them, of which they may be a part, or where there are several
 
@@ -357,7 +357,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     while kept:
         order = list(kept)
         without = [of([c for c in kept if c is not old], away=[old]) for old in kept]
-        margins = [margin if not c.candidate.learned else 0.0 for c in kept]
+        several = margin > 0 and len(kept) > 1  # two that follow one shape together beat it by little
+        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if several else margin for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes) and only_shapes + min(margins) > value:
             kept, picked, apart = [], shapes, beyond
@@ -386,11 +387,21 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     nearest = {
         key: max((p for p in w[1] if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
     }
-    lost = tuple(c for c in names if c not in kept)
+    lost = [c for c in names if c not in kept]
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
-    resembled = tuple(c for c in lost if c not in smaller)
     needless = tuple(c for c in fixed if c not in apart)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes, nearest, best)
+    return Outcome(
+        tuple(kept),
+        tuple(c for c in lost if c not in smaller),
+        picked,
+        nothing,
+        by_names,
+        only_shapes,
+        needless,
+        above_shapes,
+        nearest,
+        best,
+    )
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
