@@ -6,7 +6,7 @@ each name competes with itself, with a size that is a slow function of everythin
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np

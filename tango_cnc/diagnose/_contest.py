@@ -357,8 +357,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     while kept:
         order = list(kept)
         without = [of([c for c in kept if c is not old], away=[old]) for old in kept]
-        several = margin > 0 and len(kept) > 1  # two that follow one shape together beat it by little
-        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if several else margin for c in kept]
+        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if margin > 0 and len(kept) > 1 else margin for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes) and only_shapes + min(margins) > value:
             kept, picked, apart = [], shapes, beyond
@@ -387,21 +386,11 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     nearest = {
         key: max((p for p in w[1] if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
     }
-    lost = [c for c in names if c not in kept]
+    lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
     needless = tuple(c for c in fixed if c not in apart)
-    return Outcome(
-        tuple(kept),
-        tuple(c for c in lost if c not in smaller),
-        picked,
-        nothing,
-        by_names,
-        only_shapes,
-        needless,
-        above_shapes,
-        nearest,
-        best,
-    )
+    resembled = tuple(c for c in lost if c not in smaller)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes, nearest, best)
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:
