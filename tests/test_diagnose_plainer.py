@@ -162,7 +162,7 @@ def test_a_name_that_a_shape_comes_near_is_one_of_both_and_beside_another_name_i
     size = cast(Any, type("Size", (), {"amplitude": 0.003}))
     blank: Any = dict.fromkeys(Finding.__dataclass_fields__)
     one = Finding(**{**blank, "cause": "step", "size": size, "alternatives": (), "nearest": ("time × Z", less)})
-    left = _undecided([one], 393, several)
+    left = _undecided([one], 393, [several])
     assert [(r.shape, r.covariate, r.confirm) for r in left] == [("near", "time × Z", "step")] * told
     for r in left:
         assert unexplained(r).startswith("step explains these touches, but they cannot tell it from a shape without a name, which")

@@ -337,7 +337,9 @@ def _told(
     if accepted and not remains and _scatter.uneven(scatter):
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     if not remains:
-        remains += _undecided(findings, n, len(accepted) > 1)
+        remains += _undecided(
+            findings, n, [any(o is not c and akin(c.candidate, over(o.candidate)) for o in accepted) for c in accepted]
+        )
     if not remains:
         for c, covariate in unsteady(field, found.place.y, alone, accepted, outcome.picked):
             about = sizes[id(c)].amplitude, 0.0, np.zeros(n)
@@ -366,19 +368,18 @@ def _told(
     )
 
 
-def _undecided(findings: Sequence[Finding], n: int, several: bool = False) -> list[Remainder]:
-    """what is named, number of rows, whether several causes are → of which of these another cause, or a shape, does nearly as
-    well: that one of them is there explains the touches, and not what it is.
+def _undecided(findings: Sequence[Finding], n: int, akin_to: Sequence[bool] = ()) -> list[Remainder]:
+    """what is named, number of rows, whether another name follows what the first of them do → of which of these another cause, or
+    a shape, does nearly as well: that one of them is there explains the touches, and not what it is.
 
-    A name may follow what another one leaves that only resembles what is there: where there are several, each has to be sure.
+    A name may follow what another one leaves that only resembles what is there: names of one covariate have to be sure.
     """
-    least = SURE if several else ALONE
     found = []
-    for f in findings:
+    for i, f in enumerate(findings):
         near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
         if near:
             found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
-        if f.nearest is not None and f.nearest[1] < least:
+        if f.nearest is not None and f.nearest[1] < (SURE if any(akin_to[i : i + 1]) else ALONE):
             found.append(Remainder(f.nearest[0], "none", "near", f.size.amplitude, 0.0, np.zeros(n), confirm=f.cause))
     return found
 
