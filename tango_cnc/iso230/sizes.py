@@ -17,7 +17,7 @@ inverse χ², coefficients with Student's t as a mixture of them, 17.2).
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,7 +45,7 @@ RENEW = 20  # steps with one scatter of a touch: many touches say what it is, an
 PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
 DEGREE = re.compile(r".*\.P([1-9])")
 
-Kind = tuple[Hashable, ...]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
+Kind = tuple[str, bool, bool, int]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class _Shares:
         self.motion = np.array([each.index(m) for m in parts], dtype=int)
         self.family = np.array([families.index(k[:3]) for k in every], dtype=int)
         self.least = np.array([LEAST[not k[2]] / WIDTH[not k[2]] for k in every]) ** 2
-        self.fall = np.array([float(str(k[3])) for k in every]) ** -FALL
+        self.fall = np.array([k[3] for k in every], dtype=float) ** -FALL
         self.many = [np.bincount(of) for of in (self.kind, self.motion, self.family)]
         self.of_family, self.of_kind = np.full(len(families), FIRST**2), FIRST**2 * self.fall
         self.of_motion, self.of_one = np.ones(len(each)), np.ones(len(self.own))
