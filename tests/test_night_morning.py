@@ -25,9 +25,9 @@ from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import Ports
 from tango_cnc.nightly.alarms import Known, effect_of, since, standing
 from tango_cnc.nightly.answered import ignored
+from tango_cnc.nightly.behind import behind
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
-from tango_cnc.nightly.trend import behind
 from tango_cnc.nightly.words import answer, headline, message
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
