@@ -165,5 +165,7 @@ def test_a_name_that_a_shape_comes_near_is_one_of_both_and_beside_another_name_i
     left = _undecided([one], 393, [several])
     assert [(r.shape, r.covariate, r.confirm) for r in left] == [("near", "time × Z", "step")] * told
     for r in left:
-        assert unexplained(r).startswith("step explains these touches, but they cannot distinguish it from a shape without a name, which")
+        assert unexplained(r).startswith(
+            "step explains these touches, but they cannot distinguish it from a shape without a name, which"
+        )
         assert "time together with position of Z" in unexplained(r)
