@@ -68,6 +68,12 @@ def needs(found: Chosen) -> float:
     return max(promised(found), (touches + SPARE - to_spare(found)) / touches)
 
 
+def touches_hold(found: Chosen) -> bool:
+    """plan for limits → whether it is the number of its touches that keeps it from being shorter, and not its limits."""
+    touches = len(found.rows)
+    return promised(found) < (touches + SPARE - to_spare(found)) / touches
+
+
 def _next(seconds: float, short: float, best: Chosen | None, found: Chosen | None) -> float:
     """s that were searched, longest that did not do, best and last plan → s to search next."""
     if best is None:
