@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tango_cnc.design import choose
 from tango_cnc.design import problem as of_design
 from tango_cnc.design.candidates import Candidates
 from tango_cnc.design.criterion import Criterion, value
@@ -83,3 +85,12 @@ def test_the_visit_that_tells_least_is_that_of_looking_at_all(criterion: Criteri
         rates = {j: draft.visit_rate(j) for j in range(12)}
         least = min(rates, key=lambda j: rates[j])
         assert draft.least_visit(np.flatnonzero(~draft.needed)) == (least, rates[least])
+
+
+def test_a_first_plan_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    monkeypatch.setattr(choose, "_made_first", lambda problem: made.append(problem.seconds) or (problem.seconds, None))
+    whole = replace(check(4), senses=SimpleNamespace())  # type: ignore[arg-type]
+    assert [choose.quick(whole.of_time(s)) for s in (300.0, 200.0, 300.0)] == [300.0, 200.0, 300.0]
+    choose.quick(replace(whole.of_time(300.0), criterion=Criterion("D")))
+    assert made == [300.0, 200.0, 300.0]

@@ -118,7 +118,17 @@ def quick(problem: Problem) -> Chosen:
 
 
 def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
-    """problem → a first plan, made quickly, and the relaxed design. Raises NoWay where no safe way was found to anything."""
+    """problem → a first plan, made quickly, and the relaxed design. Raises NoWay where no safe way was found to anything.
+
+    The minutes that a refusal names are those of such a plan; a search of these minutes begins with it.
+    """
+    key = (id(problem.choice), id(problem.criterion), problem.seconds, problem.times, problem.repeats)
+    if key not in problem.quickly:
+        problem.quickly[key] = _made_first(problem)
+    return problem.quickly[key]
+
+
+def _made_first(problem: Problem) -> tuple[Chosen, Relaxed]:
     for _ in range(FIRST):
         with suppress(NoWay):  # what has no way is left out the next time
             return _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)

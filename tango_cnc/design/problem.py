@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..records import Array, Cell, Plan
 from .candidates import Candidates
 from .criterion import Criterion
+from .relaxed import Relaxed
 from .senses import Senses, ordered
 from .ways import Ways
 from .worst import FEWER
@@ -33,6 +34,7 @@ class Problem:
     senses: Senses | None = None  # how the rows depend on from where rotary axes came
     gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
     ways: Ways = field(default_factory=Ways)  # that are not safe; learned while plans are made
+    quickly: dict[tuple[float, ...], tuple[Chosen, Relaxed]] = field(default_factory=dict)  # first plans: none is made twice
 
     @property
     def held(self) -> Array:
