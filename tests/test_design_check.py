@@ -80,6 +80,8 @@ def test_a_check_that_was_designed_tells_a_machine_that_changed_from_one_that_di
     assert guarded(tango.main, [*asked, *again, "--judge", str(same)], standalone_mode=False) == 0
     assert guarded(tango.main, [*asked, "--again", str(other), "--judge", str(same)], standalone_mode=False) == 2
     assert "by which the machine has changed since the full run" in capsys.readouterr().err
+    assert guarded(tango.main, [*asked, *again, "--goal", "check", "-o", again[-1]], standalone_mode=False) == 2
+    assert "which --again names too" in capsys.readouterr().err
 
 
 def test_a_check_without_its_full_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
