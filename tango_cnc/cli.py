@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import pkgutil
@@ -22,6 +23,7 @@ from .nearest import printable
 from .records import TangoError
 
 MESSAGE = 10_000  # characters at most
+UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)  # what a write meets, without the name of the file
 
 FOR = re.compile(r'"""`tango [a-z0-9-]+`: (.+?)\.?(?:"""|\n)')  # first line of a command's file: what the command is for
 PLACE = re.compile(r'^PLACE = "(\w+) (\d+)"', re.MULTILINE)
@@ -88,8 +90,11 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
     except BrokenPipeError:
         return 0
     except OSError as error:
-        if error.filename is None:
+        if error.filename is None and error.errno not in UNWRITTEN:
             raise
+        if error.filename is None:
+            _say(f"tango: {error.strerror}: not everything could be written; make room on the disk, or write elsewhere, and repeat")
+            return 2
         where = error.filename2 or error.filename
         _say(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk")
         return 2

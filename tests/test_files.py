@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
 import math
+import os
 import re
 from pathlib import Path
 
@@ -352,9 +354,26 @@ def test_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pyte
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(OSError, match=r"No space.*readings\.csv"):  # a full disk itself names no file
         files.write_text(file, "new")
     assert contents(tmp_path) == {"readings.csv": b"old"}
+
+
+@pytest.mark.parametrize("error", [errno.ENOSPC, errno.EIO, errno.EROFS])
+def test_what_cannot_be_written_is_a_sentence(error: int, capsys: pytest.CaptureFixture[str]) -> None:
+    def writes() -> None:
+        raise OSError(error, os.strerror(error))
+
+    assert guarded(writes) == 2
+    assert f"tango: {os.strerror(error)}: not everything could be written; make room" in capsys.readouterr().err
+
+
+def test_an_error_of_the_system_that_no_write_makes_is_not_hidden() -> None:
+    def connects() -> None:
+        raise OSError(errno.ECONNREFUSED, "Connection refused")
+
+    with pytest.raises(OSError, match="refused"):
+        guarded(connects)
 
 
 # Round trips. Numbers are of a size that a machine has; texts are anything that is printed on one line.

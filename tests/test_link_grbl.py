@@ -27,7 +27,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Ended, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan, plan_hash
-from tango_cnc.records import InputError, World
+from tango_cnc.records import InputError, Obstacle, World
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
 
@@ -115,20 +115,61 @@ def test_the_same_place_is_no_target(control):
     assert one.line("G38.3 X1") == ["[PRB:1.000,0.000,800.000,0.000,0.000:0]", "ok"], "F stays"
 
 
-@pytest.mark.parametrize("cut", ["G38.3 .* F180", "G1 .*"], ids=["in contact", "just off the facet"])
-def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, cut):
-    """The table stands upright, facet 8 above facet 5: who goes up from there at once meets it."""
+CUTS = [  # how a line begins, or what is assigned two lines before one that carries out what has been confirmed
+    pytest.param("plain", "G38.3 .* F180", id="in contact"),
+    pytest.param("plain", "G1 .*", id="just off the facet"),
+    pytest.param("confirmed", r".*#<qff>=\[180\..*", id="confirmed, in contact"),
+    pytest.param("confirmed", r".*#<qgg>=\[1\..*", id="confirmed, just off the facet"),
+]
+
+
+def sends(sent, targets, line):
+    """→ whether the last line carries out the move that this pattern finds, for the first time."""
+    place = -1 if targets == "plain" else -3
+    found = [i for i, one in enumerate(sent) if re.fullmatch(line, one)]
+    return len(found) == 1 and found[0] == len(sent) + place
+
+
+@pytest.mark.parametrize(("targets", "cut"), CUTS)
+def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets, cut):
+    """The table stands upright, and a nut that nobody has stated stands out by 5 mm above facet 5: who goes up at once meets it."""
     (cell / "strategy.yaml").write_text(
         "name: below an edge\napproach: {standoff: 10, search: 5, feed: 180}\n"
         "indexations:\n  - {B: 90, C: -270, S: 0, facets: ['5', '8']}\n"
     )
     parts = read_cell(cell)
-    made, true = plan(parts), rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))
+    nut = Obstacle("box", low=(-265.0, -7.0, -22.0), high=(-260.0, -3.0, -18.0))
+    truly = replace(parts.artefact, obstacles=(*parts.artefact.obstacles, nut))
+    made, true = plan(parts), rig(parts.machine, truly, read_world(cell / "world.yaml"))
     one = switched_on(Motion(true))
-    driven(made, one, lambda sent: re.fullmatch(cut, sent[-1]) and not (cut[:2] == "G1" and "G1 " in " ".join(sent[:-1])))
-    events, _ = driven(made, one)
+    begun, _ = driven(made, one, lambda sent: sends(sent, targets, cut), targets=targets)
+    assert not any(isinstance(event, Ended) for event in begun), "it was not cut off"
+    events, _ = driven(made, one, targets=targets)
     assert events[-1] == Ended(2), events[-1]
     assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
+
+
+@pytest.mark.parametrize(("line", "goes_on"), [(r"\$I", True), ("G38.3 X.* Y.* Z.*", False), ("G38.3 .* F180", False)])
+def test_a_control_that_is_switched_on_is_greeted_and_one_that_resets_is_left(cell, line, goes_on):
+    """Before anything is set its greeting is the answer of a control that has just started; later what was set is lost."""
+    (cell / "strategy.yaml").write_text(
+        "name: one facet\napproach: {standoff: 10, search: 5, feed: 180}\nindexations:\n  - {B: 0, C: 0, S: 0, facets: ['5']}\n"
+    )
+    parts = read_cell(cell)
+    made, true = plan(parts), rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))
+    one = switched_on(Motion(true))
+    driven(made, one, lambda sent: re.fullmatch("G38.3 .* F180", sent[-1]), targets="plain")  # in contact: it has to go back first
+    greeted = []
+
+    def greets(sent):
+        if greeted or not re.fullmatch(line, sent[-1]):
+            return ()
+        greeted.append(sent[-1])
+        return ("Grbl 1.1h ['$' for help]",)
+
+    events, _ = driven(made, one, before=greets, targets="plain")
+    assert greeted
+    assert isinstance(events[-1], Ended) if goes_on else "the control has been reset: Grbl 1.1h" in events[-1].why
 
 
 @pytest.mark.parametrize(("targets", "said"), [("plain", "ALARM"), ("confirmed", "says [MSG:")])

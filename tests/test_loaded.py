@@ -12,8 +12,9 @@ from support.nights import night
 from tango_cnc.history import Compensation, Decision
 from tango_cnc.loaded import holds
 from tango_cnc.nightly.control import Given
+from tango_cnc.report.checks import _limit
 from tango_cnc.report.compensated import dated, held
-from tango_cnc.report.facts import Facts, Nights, _limit
+from tango_cnc.report.facts import Facts, Nights
 from tango_cnc.report.facts import Held as ReportHeld
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts

@@ -15,7 +15,8 @@ from support.histories import record as kept
 
 from tango_cnc.cli import tango
 from tango_cnc.commands._simulated_nights import Event, Story
-from tango_cnc.history import History, opened
+from tango_cnc.history import Decision, History, opened
+from tango_cnc.nightly.again import after_a_repair, step_by_step
 from tango_cnc.nightly.answered import undone
 from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
@@ -126,6 +127,8 @@ def test_every_night_says_what_is_ignored_and_a_larger_one_says_how_far_it_is_in
         assert quiet["verdict"] == "good" and EXIT[quiet["verdict"]] == 0 and not quiet.get("ignored")
         (unheard,) = quiet["unheard"]
         assert unheard["alarm"] == records[7]["alarms"][0]["id"] and unheard["total"] == pytest.approx(0.015, abs=0.002)
+        (fault,) = faults(quiet, records[7]["alarms"], {}, Units(), texts())  # as the pages of a server show it
+        assert fault["now"].startswith("still there: +15") and not fault["gone"]
         page = context(quiet, (), None, texts())
         assert page["ignored"][0] in " ".join(render(quiet).replace("&#39;", "'").split())
         for said in (quiet["headline"], message(quiet, (), ())[1], " ".join(page["ignored"])):
@@ -326,3 +329,62 @@ def test_a_decision_says_what_follows_from_it(tmp_path: Path) -> None:
     assert "+20.0 ± 1.0 µm, +1.3 µm a day" in decide(2, *until)
     assert "any further change alarms again" in decide(3, *until)
     assert "it alarms again" in decide(1, "repaired")
+
+
+@pytest.mark.long
+def test_what_comes_back_after_a_repair_names_it(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.018}), Event(10, {"EY0C": -0.0175}), Event(12, {"EY0C": 0.015})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 13, {9: "repaired"})
+    (alarm,) = records[11]["alarms"]
+    repair = records[8]["night"]
+    assert alarm["again"] == {"alarm": records[7]["alarms"][0]["id"], "owner": "Ann", "date": repair}
+    assert f"again, after the repair by Ann on {repair}" in alarm["text"]
+    assert alarm["do"].startswith(f"Look at the repair by Ann on {repair} first")
+    assert "again, after the repair by Ann" in records[12]["headline"]
+    assert "again, after the repair by Ann" in context(records[11], (), None, texts())["first"]["text"]
+
+
+def found(size: float, parameter: str = "EX0C", **more: object) -> dict[str, Any]:
+    """alarm of a record, as far as what is repeated is looked for in it."""
+    return {"cause": "axis_location", "parameter": parameter, "size": size, "text": "moved", "do": "ask", "now": "", **more}
+
+
+PARAMETERS = {name: {"value": 0.0, "std": 0.0, "unit": "mm"} for name in ("EX0C", "EY0C")}
+
+
+@pytest.mark.parametrize(
+    ("older", "drifts"),
+    [
+        *(([], False), ([found(0.01)], True), ([found(-0.01)], False), ([found(0.01, "EY0C")], False)),
+        *(([found(0.01) | {"now": say("night.alarms.gone_again_left", told="0")}], False),),
+        *(([found(-0.01), found(0.004)], True),),
+    ],
+)
+def test_steps_the_same_way_are_a_drift_to_whoever_has_to_act(older: list[dict[str, Any]], drifts: bool) -> None:
+    do = step_by_step(found(0.002), older, PARAMETERS)["do"]
+    assert ("what goes on" in do) == drifts and (do == "ask") != drifts
+
+
+def test_a_table_that_is_knocked_twice_does_not_drift() -> None:
+    """What is said of it is a length, which has no way."""
+    assert step_by_step(found(0.02, "table"), [found(0.02, "table")], PARAMETERS)["do"] == "ask"
+
+
+@pytest.mark.parametrize(
+    ("answers", "size", "again"),
+    [
+        ({"a": "repaired"}, 0.01, True),
+        ({"a": "repaired"}, -0.01, False),
+        ({"a": "repaired", "b": "accept"}, 0.01, False),  # the machine was accepted as it was since
+        ({"b": "accept"}, 0.01, False),
+        ({"a": "ignore"}, 0.01, False),
+    ],
+)
+def test_the_last_answer_decides_whether_something_comes_back(answers: dict[str, str], size: float, again: bool) -> None:
+    nights = [SimpleNamespace(record={"alarms": [found(0.015, id=key)]}) for key in answers]
+    decided = [
+        Decision(key, action, "Ann", "", None, f"2026-10-0{i}T00:00:00Z") for i, (key, action) in enumerate(answers.items(), 1)
+    ]
+    past: Any = SimpleNamespace(knows=lambda _: True, decisions=lambda _: decided, alarmed=lambda *_: nights)
+    (told,) = after_a_repair(past, "M", [found(size)])
+    assert ("again" in told) == again == ("after the repair by Ann on 2026-10-01" in told["text"])

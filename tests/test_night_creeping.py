@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tango_cnc.nightly import trend
+from tango_cnc.nightly import creep, trend
 from tango_cnc.records import Array
 
 NAMES = [f"P{i}" for i in range(20)]
@@ -18,7 +18,7 @@ STD = 1e-4  # mm
 @pytest.fixture
 def said(monkeypatch: pytest.MonkeyPatch) -> Any:
     """(nights, 20) values oldest first, nights with an alarm about P0 → name of the parameter that is told, or None."""
-    monkeypatch.setattr(trend, "_drift", lambda k, i, *_, alarms: None if alarms else k.followed.names[i])
+    monkeypatch.setattr(creep, "drift_of", lambda k, i, *_, alarms: None if alarms else k.followed.names[i])
     followed = SimpleNamespace(machine=range(20), names=NAMES, selection=SimpleNamespace(label=lambda name: name))
     known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
 
@@ -32,7 +32,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Any:
             for i, row in enumerate(values[:-1])
         ]
         after = SimpleNamespace(mean=values[-1], std=np.full(20, STD), day=float(len(records)), rates=np.full(20, 1e-9))
-        return trend.creeping(known, records[::-1], after)  # type: ignore[arg-type, return-value]
+        return creep.creeping(known, records[::-1], after)  # type: ignore[arg-type, return-value]
 
     return of
 
@@ -70,7 +70,7 @@ def test_what_does_less_than_two_micrometres_is_for_the_table(said: Any) -> None
 
 
 def test_a_plain_change_is_said_while_nobody_knows_how_far_the_machine_wanders(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trend, "_drift", lambda k, i, *_, alarms=True: None if alarms else k.followed.names[i])
+    monkeypatch.setattr(trend, "drift_of", lambda k, i, *_, alarms=True: None if alarms else k.followed.names[i])
     followed = SimpleNamespace(machine=range(20), names=NAMES, wander=np.full(20, 1e-6), selection=SimpleNamespace(label=str))
     known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
     tonight = np.zeros(20)

@@ -10,7 +10,7 @@ from support.answers import answered
 
 from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.nightly.words import headline, message
-from tango_cnc.report.faults import alarm as shown
+from tango_cnc.report.alarm import alarm as shown
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say

@@ -126,7 +126,7 @@ def test_pages_show_the_alarm_of_the_old_name_and_what_to_do(renamed: Path, path
 
 
 @pytest.mark.long
-def test_the_first_night_under_a_new_name_says_so(root: Path, tmp_path: Path) -> None:
+def test_every_night_under_a_new_name_says_what_waits_under_the_old_one(root: Path, tmp_path: Path) -> None:
     from tango_cnc.commands._simulated_nights import Story, nights
     from tango_cnc.files import read_cell, read_world
     from tango_cnc.files.nightly import Nightly
@@ -138,6 +138,14 @@ def test_the_first_night_under_a_new_name_says_so(root: Path, tmp_path: Path) ->
         old = night("OLD 5", 0, "changed", cell=str(folder))
         history.add_night(old | {"alarms": [knock(old["night"])]})
         settings = Nightly(diagnose=False)
-        ((record, _),) = nights(mine, read_world(folder / "world.yaml"), history, 1, 3, Story(), settings)
-    assert "under this name" in record["headline"]
-    assert "nights of OLD 5 in this history are of this cell: 1" in message(record, (), ())[1]
+        played = nights(mine, read_world(folder / "world.yaml"), history, 3, 3, Story(), settings)
+        record, _ = next(played)
+        assert "under this name" in record["headline"]
+        assert "nights of OLD 5 in this history are of this cell: 1" in message(record, (), ())[1]
+        record, _ = next(played)
+        assert "nothing has changed" in record["headline"] and "alarms under its former name wait" in record["headline"]
+        assert "former name OLD 5 that nobody has closed: 1" in message(record, (), ())[1]
+        (alarm,) = history.open_alarms("OLD 5")
+        history.decide("OLD 5", Decision(alarm["id"], "accept", "Ann"))
+        record, _ = next(played)
+        assert "former" not in record["headline"] and "OLD 5" not in message(record, (), ())[1]

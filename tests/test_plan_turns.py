@@ -14,6 +14,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from support.blockcell import HALF, block, cell, machine, positions
 from support.distances import Body, distance
 from support.few import every
@@ -248,3 +250,42 @@ def test_which_point_of_its_line_a_rotary_axis_states_does_not_matter(height: fl
     poses = [{"A": 20.0, "C": 0.0}, {"A": -40.0, "C": 90.0}]
     near, far = (plan(cell(machine("wCXfYZA(S)t", {"C": (0.0, 0.0, z)}), block(), poses)) for z in (-40.0, height))
     np.testing.assert_allclose([turn.after for turn in near.turns], [turn.after for turn in far.turns], atol=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_sphere_that_a_table_sweeps_is_as_small_as_two_axes_and_a_middle_allow(seed: int) -> None:
+    """Its centre is on the axis that turns all, next to the other; of one axis alone halfway between the ends of its load."""
+    rng = np.random.default_rng(seed)
+    axis, place, far = _unit(rng), rng.uniform(-300, 300, 3), float(rng.uniform(-900, 900))
+    balls = rng.uniform(-200, 200, (5, 3)), rng.uniform(0, 40, 5)
+    one = _tilted(machine("wCXfYZ(S)t"), {"C": (axis, place)})
+    centre, radius = sweep.sphere(one, ("C",), np.zeros(len(one.names)), balls)
+    ends = (balls[0] - place) @ axis
+    middle = place + (np.min(ends - balls[1]) + np.max(ends + balls[1])) / 2 * axis
+    np.testing.assert_allclose(centre, middle, atol=1e-6)
+    assert radius == pytest.approx(np.max(np.linalg.norm(balls[0] - middle, axis=1) + balls[1]))
+
+    other, beside = _unit(rng), rng.uniform(-300, 300, 3)
+    found = []
+    for moved in (0.0, far):  # which points of their lines machine.yaml states does not matter
+        two = _tilted(machine("wCAYfXZ(S)t"), {"A": (axis, place + moved * axis), "C": (other, beside - moved * other)})
+        found.append(sweep.sphere(two, ("A", "C"), np.zeros(len(two.names)), balls))
+    np.testing.assert_allclose(found[0][0], found[1][0], atol=1e-4)
+    assert found[0][1] == pytest.approx(found[1][1], abs=1e-4)
+    apart = abs((beside - place) @ np.cross(axis, other)) / np.linalg.norm(np.cross(axis, other))
+    assert abs((found[0][0] - place) @ axis) == pytest.approx(np.linalg.norm(found[0][0] - place), abs=1e-6), "on the first axis"
+    assert np.linalg.norm(np.cross(found[0][0] - beside, other)) == pytest.approx(apart, abs=1e-4), "nowhere nearer to the other"
+
+
+def _unit(rng: np.random.Generator) -> Array:
+    direction = rng.normal(size=3)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _tilted(base: Machine, lines: dict[str, tuple[Array, Array]]) -> Machine:
+    """machine, {axis: unit vector, point mm} → these axes along these lines."""
+    axes = (
+        replace(a, direction=tuple(lines[a.name][0].tolist()), point=tuple(lines[a.name][1].tolist())) if a.name in lines else a
+        for a in base.axes
+    )
+    return replace(base, axes=tuple(axes))

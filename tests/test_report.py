@@ -26,8 +26,9 @@ from tango_cnc.records import Cell, InputError, Readings
 from tango_cnc.report import page
 from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
+from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
-from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather, verdict
+from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather
 from tango_cnc.report.may import may
 from tango_cnc.report.svg import Frame, Mark, Series, chart, ticks
 from tango_cnc.report.terminal import summary

@@ -16,7 +16,7 @@ from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
-from ..texts import say
+from ..texts import joined, say
 from ._common import cell_option, controller_of, json_option, write_json
 from ._shop import headlines, note_simulated, of_shop
 
@@ -275,6 +275,10 @@ def _status(
         unfinished = [stamp for stamp, _ in disk.unfinished()]
         alarms = history.open_alarms(name, today=f"{datetime.now().astimezone():%Y-%m-%d}") if nights else ()
         record = history.night(newest.entry).record if newest else {}
+        told = {a["id"]: a for a in record.get("standing") or ()}
+        alarms = tuple(
+            {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}} if a["id"] in told else a for a in alarms
+        )
         repaired = [d for d in history.decisions(name) if d.action == "repaired" and d.utc >= newest.end_utc] if newest else []
         said = headlines(history, nights)
         standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
@@ -306,7 +310,10 @@ def _status(
             click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {' '.join(t.of(text).split())}")
         for alarm in alarms:
             command = answer(alarm["id"], str(folder), where)
-            click.echo("  " + t("cli.nightly.open_alarm", id=alarm["id"], text=alarm["text"], command=command))
+            click.echo(
+                "  "
+                + t("cli.nightly.open_alarm", id=alarm["id"], text=joined("; ", (alarm["text"], alarm.get("now"))), command=command)
+            )
         for stamp in waiting:
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:

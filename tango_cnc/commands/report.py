@@ -24,10 +24,11 @@ from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
+from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import jumps_of
 from ..report.days import local_day
-from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather, verdict
+from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown

@@ -25,7 +25,17 @@ def dump(data: Any) -> str:
 
 
 def write_text(file: Path, text: str, encoding: str = "utf-8") -> None:
-    """text, encoding → file, durable and never half written: a temporary file in the same folder takes its place."""
+    """text, encoding → file, durable and never half written: a temporary file in the same folder takes its place.
+
+    Raises OSError with the name of the file: a disk that is full does not say what was written.
+    """
+    try:
+        _replaced(file, text, encoding)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(file)) from error
+
+
+def _replaced(file: Path, text: str, encoding: str) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=f".{file.name}.")
     try:

@@ -22,6 +22,7 @@ class Control(Dialogue):
     def __init__(self, job: Job) -> None:
         """job → nothing known yet."""
         self._job, self._given = job, 0
+        self._ready = False  # what a reset would undo has been set, and where the axes stand is known
         self._axes: tuple[str, ...] = ("X", "Y", "Z")
         self._unit = 1.0
         self._offset: dict[str, float] = {}
@@ -107,7 +108,7 @@ class Control(Dialogue):
             if answer.startswith("ALARM:"):
                 raise Stop(f"the control is in alarm: {answer} ({ALARMS.get(answer[6:], 'see its list of alarms')})")
             if answer.lower().startswith("grbl"):
-                if self._given:
+                if self._ready:
                     raise Stop(f"the control has been reset: {answer}")
                 found, answer = [], (yield line)
                 continue

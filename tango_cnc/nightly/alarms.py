@@ -376,10 +376,13 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
+    size = float(alarm["size"])
+    if (whole := (alarm.get("ignored") or {}).get("total")) is not None:  # its text says how far it is in all
+        change, size = change + float(whole) - size, float(whole)
     spread = math.hypot(now["std"], then["std"])
     told = value(change, now["unit"], spread)
-    slack = max(3 * spread, 0.25 * abs(alarm["size"]))
-    if abs(change - alarm["size"]) < slack:
+    slack = max(3 * spread, 0.25 * abs(size))
+    if abs(change - size) < slack:
         return say(f"night.alarms.{'confirmed' if kind == 'full' and now.get('seen') else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 

@@ -35,12 +35,15 @@ from ..state.filter import as_numbers, matched, restored, sigma_of
 from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
-from . import answered, parts
+from . import again, answered, parts
 from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
+from .behind import behind
 from .control import COVER, Given, InControl, limited
+from .course import ALIKE
 from .doubt import Judged, attempted, believed
+from .drift import as_alarm
 from .ports import Measured, Past
-from .trend import ALIKE, SLOPE, as_alarm, behind, drift, looking_ahead, slopes
+from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
 
 LEARNED_FROM = 60  # nights
@@ -246,6 +249,7 @@ class Nights:
             alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
             alarms, ignored = answered.split(past, machine, known, after, alarms, day)
+            alarms = again.after_a_repair(past, machine, alarms)
         quiet = judged.believed and not (first or alarm or repaired)
         gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
         parts_have = replace(after, mean=after.mean - gone)
@@ -268,6 +272,7 @@ class Nights:
         waiting = standing(past, machine, day, found, kind, self.happened)
         waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
         silent = unheard(past, machine, day, found, kind)
+        alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:

@@ -227,8 +227,8 @@ def _added(world: Ports, stamp: str) -> bool:
 
 
 def _before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
-    """→ date of the last night that measured, and a sentence on each night since that did not; of a machine without a night what
-    its cell has under another name.
+    """→ date of the last night that measured, and a sentence on each night since that did not; what its cell has under another
+    name, of a machine that has nights only as long as an alarm there has no answer.
     """
     if not world.past.knows(machine):
         renamed = [f.told(machine, True) for f in formers(world.past, machine, Path(cell))] if cell else []
@@ -243,6 +243,8 @@ def _before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
     found: dict[str, Any] = {} if last is None else {"last_measured": last.night}
     known = world.past.latest_knowledge(machine)
     found |= {} if known is None else {"last_carried": known[0].night}
+    waiting = [f.told(machine, False) for f in formers(world.past, machine, Path(cell)) if f.alarms] if cell else []
+    found |= {"former": waiting} if waiting else {}
     return found | ({"unmeasured": [f"{n.night}: {n.headline}" for n in reversed(gone)]} if gone else {})
 
 

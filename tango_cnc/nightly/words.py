@@ -134,7 +134,8 @@ def headline(record: Mapping[str, Any]) -> str:
     told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
     first_time = (record.get("change") or {}).get("p_value") is None
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
-    return joined("", (first_word if first_time else nothing, part, told, gap))
+    old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""
+    return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
 
 
 def _unheard(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .answer import Answer, answer
+from .checks import limits_of, verdict
 from .days import day
-from .facts import Facts, effects, limits_of, verdict
+from .facts import Facts, effects
 from .plain import amount, length
 from .texts import Texts
 from .units import shown

@@ -12,10 +12,11 @@ from markupsafe import Markup
 
 from ..records import InputError, Machine
 from . import svg
+from .alarm import alarm, sentence, whole_sentence
 from .answer import Answer, answer, measuring
 from .compensated import after, held
 from .days import day, ended
-from .faults import alarm, answered, begun, faults, sentence, settled, still_open, whole_sentence
+from .faults import answered, begun, faults, settled, still_open
 from .look import looks
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop, value_text

@@ -6,7 +6,8 @@ import textwrap
 
 from .answer import LEVELS
 from .characters import SIGNS, bar, colored, width
-from .facts import Facts, verdict
+from .checks import verdict
+from .facts import Facts
 from .may import may
 from .page import parameters, sentence
 from .texts import texts

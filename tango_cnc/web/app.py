@@ -26,8 +26,8 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
+from ..report.alarm import sentence
 from ..report.days import at, day
-from ..report.faults import sentence
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units

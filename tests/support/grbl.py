@@ -4,8 +4,10 @@ from tango_cnc.link._client import Ended, Failed, Job
 from tango_cnc.link.protocols.grbl import Client
 
 
-def driven(made, one, until=None, arrives=lambda line: line, text="", **options):
-    """plan, control, line after which the PC dies, what arrives of a line, program, options → events, every line that was sent."""
+def driven(made, one, until=None, arrives=lambda line: line, text="", before=lambda sent: (), **options):
+    """plan, control, line after which the PC dies, what arrives of a line, program, lines before an answer, options
+    → events, every line that was sent.
+    """
     numbers = tuple(touch.number for touch in made.touches)
     client = Client(Job(made, text, "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
     events, sent = [], []
@@ -17,5 +19,6 @@ def driven(made, one, until=None, arrives=lambda line: line, text="", **options)
             one.line(asked.strip())
             break
         answer = one.report() if asked == "?" else one.line(arrives(asked.strip()))
+        answer = [*before(sent), *answer]
         events += client.receive("".join(f"{line}\r\n" for line in answer).encode("ascii"))
     return events, sent

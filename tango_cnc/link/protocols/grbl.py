@@ -124,6 +124,7 @@ class Client(Control):
             yield from self._able()
         yield from self._modes("G21 G90 G94 M5", self._plain)
         yield from self._where(start=True)
+        self._ready = True
         self._goal = dict(self._at)
         yield from self._clear()
         self._events.append(Begun(self._job.mark, len(self._job.numbers)))

@@ -14,8 +14,9 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
+from ...report.alarm import sentence, size_of
 from ...report.days import at
-from ...report.faults import earlier, sentence, size_of, still_open
+from ...report.faults import earlier, still_open
 from ...report.plain import plain
 from ..app import State, machine_of, needs, page, proven, state_of
 from .fleet import answer_of, faults_of, made_up

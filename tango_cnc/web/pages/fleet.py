@@ -10,9 +10,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ...report.alarm import sentence, whole_sentence
 from ...report.answer import Answer, answer, measuring
 from ...report.days import day
-from ...report.faults import answered, earlier, faults, sentence, settled, still_open, unclosed, whole_sentence
+from ...report.faults import answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly

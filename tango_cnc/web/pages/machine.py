@@ -14,10 +14,11 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
+from ...report.alarm import sentence
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
-from ...report.faults import earlier, sentence, unclosed
+from ...report.faults import earlier, unclosed
 from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, of_shop, shortened

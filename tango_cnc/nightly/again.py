@@ -1,0 +1,54 @@
+"""An alarm of tonight beside older ones of its parameter: what was repaired and comes back, what goes on step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..history import Decision
+from ..report.texts import texts
+from ..texts import say
+from .alarms import own_of
+from .moved import found_by
+from .ports import Past
+from .words import is_gone
+
+
+def after_a_repair(past: Past, machine: str, alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """history, machine, alarms of tonight → the same; what moves again as it did before its last repair says so (`again`)."""
+    if not alarms or not past.knows(machine):
+        return list(alarms)
+    last = {d.alarm: d for d in past.decisions(machine)}
+    closed = [key for key, d in last.items() if d.action in ("accept", "repaired")]
+    older = [(last[key], a) for key, (_, a) in found_by(past, machine, closed).items()]
+    return [_again(a, older) for a in alarms]
+
+
+def _again(alarm: dict[str, Any], older: Sequence[tuple[Decision, Mapping[str, Any]]]) -> dict[str, Any]:
+    same = [(d, a) for d, a in older if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
+    if not same or alarm.get("repair") or alarm.get("undoes"):
+        return alarm
+    d, a = max(same, key=lambda one: one[0].utc)
+    if d.action != "repaired" or not float(a["size"]) * float(alarm["size"]) > 0:  # accepted since, or the other way
+        return alarm
+    told = {"owner": d.owner, "date": d.utc[:10]}
+    do = say("night.comes_back.repaired_do", do=alarm["do"], **told)
+    return alarm | {
+        "text": say("night.comes_back.repaired", text=alarm["text"], **told),
+        "do": do,
+        "again": {"alarm": d.alarm, **told},
+    }
+
+
+def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm of tonight, those of earlier nights that nobody has closed, what is known → the same.
+
+    Where an older one of its parameter went the same way and is still there, what to do is what is to be done about a drift: a
+    new location would be wrong tomorrow.
+    """
+    same = [a for a in older if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) and not is_gone(a["now"])]
+    if own_of(parameters, alarm["parameter"]) is None or alarm.get("repair"):  # a length has no way
+        return alarm
+    if not any(float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0 for a in same):
+        return alarm
+    return alarm | {"do": texts()("night.drift_do", name=alarm["parameter"])}

@@ -1,0 +1,72 @@
+"""What stands behind a crossed limit: the change of the last month that brought the volume there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..records import Array
+from ..report.texts import texts
+from ..state import State
+from .alarms import Known, effect_of
+from .course import cause_of, only
+from .drift import drift_of
+from .words import value
+
+MONTH = 30  # nights that what stands behind a limit is looked for over
+
+
+def behind(
+    k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: Mapping[str, Any], gone: Array | None = None
+) -> dict[str, Any] | None:
+    """what is known, records newest first, state after tonight, limit that is crossed → the parameter that stands behind it.
+
+    `gone`: (p,) what the control takes away from parts, so that it does not stand behind anything.
+
+    Against the first of the last `MONTH` nights that kept the limit: what has moved most since, by what it does to the volume, and
+    the last night on which it had not. Where no night kept it, the parameter that does most, and no date.
+    """
+    known = [r for r in records[:MONTH] if r.get("parameters") and r.get("state")]
+    kept = [r for r in known if any(x["what"] == limit["what"] and x["passed"] is not False for x in r.get("limits") or ())]
+    share: list[tuple[float, int, float, float]] = []
+    for i in k.followed.machine:
+        name = k.followed.selection.label(k.followed.names[i])
+        then = kept[-1]["parameters"].get(name) if kept else {"value": 0.0 if gone is None else float(gone[i]), "std": 0.0}
+        if limit["what"] not in ("volume", name) or then is None:
+            continue
+        size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
+        if abs(size) > 3 * std:
+            share.append((k.worst(only(k, int(i), size)), int(i), size, std))
+    if not share:
+        return None
+    worst, i, size, std = max(share)
+    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
+    told = {"what": limit["what"], "parameter": name, "unit": unit}
+    if not kept:
+        _, on_part, _ = effect_of(k, cause_of(k, i), name, size, unit, only(k, i, size))
+        text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
+        return (
+            told
+            | {"text": text, "since": "", "rate_per_day": None, "size": size, "std": std, "on_part": on_part}
+            | {"do": texts()("night.most_do")}
+        )
+    begun = kept[-1]["parameters"][name]
+    still = [
+        r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
+    ]
+    found = drift_of(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after, 0.0, 0.0, known)
+    later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
+    again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
+    return told | {
+        **{"cause": cause_of(k, i), "confirmed": again[-1] if again else None},
+        **{
+            "text": found.text,
+            "since": found.since,
+            "rate_per_day": found.rate_per_day if found.steady else None,
+            "size": found.size,
+            "std": found.std,
+        },
+        **{"on_part": found.on_part, "do": found.do},
+    }

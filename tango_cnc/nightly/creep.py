@@ -1,0 +1,112 @@
+"""Steps from night to night that go one way: a sentence of the morning, and never an alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy import special
+
+from ..records import Array
+from ..state import State
+from ..state.naming import SCALES
+from .alarms import Known
+from .course import (
+    ALIKE,
+    Place,
+    alone_or_alike,
+    followed,
+    moved_since,
+    name_of,
+    names_of,
+    now_of,
+    only,
+    places_of,
+    told,
+)
+from .drift import LEAST, TOLD, Drift, drift_of, limited
+from .lookback import drifting
+
+WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
+SLOW = 12  # measured nights that the likelihood needs before it distinguishes a slow drift from a wander
+CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
+
+
+def creeping(
+    k: Known,
+    records: Sequence[Mapping[str, Any]],
+    after: State,
+    limits: Sequence[Mapping[str, Any]] = (),
+    gone: Array | None = None,
+) -> Drift | None:
+    """what is known, records newest first, state after tonight, limits, what the control takes away → the parameter that goes one
+    way night after night, surest first.
+
+    What wanders goes as often one way as the other, however fast it is thought to wander: Student's t of the steps a day, all
+    parameters and windows paid for. Looks back to the last alarm about that parameter. None where it may be chance, and where it
+    does less than `LEAST` and comes to no limit within a year.
+    """
+    tried = 0
+    best: tuple[float, float, Place, int] = (CREEPS, 0.0, -1, 0)
+    back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
+    for i in followed(k):
+        day, values = _course(k, i, after, back)
+        for nights in (n for n in WINDOWS if n <= len(day)):
+            steps = np.diff(values[:nights]) / np.diff(day[:nights])
+            sigmas = abs(steps.mean()) / max(float(steps.std(ddof=1)) / np.sqrt(len(steps)), 1e-15)
+            tried += 1
+            chance = 2 * float(special.stdtr(len(steps) - 1, -sigmas))
+            if (chance, sigmas) < best[:2]:
+                best = (chance, float(sigmas), i, nights)
+    chance, sigmas, i, nights = best
+    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after)) is not None:
+        tried, (chance, sigmas, i, nights) = len(followed(k)), slow
+    if i == -1 or tried * chance > CREEPS:
+        return None
+    record = back[nights - 2]
+    i = alone_or_alike(k, i, record, after)
+    size, std = moved_since(k, i, record, after)
+    if abs(size) < TOLD * std:
+        return None
+    found = drift_of(k, i, record, size, std, after, sigmas, tried * chance, back, alarms=False)
+    if k.worst(only(k, i, size)) >= LEAST:
+        return found
+    return found if limits and limited(k, found, after, limits, gone).nights is not None else None
+
+
+def _slow(k: Known, back: Sequence[Mapping[str, Any]], after: State) -> tuple[float, float, Place, int] | None:
+    """what is known, measured nights newest first, state after tonight → what has gone farthest one way against its wander, by
+    maximum likelihood over all nights: chance, standard deviations, parameter, nights. It costs more than steps that are counted,
+    so it is asked only of what stands out.
+    """
+    found = []
+    for i in followed(k):
+        nights = len(_course(k, i, after, back)[0])
+        if nights < SLOW:
+            continue
+        size, std = moved_since(k, i, back[nights - 2], after)
+        if abs(size) < TOLD * std:
+            continue
+        own = {
+            n: {"value": v[0], "std": v[1]} for n, j in zip(names_of(k, i), places_of(i), strict=True) if (v := now_of(j, after))
+        }
+        tonight = {"parameters": own, "state": {"day": after.day}, "alarms": []}
+        rates = dict(zip(k.followed.names, after.rates, strict=False))
+        found.append((drifting([*back[: nights - 1][::-1], tonight], name_of(k, i), rates), abs(size) / std, i, nights))
+    return min(found, key=lambda one: one[:2], default=None)
+
+
+def _course(k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
+    """what is known, a parameter, state after tonight, measured nights newest first → (m,) days, (m,) values, back to its last
+    alarm or repair.
+    """
+    days, values, names = [after.day], [now_of(i, after)[0]], names_of(k, i)
+    for r in back:
+        if any(name not in r["parameters"] for name in names) or not r["state"]["day"] < days[-1]:
+            break
+        days.append(float(r["state"]["day"]))
+        values.append(float(np.mean([r["parameters"][name]["value"] for name in names])))
+        if told(r, *names, *((ALIKE,) if names[0] in SCALES else ())):
+            break
+    return np.array(days), np.array(values)

@@ -1,0 +1,153 @@
+"""One alarm as the pages tell it: what has changed, what it does to a part, what to do, who has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..records import Machine
+from ..texts import Said, instead
+from .days import day, days_between, local_day
+from .plain import office, plain, shop
+from .texts import Texts, texts
+from .units import Units
+from .words import named
+
+
+def size_of(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
+    if a.get("on_part_um") is not None:
+        return abs(float(a["on_part_um"]))
+    return abs(float(a.get("size") or 0.0)) * (1e3 if a.get("unit") == "mm" else 3e5)
+
+
+def alarm(
+    a: Mapping[str, Any],
+    decision: Any,
+    u: Units,
+    t: Texts,
+    machine: Machine | None = None,
+    record: Mapping[str, Any] | None = None,
+    today: str = "",
+) -> dict[str, Any]:
+    """alarm of a record, its decision, units, texts, chain of axes, record, date → what a page shows of it."""
+    raw = a.get("text") or ""
+    size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
+    owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
+    told = {**a, "night": asked}
+    part = _part(told, u, t)
+    return {
+        **a,
+        "raw_text": raw,
+        "id": str(a.get("id") or ""),
+        "text": whole_sentence(sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units())),
+        "recorded": sentence(t.of(raw), u),
+        "night": asked,
+        "first": asked,  # date of the first night on which it was seen
+        "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
+        "cause_key": str(a.get("cause") or ""),
+        "begun": str(a.get("since") or ""),
+        "amount": "" if " ± " in raw else size,  # for the engineer, where the sentence does not say it already
+        "on_part": sentence(plain(part, u, t, machine), Units()),
+        "raw_part": part,
+        "whole": "",
+        "todo": shop(sentence(plain(_todo(a, u, t), u, t, machine), Units()), t),
+        "office": office(_todo(a, u, t), t),
+        "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
+        "owner": owner,
+        "nobody": not owner and decision is None,
+        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
+        "decision": decision,
+        "drifts": False,
+        "gone": False,
+        "ids": [str(a["id"])] if a.get("id") and decision is None else [],
+        "held": [],
+        "decided": "" if decision is None else t(f"decision.{decision.action}"),
+    }
+
+
+def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
+    """owner, decision, date on which an answer was asked for or '', date, texts → who has it, as a sentence."""
+    if decision is not None:
+        told = t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
+        told += t("morning.has_since", date=day(local_day(decision.utc), t)) if decision.utc else ""
+        return f"{told} {t('morning.has_until', date=day(decision.until, t))}" if decision.until else told
+    if not owner:
+        return t("morning.nobody")
+    if not asked:
+        return t("morning.call", owner=owner)
+    days = days_between(asked, today)
+    if days < 1:
+        return t("morning.asked", owner=owner)
+    return t("morning.asked_since", owner=owner, date=day(asked, t), days=days)
+
+
+def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:
+    """alarm, its sentence, texts → the sentence with one date: of the night that found it where the one before was without it."""
+    since = str(a.get("since") or "")
+    if not since:
+        return raw
+    told = instead(raw, "last night", since)
+    return instead(told, since, since_when(a, t)) if _at_once(a) else told
+
+
+def _at_once(a: Mapping[str, Any]) -> bool:
+    """alarm with its night → whether it came from one night to the next, so that its night says since when."""
+    return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
+
+
+def since_when(a: Mapping[str, Any], t: Texts) -> str:
+    """alarm with its night, texts → since when, in words."""
+    return t("morning.found", date=day(a["night"], t)) if _at_once(a) else day(a.get("since"), t)
+
+
+def sentence(text: Any, u: Units) -> str:
+    """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
+    found = u.sentence(str(text or ""))
+    return found[:1].upper() + found[1:]
+
+
+def whole_sentence(text: str) -> str:
+    """sentence → the same with its full stop; nothing stays nothing."""
+    return text if not text or text.endswith((".", "?", "!", "…")) else f"{text}."
+
+
+def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
+    """→ what to do; no full measurement is asked for where one has found the cause again."""
+    own = _told(a, "do", u, t)
+    key = "confirmed.square" if own in (t("part.square_do"), texts()("part.square_do")) else f"confirmed.{a.get('cause')}"
+    drifts = a.get("rate_per_day") and a.get("steady", True)  # who was at the machine that night has not made it
+    return t(key) if a.get("confirmed") and key in t and not drifts else own
+
+
+def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:
+    """alarm with its night → what it means for a part: it speaks of the change, also where an old record states the whole error."""
+    own = a.get("on_part")
+    key = f"{own.key.removesuffix('_since')}_since" if isinstance(own, Said) else ""
+    if not a.get("since") or key not in t or not isinstance(own, Said):
+        return _told(a, "on_part", u, t)
+    whole = (a.get("ignored") or {}).get("since")  # its effect is that of all since before what somebody ignores
+    return t(key, **{**own.values, "since": day(whole, t) if whole else since_when(a, t)})
+
+
+def _told(a: Mapping[str, Any], member: str, u: Units, t: Texts) -> str:
+    """→ the shop's text where the record has the program's own; what the record says otherwise."""
+    key, effect = f"cause.{a.get('cause')}.{member}", f"{float(a.get('on_part_um') or 0.0):.1f} µm"
+    own = str(a.get(member) or "")
+    return t(key, effect=effect) if key in t and own == texts()(key, effect=effect) else t.of(a.get(member) or "")
+
+
+def _named(key: str, name: Any, t: Texts) -> str:
+    """key of its text, name of a cause or of what is followed, texts → its word."""
+    return t(key, name=str(name).partition(" ")[2]) if key in t else t.of(name or "").replace("_", " ")
+
+
+def _amount(a: Mapping[str, Any], u: Units) -> str:
+    """→ '+20.3 ± 0.5 µm'; without ± where no uncertainty is on record."""
+    if not a.get("size"):
+        return ""
+    factor, unit = u.coefficient(str(a.get("unit") or "mm"))
+    value, std = float(a["size"]) * factor, abs(float(a.get("std") or 0.0) * factor)
+    decimals = 0 if std >= 10 else 1 if std >= 0.095 or not std else 2
+    number = f"{value:+.{decimals}f}".replace("-", "−")
+    return f"{number} ± {std:.{decimals}f} {unit}" if std else f"{number} {unit}"

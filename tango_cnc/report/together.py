@@ -1,0 +1,144 @@
+"""Alarms that belong together: those of one parameter are one fault, told with how far it has come by now."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..records import Machine
+from ..texts import Said
+from .alarm import sentence, since_when, whole_sentence
+from .compensated import born, broken, last_written
+from .days import day
+from .plain import amount, office, plain, shop, signed
+from .texts import Texts
+from .units import Units, shown
+from .words import moved, spoken
+
+CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
+WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
+KNOCK = 3.0  # times what a drift makes a day, from which one night is a knock on top of it
+SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
+
+
+def closed(a: Mapping[str, Any]) -> bool:
+    """alarm → whether somebody has accepted or repaired it."""
+    return a["decision"] is not None and a["decision"].action in CLOSED
+
+
+def together(
+    alarms: Sequence[dict[str, Any]],
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+    events: Sequence[Any],
+    repaired: Sequence[str],
+    known_of: str,
+) -> list[dict[str, Any]]:
+    """alarms, what happened to compensations, moments of repairs, date of the last night that measured → one for each parameter,
+    with all that has come together since the oldest of them; what a compensation has settled is apart from what came after it.
+    """
+    groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
+    for a in alarms:
+        groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled")), _on_a_drift(a, alarms)), []).append(a)
+    found, written = [], last_written(events)
+    for (parameter, settled, knocked), same in groups.items():
+        same.sort(key=_moment)
+        first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
+        own, every = sizes[0], sum(sizes)
+        if first.get("total") is not None and not knocked:
+            knocks = groups.get((parameter, settled, True), ())
+            every = float(first["total"]) - sum(float(a["size"]) for a in knocks if _moment(a) > _moment(first))
+        drifts = any(a.get("rate_per_day") for a in same) or _one_way(same, events, repaired)
+        open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
+        first = first | {"begun": min(open_since, default=first["begun"])}
+        first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
+        first |= {"held": [a["id"] for a in same if a["decision"] is not None and not closed(a)]}
+        first |= {"gone": _gone(same) and not drifts}
+        if first["gone"]:
+            first |= _gone_back(first, own, every, u, t)
+        elif (
+            own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
+        ):
+            first |= _whole(first, own, every, drifts, len(same), u, t, machine)
+            if drifts and written and written >= str(same[-1]["night"]):
+                first["todo"] = t("morning.drift_written_do", date=day(written, t))
+        elif first["older"] and first.get("now"):
+            now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
+            first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
+        elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
+            first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
+        unanswered = next((a for a in same if a["decision"] is None), None)
+        found.append(
+            first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
+        )
+    return found
+
+
+def _confirmed_on(now: str, night: str, t: Texts) -> str:
+    """what the last night that measured says of an alarm, its date → the same; what "tonight" has confirmed is dated."""
+    if isinstance(now, Said) and now.key == "night.alarms.confirmed" and night:
+        return t("morning.confirmed_on", told=now.values["told"], date=day(night, t))
+    return now
+
+
+def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
+    """alarms of a parameter, oldest first → whether it is back where it was before the oldest of them."""
+    if same[0]["older"] and isinstance(now := same[0].get("now"), Said) and now.key == "night.alarms.gone_again_left":
+        return True
+    return any((a.get("undoes") or {}).get("alarm") == same[0]["id"] for a in same)
+
+
+def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: Texts) -> dict[str, Any]:
+    """oldest alarm of a parameter that has gone back, its size, what is left → sentence, effect, advice."""
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
+    told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
+    told |= {"office": office(t("night.gone_do"), t)}
+    part = t("morning.gone_part", date=day(first["first"], t)) if first["on_part"] else ""
+    return told | {"on_part": part}
+
+
+def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bool:
+    """alarm, all alarms → whether it is a knock on a parameter that drifts: far more in one night than the drift makes in one."""
+    same = [x for x in alarms if x.get("rate_per_day") and x.get("steady", True) and x.get("parameter") == a.get("parameter")]
+    rates = [abs(float(x["rate_per_day"])) for x in same]
+    return bool(rates) and not a.get("rate_per_day") and abs(float(a.get("size") or 0.0)) > KNOCK * max(rates)
+
+
+def _moment(a: Mapping[str, Any]) -> str:
+    """alarm with its night → when it was found: its moment where that is on record, else its date."""
+    return str(a.get("utc") or a["night"])
+
+
+def _one_way(same: Sequence[Mapping[str, Any]], events: Sequence[Any], repaired: Sequence[str]) -> bool:
+    """alarms of a parameter, oldest first → whether it moved several times the same way by itself.
+
+    What a compensation moved is no step of the machine; where one was written or taken out, or somebody repaired, between two
+    steps, they are two stories.
+    """
+    steps = [a for a in same if born(a) is None]
+    sizes = [float(a.get("size") or 0.0) for a in steps]
+    if len(steps) < 2 or not (min(sizes) > 0 or max(sizes) < 0):
+        return False
+    return not broken(events, repaired, _moment(steps[0]), _moment(steps[-1]))
+
+
+def _whole(
+    first: Mapping[str, Any], own: float, every: float, drifts: bool, steps: int, u: Units, t: Texts, machine: Machine | None
+) -> dict[str, Any]:
+    """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    size = signed(every * factor, unit, u, t)
+    text = moved(str(first["parameter"]), size, since_when({**first, "night": first["first"]}, t), t)
+    whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
+    if drifts:
+        whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
+        whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
+    if first.get("on_part_um") is not None:
+        small = float(first["on_part_um"])
+        counted = float((first.get("ignored") or {}).get("total") or own)  # what its effect on a part is of
+        large = abs(small * (counted + every - own) / counted)
+        effect = str(first["raw_part"]).replace(f"{small:.1f} µm", f"{large:.1f} µm", 1)
+        whole |= {"on_part_um": large, "on_part": sentence(plain(effect, u, t, machine), Units())}
+    return whole
