@@ -53,6 +53,11 @@ def _spelt(option: click.Parameter) -> str:
     return max(option.opts, key=len)
 
 
+def _each(value: Any) -> tuple[Any, ...]:
+    """value of an option → it, or each of those of an option that may be given several times."""
+    return value if isinstance(value, tuple) else (value,)
+
+
 def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
     """function of a command → the same; it is not called where an output is a file that the command reads, or another output."""
 
@@ -67,7 +72,7 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
             (_spelt(o), o.type, Path(path))
             for o in options
             if isinstance(o.type, click.Path) and o.name is not None
-            for path in (given.get(o.name) if getattr(o, "multiple", False) else (given.get(o.name),)) or ()
+            for path in _each(given.get(o.name))
             if path not in (None, "-")
         ]
         for what, kind, file in files:
