@@ -12,6 +12,7 @@ from support import blind, judge, trials, workshop
 from tango_cnc.diagnose import FREE, Diagnosis, diagnose
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
+from tango_cnc.diagnose._changing import unsteady
 from tango_cnc.diagnose._contest import Field, contest
 from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._rows import Rows
@@ -70,6 +71,20 @@ def test_a_name_says_by_how_much_it_beats_the_shapes(apart: float, above: float 
     outcome = contest(field_of([(name + apart * other)[:, None]]), name + rng.normal(size=TOUCHES), [], [one])
     assert bool(outcome.named) == (above is not None)
     assert outcome.above == ({} if above is None else {id(one): pytest.approx(above, abs=0.05)})
+
+
+@pytest.mark.parametrize(("grows", "named", "told"), [(0.0, True, False), (0.75, True, True), (2.0, False, True)])
+def test_a_name_whose_size_may_change_stays_and_does_not_explain_everything(grows: float, named: bool, told: bool) -> None:
+    """The name is taken away only where a size that changes is likelier than one size by 20 and more."""
+    rng = np.random.default_rng(11)
+    pattern, u = rng.normal(size=TOUCHES), np.linspace(-1, 1, TOUCHES)
+    one = Chosen(Candidate("chip", {}, pattern[:, None]), pattern[:, None], 12.0)
+    setting = {"like": "chip", "name": one.candidate, "covariate": "facet × time"}
+    own = scaled(Kernel(None, "shape", pattern[:, None] * np.column_stack([np.ones(TOUCHES), u, u**2]), setting=setting))
+    field = Field([own], np.eye(TOUCHES), np.ones(TOUCHES), cast(Rows, SimpleNamespace(seen=None)))
+    y = 0.7 * pattern * (1 + grows * u) + rng.normal(size=TOUCHES)
+    assert bool(contest(field, y, [], [one]).named) == named
+    assert unsteady(field, y, [], [one], []) == [(one, "facet × time")] * told
 
 
 def found(machine: str, kind: str, peak: float, seed: int) -> Diagnosis:
