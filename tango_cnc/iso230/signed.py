@@ -63,7 +63,8 @@ class Sheet:
     budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
     expected: float | None = None  # mm, scatter of a touch that the budget allows for
     unseen: tuple[str, ...] = ()  # sentences: which harmonics of rotary axes these touches do not tell
-    whole: Whole | None = None  # the machine that the figures were read off, budget in it, expansion not
+    whole: Whole | None = None  # the machine that decides what is withheld, budget in it, expansion not
+    learned: Whole | None = None  # machines that are possible, of which values and intervals are, likewise
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -106,7 +107,8 @@ def signed(
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     beside = machine.unseen.said(wide.touches)
     tried, by = machine.tried, machine.left_out
-    return Sheet(figures, at, sigma, freedom, state, tried, by, order, thermal, budget, machine.expected, beside, machine.wide)
+    both = (machine.wide, learned)
+    return Sheet(figures, at, sigma, freedom, state, tried, by, order, thermal, budget, machine.expected, beside, *both)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
