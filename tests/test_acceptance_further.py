@@ -24,6 +24,7 @@ from tango_cnc.iso230.signed import Budget, Sheet, signed
 from tango_cnc.iso230.temperature import USUAL, Known, Thermal, scale
 from tango_cnc.nc import features
 from tango_cnc.nc.follow import Setup
+from tango_cnc.nc.predict import touched_of
 from tango_cnc.records import InputError, World
 
 AT_TWENTY = Thermal(Known(20.0, 0.02), Known(20.0, 0.02), Known(11.5e-6, 0.1e-6), Known(11.5e-6, 0.1e-6))
@@ -68,6 +69,27 @@ def test_features_of_a_part_lie_within_their_intervals_or_are_withheld(tmp_path:
     assert stated + withheld == 22
     assert stated >= 5
     assert within >= 0.8 * stated
+
+
+@pytest.mark.long
+def test_a_part_is_told_by_machines_that_are_possible(tmp_path: Path) -> None:
+    """As figures of a volume are. Before, values and intervals rested on sizes that no machine has, and were far off and wide."""
+    cell, _ = example("trunnion")
+    file = tmp_path / "f.yaml"
+    file.write_text(checks(), encoding="utf-8")
+    wanted, setup, (_, _, sheet) = features.read(file), Setup(cell.machine, ZERO, LENGTH), machine(100)
+    assert sheet.whole is not None
+    known, wide = known_of(sheet, setup), known_of(sheet, setup, wide=True)
+    assert known.drawn is not None and sheet.learned is not None and sheet.learned.draws is not None
+    assert known.drawn.shape[1] == sheet.learned.draws.shape[1]
+    assert np.abs(known.draws(640) - known.draws(640, seed=2)).max() == 0.0  # machines, and no numbers beside them
+    found, open_to = (
+        of_part(wanted, setup, known, {}, sheet),
+        features.predict(wanted, setup, wide, {}, touched_of(sheet.whole.touches)),
+    )
+    stated = [(f.interval[1] - f.interval[0], w.high - w.low) for f, w in zip(found, open_to, strict=True) if f.interval]
+    assert len(stated) >= 3
+    assert np.median([own / under_wide for own, under_wide in stated]) < 0.9
 
 
 @pytest.mark.long

@@ -7,11 +7,12 @@ from typing import cast
 
 import numpy as np
 import pytest
-from support import blind, judge, trials, workshop
+from support import annex, blind, judge, trials, workshop
 
 from tango_cnc.diagnose import FREE, Diagnosis, diagnose
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
+from tango_cnc.diagnose._changing import unsteady
 from tango_cnc.diagnose._contest import Field, contest
 from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._rows import Rows
@@ -72,6 +73,20 @@ def test_a_name_says_by_how_much_it_beats_the_shapes(apart: float, above: float 
     assert outcome.above == ({} if above is None else {id(one): pytest.approx(above, abs=0.05)})
 
 
+@pytest.mark.parametrize(("grows", "named", "told"), [(0.0, True, False), (0.75, True, True), (2.0, False, True)])
+def test_a_name_whose_size_may_change_stays_and_does_not_explain_everything(grows: float, named: bool, told: bool) -> None:
+    """The name is taken away only where a size that changes is likelier than one size by 20 and more."""
+    rng = np.random.default_rng(11)
+    pattern, u = rng.normal(size=TOUCHES), np.linspace(-1, 1, TOUCHES)
+    one = Chosen(Candidate("chip", {}, pattern[:, None]), pattern[:, None], 12.0)
+    setting = {"like": "chip", "name": one.candidate, "covariate": "facet × time"}
+    own = scaled(Kernel(None, "shape", pattern[:, None] * np.column_stack([np.ones(TOUCHES), u, u**2]), setting=setting))
+    field = Field([own], np.eye(TOUCHES), np.ones(TOUCHES), cast(Rows, SimpleNamespace(seen=None)))
+    y = 0.7 * pattern * (1 + grows * u) + rng.normal(size=TOUCHES)
+    assert bool(contest(field, y, [], [one]).named) == named
+    assert unsteady(field, y, [], [one], []) == [(one, "facet × time")] * told
+
+
 def found(machine: str, kind: str, peak: float, seed: int) -> Diagnosis:
     """machine, kind of the workshop, visible peak mm, seed → diagnosis."""
     s = trials.stage(machine)
@@ -85,6 +100,16 @@ def test_waves_that_grow_along_their_axis_only_resemble_waves() -> None:
     assert d.verdict == "unexplained" and not d.findings
     assert [(r.covariate, r.shape, r.confirm) for r in d.unexplained] == [("Y", "changing", "cyclic_error")]
     assert "looks like cyclic_error, but not with one size: with position of Y it changes" in " ".join(as_text(d).split())
+
+
+@pytest.mark.long
+def test_what_the_tilt_loads_follows_the_tilt_and_not_the_path_to_it() -> None:
+    """The plan goes through the angles of A in their order, so its path is nearly as large as the load."""
+    s = trials.stage("trunnion")
+    _, early, _ = judge.hidden("trunnion", "loaded_bearing", 0.005, 98009050, annex.KINDS)
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
+    assert d.verdict == "unexplained" and not d.findings
+    assert [(r.covariate, r.shape, r.confirm) for r in d.unexplained] == [("C × A", "changing", "rotary_radial")]
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ import pytest
 
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
-from tango_cnc.diagnose._contest import Field, contest
+from tango_cnc.diagnose._contest import ALONE, MARGIN, SURE, Field, contest
 from tango_cnc.diagnose._names import once
 from tango_cnc.diagnose._rows import Rows
 from tango_cnc.diagnose._smooth import Kernel, scaled
@@ -60,3 +60,17 @@ def test_what_lies_on_three_facets_is_one_thing_and_no_three_chips(facets: str, 
     chips = [Chosen(Candidate("chip", {"facet": f, "at": 100}, patterns[:, i]), patterns[:, i], 12.0) for i, f in enumerate(facets)]
     step = Chosen(Candidate("step", {"at": 100, "frame": "machine"}, patterns[:, 0]), patterns[:, 0], 12.0)
     assert [c.candidate.cause for c in once([*chips, step])] == ["chip"] * left + ["step"]
+
+
+@pytest.mark.parametrize(("size", "least", "most"), [(0.36, np.inf, np.inf), (0.42, MARGIN, ALONE), (0.55, ALONE, SURE)])
+def test_a_name_stands_where_it_is_strongly_better_than_a_shape_and_tells_by_how_much(
+    size: float, least: float, most: float
+) -> None:
+    rng = np.random.default_rng(8)
+    pattern, other, noise = rng.normal(size=(3, TOUCHES))
+    shape = (0.9 * pattern + 0.45 * other)[:, None]
+    field = Field([scaled(Kernel(None, "shape", shape))], np.eye(TOUCHES), np.ones(TOUCHES), cast(Rows, SimpleNamespace(seen=None)))
+    name = Chosen(Candidate("step", {}, pattern[:, None]), pattern[:, None], 12.0)
+    outcome = contest(field, size * pattern + noise, [], [name])
+    assert bool(outcome.named) == (least < np.inf)
+    assert all(least < above < most for above in outcome.above.values()) and len(outcome.above) == len(outcome.named)

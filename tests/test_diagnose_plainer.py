@@ -151,3 +151,21 @@ def test_a_name_beside_another_that_does_nearly_as_well_is_undecided() -> None:
     assert (left.shape, left.rivals) == ("undecided", ("rotary_radial",))
     assert "gravity_sag does best, and nearly as well does rotary_radial" in unexplained(left)
     assert "time together with position of Z, with an evidence of 12 less" in nearly(("time × Z", 12.2))
+
+
+@pytest.mark.parametrize(
+    ("less", "several", "told"), [(9.0, False, True), (12.0, False, False), (12.0, True, True), (21.0, True, False)]
+)
+def test_a_name_that_a_shape_comes_near_is_one_of_both_and_beside_another_name_it_has_to_be_sure(
+    less: float, several: bool, told: bool
+) -> None:
+    size = cast(Any, type("Size", (), {"amplitude": 0.003}))
+    blank: Any = dict.fromkeys(Finding.__dataclass_fields__)
+    one = Finding(**{**blank, "cause": "step", "size": size, "alternatives": (), "nearest": ("time × Z", less)})
+    left = _undecided([one], 393, [several])
+    assert [(r.shape, r.covariate, r.confirm) for r in left] == [("near", "time × Z", "step")] * told
+    for r in left:
+        assert unexplained(r).startswith(
+            "step explains these touches, but they cannot distinguish it from a shape without a name, which"
+        )
+        assert "time together with position of Z" in unexplained(r)

@@ -11,12 +11,16 @@ from scipy import linalg
 
 from tango_cnc.acceptance import sheet as acceptance
 from tango_cnc.cli import guarded, tango
+from tango_cnc.files import read_cell
 from tango_cnc.iso230 import ranges, sizes
 from tango_cnc.iso230.interval import of_drawn
 from tango_cnc.iso230.signed import OnPart, Sheet, signed
+from tango_cnc.kinematics import Slot
+from tango_cnc.terms import Coefficient
 from tests.support.iso_coverage import measured
 from tests.support.iso_every import FIRST, Every, Large
 
+EXAMPLE = Path(__file__).parents[1] / "examples" / "hu40t"
 Known = tuple[Sheet, OnPart, float]
 
 
@@ -75,6 +79,32 @@ def test_what_nobody_sees_is_as_uncertain_as_its_size_is() -> None:
     assert 0.008 < (high - low) / 2 < 0.06
     tail = np.quantile(np.abs(drawn[6:]), 0.99) / np.quantile(np.abs(drawn[6:]), 0.68)
     assert tail > 4  # of a normal distribution 2.6
+
+
+def test_a_low_degree_that_nobody_sees_is_taken_for_larger_than_the_high_ones() -> None:
+    """Nine tilts fall with their degree, as those of smooth guides do, and no touch shows degree 1: one size for all degrees took
+    it for the mean of them all. Then volumes missed the truth.
+    """
+    rng = np.random.default_rng(5)
+    kinds = {9 * (d - 1) + m: ("series", True, False, d) for d in range(1, 7) for m in range(9)}
+    matrix = rng.normal(size=(200, 54))
+    matrix[:, :9] = 0.0
+    true = 0.02 * rng.normal(size=54) / np.array([kinds[j][3] for j in range(54)])
+    gaps = -matrix @ true + 0.001 * rng.normal(size=200)
+    empty = np.zeros((54, 54))
+    touched = sizes._Touched(gaps, matrix, matrix.T @ matrix, matrix.T @ gaps, empty, empty[0])
+    drawn, _, _ = sizes._chain(touched, sizes._Shares(kinds, [f"motion {j % 9}" for j in range(54)]), 0.001)
+    low, high = np.quantile(drawn[:9], [0.16, 0.84])
+    assert 0.012 < (high - low) / 2 < 0.06
+    assert np.std(drawn[9:], axis=1).max() < 2e-4  # what is seen is as the touches say
+
+
+def test_a_slope_that_touches_cannot_tell_from_a_location_shares_no_size() -> None:
+    """Its size would draw squareness towards 0, and it says nothing of how large other motions are."""
+    machine = read_cell(EXAMPLE).machine
+    slots = {"EYX.P1": Slot("X", "intra", 1), "EYX.P2": Slot("X", "intra", 1), "EAX.P1": Slot("X", "intra", 3)}
+    kinds = {n: sizes._kind(Coefficient(n, "mm", slot, lambda touches: touches.axis("X")), machine, 0) for n, slot in slots.items()}
+    assert kinds == {"EYX.P1": None, "EYX.P2": ("series", True, True, 2), "EAX.P1": ("series", True, False, 1)}
 
 
 @pytest.mark.long

@@ -46,6 +46,15 @@ def test_orientation_that_no_touch_shows_is_withheld_with_its_reason() -> None:
 
 
 @pytest.mark.long
+def test_orientation_that_two_styli_show_is_given_and_holds() -> None:
+    """Turns of three axes are summed, and were withheld beyond the limit of one. ECY and ECZ stay open, and VC with them."""
+    found = [row for seed in range(SEED, SEED + 4) for row in figures("hu40t", seed, 60.0) if row[0].name in ("VA", "VB", "VC")]
+    given = [(f, true) for f, true in found if f.interval is not None]
+    assert {f.name for f, _ in given} == {"VA", "VB"} and len(given) >= 7
+    assert np.mean([f.interval[0] <= true <= f.interval[1] for f, true in given if f.interval]) >= 0.75  # 8 of them, 95 % asked
+
+
+@pytest.mark.long
 def test_places_without_a_scale_are_withheld() -> None:
     assert all(f.value is None for f, _ in figures("split", SEED, 60.0) if f.name in PLACES)
 

@@ -321,6 +321,10 @@ def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say
     assert not half.believed and "taken by themselves the touches would say: t" in half.reasons
     left = believed(Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
     assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
+    one = believed(
+        Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]}, [], False
+    )
+    assert one.verdict == "trustworthy" and one.believed  # a name or a shape: one of both explains every touch
     knocked = believed(Judged("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
     assert knocked.believed and knocked.verdict == "trustworthy"
 

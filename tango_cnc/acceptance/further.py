@@ -67,9 +67,12 @@ def _beside(result: Estimate, sheet: Sheet) -> Array:
     return np.asarray(sum((m @ m.T for m in moved), np.zeros((p, p))))
 
 
-def known_of(sheet: Sheet, setup: Setup) -> Known:
-    """figures, set-up of a part → every error motion of the machine with its covariance, budget and expansion in it."""
-    whole = sheet.whole
+def known_of(sheet: Sheet, setup: Setup, wide: bool = False) -> Known:
+    """figures, set-up of a part, whether under the wide sizes → every error motion of the machine, budget and expansion in it.
+
+    Under the wide sizes it tells what the touches leave open; otherwise the machines that they leave possible are drawn.
+    """
+    whole = sheet.whole if wide else sheet.learned
     if whole is None:
         raise TangoError("accept: the figures were made without the machine behind them, so no part can be predicted")
     machine = setup.machine
@@ -77,14 +80,18 @@ def known_of(sheet: Sheet, setup: Setup) -> Known:
     own, _ = all_steady(whole.coefficients, poses)
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
+    drawn = None if whole.draws is None else whole.draws[own] - values[:, None]
     if sheet.thermal is not None and sheet.temperature != "not stated":
         more, axes = scale(sheet.thermal, sheet.temperature.startswith("20 °C")), machine.linear
         p, k = len(values), len(axes)
-        wide = np.zeros((p + k, p + k))
-        wide[:p, :p], wide[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
-        coefficients += stretches(machine)
-        values, covariance = np.concatenate([values, np.full(k, more.value)]), wide
-    return Known(coefficients, values, covariance)
+        stretched = np.zeros((p + k, p + k))
+        stretched[:p, :p], stretched[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
+        coefficients, covariance = coefficients + stretches(machine), stretched
+        values = np.concatenate([values, np.full(k, more.value)])
+        if drawn is not None:
+            both = more.std * np.random.default_rng(2309).standard_normal(drawn.shape[1])
+            drawn = np.vstack([drawn, np.tile(both, (k, 1))])
+    return Known(coefficients, values, covariance, drawn=drawn)
 
 
 def _some(touches: Touches) -> Touches:
@@ -101,17 +108,15 @@ def of_part(
     Raises InputError for blocks that the program does not have.
     """
     assert sheet.whole is not None
-    normal = float(special.ndtri(0.5 + COVERAGE / 2))
-    wider = float(special.stdtrit(sheet.freedom, 0.5 + COVERAGE / 2)) / normal
-    touched = touched_of(sheet.whole.touches)
+    normal, touched = float(special.ndtri(0.5 + COVERAGE / 2)), touched_of(sheet.whole.touches)
+    left = features.predict(wanted, setup, known_of(sheet, setup, wide=True), labels, touched)
     found = []
-    for f in features.predict(wanted, setup, known, labels, touched):
-        low, high = f.value - wider * (f.value - f.low), f.value + wider * (f.high - f.value)
-        figure = OnPart(PART, f.name, "µm", f.value, (low, high), None, f.kind)
+    for f, open_to in zip(features.predict(wanted, setup, known, labels, touched), left, strict=True):
+        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, f.kind)
         why = ""
         if f.extrapolated:
             why = "an axis is beyond what was touched, so the machine was not measured there"
-        elif (std := (high - low) / 2 / normal / wider) > UNDECIDED["µm"]:
+        elif (std := (open_to.high - open_to.low) / 2 / normal) > UNDECIDED["µm"]:
             why = f"these touches do not decide it: its standard deviation would be {std:.0f} µm"
         elif f.kind in ("distance", "position") and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"

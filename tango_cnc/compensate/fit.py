@@ -34,6 +34,7 @@ class Known:
     values: Array  # (p,)
     covariance: Array  # (p, p)
     freedom: float | None = None  # degrees of freedom of the scatter behind it; None: it is known
+    drawn: Array | None = None  # (p, d) deviations of machines that are possible; None: the covariance is all that is known
 
     def acting(self, touches: Touches, values: Array | None = None) -> dict[kinematics.Slot, Array]:
         """touches → error at every slot."""
@@ -60,6 +61,9 @@ class Known:
 
     def draws(self, count: int, seed: int = 1) -> Array:
         """n → (p, n) deviations from the estimate, as uncertain as it is."""
+        if self.drawn is not None:
+            some = np.arange(count) % self.drawn.shape[1]
+            return np.asarray(self.drawn[:, some])
         return np.asarray(self.root @ np.random.default_rng(seed).normal(size=(len(self.values), count)))
 
 

@@ -23,8 +23,8 @@ from ..touches import Misnamed, from_readings, misnamed
 from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
 from ._candidates import candidate
 from ._catalogue import STRONG, Chosen, columns_of
-from ._changing import over
-from ._contest import SURE, Field, Outcome, contest, largest
+from ._changing import over, unsteady
+from ._contest import ALONE, SURE, Field, Outcome, contest, largest
 from ._explain import Explanation
 from ._look import explained, kernels, tried
 from ._moments import Moment
@@ -265,7 +265,8 @@ def _told(
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
     weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
     left = [p.kernel.covariate for p in outcome.shapes]
-    left = left or [r.covariate for r in (resting(accepted, outcome) if weak else ())]
+    if weak and len(accepted) > 1:  # one of them may follow what another one leaves; of one alone, the verdict tells
+        left = left or [r.covariate for r in resting(accepted, outcome)]
     weak = [c for c in weak if any(akin(c.candidate, covariate) for covariate in left)]
     if weak:
         why |= {id(c): "rest" for c in weak}
@@ -336,7 +337,13 @@ def _told(
     if accepted and not remains and _scatter.uneven(scatter):
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     if not remains:
-        remains += _undecided(findings, n)
+        remains += _undecided(
+            findings, n, [any(o is not c and akin(c.candidate, over(o.candidate)) for o in accepted) for c in accepted]
+        )
+    if not remains:
+        for c, covariate in unsteady(field, found.place.y, alone, accepted, outcome.picked):
+            about = sizes[id(c)].amplitude, 0.0, np.zeros(n)
+            remains.append(Remainder(covariate, "none", "near", *about, confirm=c.candidate.cause))
     verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
     return Diagnosis(
         verdict,
@@ -361,15 +368,19 @@ def _told(
     )
 
 
-def _undecided(findings: Sequence[Finding], n: int) -> list[Remainder]:
-    """what is named, number of rows → of which of these another cause does nearly as well: that one of them is there explains
-    the touches, and not what it is.
+def _undecided(findings: Sequence[Finding], n: int, akin_to: Sequence[bool] = ()) -> list[Remainder]:
+    """what is named, number of rows, whether another name follows what the first of them do → of which of these another cause, or
+    a shape, does nearly as well: that one of them is there explains the touches, and not what it is.
+
+    A name may follow what another one leaves that only resembles what is there: names of one covariate have to be sure.
     """
     found = []
-    for f in findings:
+    for i, f in enumerate(findings):
         near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
         if near:
             found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
+        if f.nearest is not None and f.nearest[1] < (SURE if any(akin_to[i : i + 1]) else ALONE):
+            found.append(Remainder(f.nearest[0], "none", "near", f.size.amplitude, 0.0, np.zeros(n), confirm=f.cause))
     return found
 
 

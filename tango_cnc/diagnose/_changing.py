@@ -6,7 +6,7 @@ each name competes with itself, with a size that is a slow function of everythin
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -16,9 +16,12 @@ from ..records import Array
 from ..terms._shape import values
 from ..touches import Touches
 from ._candidates import Candidate, candidate
-from ._catalogue import Chosen
+from ._catalogue import STRONG, Chosen
+from ._contest import CHANGES, Field, Picked, begin, price, score, whiten
+from ._names import discounts
 from ._rows import Rows
 from ._smooth import HALF, Kernel, moves, scaled
+from ._space import orthonormal
 
 SLOW = 2  # functions of what the size depends on
 FOLLOWS = {  # of a cause whose setting does not tell
@@ -33,7 +36,7 @@ FOLLOWS = {  # of a cause whose setting does not tell
 }
 
 
-def changing(means: Rows, names: Sequence[Chosen], slow: Mapping[str, Array]) -> list[Kernel]:
+def changing(means: Rows, names: Sequence[Chosen], slow: Sequence[tuple[str, Array]]) -> list[Kernel]:
     """rows, names that were found, slow functions → shapes: each name with a size that depends on one more thing.
 
     Two of one cause that differ in a number only, such as waves of nearly one period, may be one between them that grows.
@@ -44,13 +47,38 @@ def changing(means: Rows, names: Sequence[Chosen], slow: Mapping[str, Array]) ->
     for like, name in alone:
         own = candidate(means.whole, like.cause, like.setting).columns
         own = own / np.maximum(np.sqrt(np.mean(own**2, axis=0)), 1e-300)
-        for by, functions in slow.items():
+        for by, functions in slow:
             if by == like.setting.get("axis") and by in means.whole.machine.rotary:
                 continue  # two orders of one axis are two names
             columns = (own[:, :, None] * functions[:, None, :]).reshape(len(own), -1)
             covariate = dict.fromkeys((over(like), by))
             setting = {"name": name, "like": like.cause, "covariate": " × ".join(covariate)}
             found.append(scaled(Kernel(None, "shape", means.of(columns), setting=setting)))
+    return found
+
+
+def unsteady(
+    field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chosen], noises: Sequence[Picked]
+) -> list[tuple[Chosen, str]]:
+    """field, data (m,), single touches that are set aside, names that stand, noises beside them → names for which there is strong
+    evidence of a size that changes, and the covariates that they follow then.
+
+    To take the name away asks for `CHANGES`. Less is no proof against it, and none that it explains everything.
+    """
+    found = []
+    m, cheaper = len(y), discounts(y, [*fixed, *names], names)
+    for c in names:
+        own = [i for i, k in enumerate(field.kernels) if k.setting.get("name") is c.candidate]
+        if not own or c.candidate.learned:
+            continue
+        s = begin(field, y, np.hstack([np.empty((m, 0)), *(o.columns for o in (*fixed, *names) if o is not c)]))
+        for p in noises:
+            s = whiten(s, p.kernel, p.columns, s.seen(p.columns), p.tau, p.score)
+        q = orthonormal(s.seen(c.columns))
+        one = -m * float(np.log(max(1 - float(np.sum((q.T @ s.y) ** 2) / (s.y @ s.y)), 1e-9))) - c.price + cheaper[id(c)]
+        each = [score(s.y, field.of(i, s.columns))[0] - price(field, m, field.kernels[i]) + CHANGES for i in own]
+        if max(each) > one + STRONG:
+            found.append((c, field.kernels[own[int(np.argmax(each))]].covariate))
     return found
 
 
@@ -76,9 +104,13 @@ def over(c: Candidate) -> str:
     return "facet" if "facet" in setting else place
 
 
-def slow(touches: Touches) -> dict[str, Array]:
-    """touches → covariate: 1 and slow functions of it, (n, k)."""
-    found: dict[str, Array] = {}
+def slow(touches: Touches) -> list[tuple[str, Array]]:
+    """touches → covariates, each with 1 and slow functions of it, (n, k).
+
+    A rotary axis comes with as few functions as the others have, too, those of a load that is alike to both sides: where the plan
+    goes through its angles in their order, its path or the time would be likelier only because they have fewer.
+    """
+    found: list[tuple[str, Array]] = []
     machine = touches.machine
     known = values(touches)
     one = np.ones(len(touches))
@@ -86,13 +118,14 @@ def slow(touches: Touches) -> dict[str, Array]:
         if name.startswith(("facet", "place", "normal", "probe")) or not moves(touches, name, v):
             continue
         if len(name) == 2 and name[0] == "d":
-            found[name] = np.column_stack([one, np.sign(v)])
+            found.append((name, np.column_stack([one, np.sign(v)])))
         elif name in machine.rotary and np.ptp(v) > HALF:
             # A load may be as large to either side: the second order follows it.
-            found[name] = np.column_stack([one, np.cos(v), np.sin(v), np.cos(2 * v) / 2, np.sin(2 * v) / 2])
+            even = [one, np.cos(v), np.cos(2 * v) / 2]
+            found += [(name, np.column_stack(f)) for f in (even, [*even, np.sin(v), np.sin(2 * v) / 2])]
         else:
-            found[name] = np.polynomial.legendre.legvander(2 * (v - v.min()) / np.ptp(v) - 1, SLOW)
+            found.append((name, np.polynomial.legendre.legvander(2 * (v - v.min()) / np.ptp(v) - 1, SLOW)))
     return found
 
 
-__all__ = ["changing", "over", "slow"]
+__all__ = ["changing", "over", "slow", "unsteady"]

@@ -25,13 +25,13 @@ from ._space import orthonormal
 
 TAUS = tuple(np.geomspace(0.01, 1000.0, 11))  # variance of a shape at a touch over that of the noise
 MOST = 6  # shapes that are added
-ROUND = 1e-7
 NEAR = 60  # shapes that are compared again in every subset
 FOLLOW = 250  # shapes that are compared after the first one was chosen
 ABSORBED = 0.5  # part of the pattern of a name that shapes beside it could take: it is a part of them
-MARGIN = 10.0  # evidence by which names must beat shapes: very strong (Kass & Raftery 1995)
+MARGIN = 6.0  # evidence by which names must beat shapes: strong (Kass & Raftery 1995)
+ALONE = 10.0  # and by which a name explains the touches, and not one of both, and by which several must: very strong
 CHANGES = 20.0  # evidence that a name's own size changes: it is the name itself, and more, so less of it proves nothing
-SURE = 20.0  # and where something is left beside them, of which they may be a part
+SURE = 20.0  # and where something is left beside them, of which they may be a part, or where there are several
 
 
 class Field:
@@ -153,7 +153,7 @@ def scores(field: Field, s: State) -> tuple[Array, Array]:
 def whiten(s: State, kernel: Kernel, columns: Array, own: Array, tau: float, score: float) -> State:
     """state, a shape with its features as the model and as the state leaves them, τ → state with it in the covariance."""
     u, d, _ = np.linalg.svd(own, full_matrices=False)
-    keep = d > ROUND * max(float(d[0]), 1e-300)
+    keep = d > 1e-7 * max(float(d[0]), 1e-300)
     u, d = u[:, keep], d[keep]
     amount = 1 - 1 / np.sqrt(1 + tau * d**2)
     y = s.y - u @ ((amount if s.y.ndim == 1 else amount[:, None]) * (u.T @ s.y))
@@ -357,7 +357,7 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     while kept:
         order = list(kept)
         without = [of([c for c in kept if c is not old], away=[old]) for old in kept]
-        margins = [margin if not c.candidate.learned else 0.0 for c in kept]
+        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if margin > 0 and len(kept) > 1 else margin for c in kept]
         above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes) and only_shapes + min(margins) > value:
             kept, picked, apart = [], shapes, beyond
@@ -388,8 +388,8 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     }
     lost = tuple(c for c in names if c not in kept)
     apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
-    resembled = tuple(c for c in lost if c not in smaller)
     needless = tuple(c for c in fixed if c not in apart)
+    resembled = tuple(c for c in lost if c not in smaller)
     return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes, nearest, best)
 
 
@@ -447,4 +447,4 @@ def _columns(m: int, chosen: Sequence[Chosen]) -> Array:
     return np.hstack([c.columns for c in chosen]) if chosen else np.empty((m, 0))
 
 
-__all__ = ["Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]
+__all__ = ["ALONE", "SURE", "Field", "Outcome", "Picked", "contest", "evidence", "largest", "needed", "refinement", "shortlist"]

@@ -49,7 +49,7 @@ class Tried:
 
     candidates: Sequence[Candidate]
     kernels: Sequence[Kernel]
-    slow: Mapping[str, Array]  # functions that the size of a name may follow
+    slow: Sequence[tuple[str, Array]]  # functions that the size of a name may follow
 
 
 def tried(before: Estimate, means: Rows, excluded: Collection[str], learned: Sequence[Mapping[str, Any]] = ()) -> Tried:

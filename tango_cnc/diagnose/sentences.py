@@ -204,6 +204,8 @@ def unexplained(r: Remainder) -> str:
         return say("diagnosis_said.name_whose_size_changes", cause=r.confirm, covariate=where, spread=size, also=_instead(r))
     if r.shape == "undecided":
         return say("diagnosis_said.one_of_several_causes", cause=r.confirm, others=", ".join(r.rivals))
+    if r.shape == "near":
+        return say("diagnosis_said.cause_or_shape", cause=r.confirm, covariate=covariate(r.covariate))
     if r.shape == "unsure":
         return say("diagnosis_said.something_like_a_name", cause=r.confirm, spread=spread(r.amplitude, 0.0))
     if r.shape == "no pattern":

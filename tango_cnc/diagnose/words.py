@@ -270,7 +270,7 @@ def _headline(d: Diagnosis) -> str:
     if d.verdict == "explained":
         return f"explained: {_count(len(d.findings), 'cause')}; {fall}, noise {d.noise * 1e3:.2f} µm"
     named = f"{_count(len(d.findings), 'cause')} found, but " if d.findings else ""
-    if all(r.shape == "undecided" for r in d.unexplained):
+    if all(r.shape in ("undecided", "near") for r in d.unexplained):
         return f"unexplained: {named}these touches cannot tell which; {fall}, noise {d.noise * 1e3:.2f} µm"
     return f"unexplained: {named}structure remains that no cause explains; {fall}, noise {d.noise * 1e3:.2f} µm"
 

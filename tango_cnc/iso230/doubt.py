@@ -1,9 +1,9 @@
 """What is withheld: figures that the touches leave undecided, with the error motions that they cannot be separated from.
 
 Every error motion carries a width before the touches are looked at, far wider than any machine in service (`whole`), and nothing
-that is given may rest on it. A position over a volume sums the errors of all linear axes, and may be as uncertain as all three.
+that is given may rest on it. A volume sums the errors of all linear axes, and may be as uncertain as all three, place or turn.
 A volume is judged at the usual order: a bow of degree 5 of 100 µm is in no machine, and would withhold it wherever an axis has a
-little of it. Beyond the lengths that were touched with, a tool shows tilts that no touch has seen; there a volume has the limit of
+little of it. Beyond the lengths that were touched with, a tool shows tilts that no touch has seen; there a place has the limit of
 one axis.
 """
 
@@ -18,7 +18,7 @@ from .whole import Whole
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
-VOLUME = 3.0  # times as much of a position over a volume
+VOLUME = 3.0  # times as much of a position or an orientation over a volume
 Doubt = tuple[tuple[str, ...], str]  # error motions, and the sentence
 
 
@@ -27,7 +27,8 @@ def most(ask: Ask, w: Whole) -> float:
     machine, used = w.touches.machine, w.touches.stylus
     numbers = () if used is None or not machine.styli else np.unique(used)
     lengths = [machine.styli[int(i) - 1].length for i in numbers] or [machine.probe.length]
-    touched = ask.length is not None and ask.unit == "µm" and min(lengths) - 1e-6 <= ask.length <= max(lengths) + 1e-6
+    # how a tool turns does not depend on its length
+    touched = ask.length is not None and (ask.unit == "µrad" or min(lengths) - 1e-6 <= ask.length <= max(lengths) + 1e-6)
     return UNDECIDED[ask.unit] * (VOLUME if touched else 1.0)
 
 

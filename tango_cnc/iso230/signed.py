@@ -63,7 +63,8 @@ class Sheet:
     budget: Budget | None = None  # None: the intervals have the scatter of the touches alone
     expected: float | None = None  # mm, scatter of a touch that the budget allows for
     unseen: tuple[str, ...] = ()  # sentences: which harmonics of rotary axes these touches do not tell
-    whole: Whole | None = None  # the machine that the figures were read off, budget in it, expansion not
+    whole: Whole | None = None  # the machine that decides what is withheld, budget in it, expansion not
+    learned: Whole | None = None  # machines that are possible, of which values and intervals are, likewise
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
@@ -90,8 +91,9 @@ def signed(
     """
     machine = seen(result, budget)
     wide, learned = machine.wide, machine.learned
-    (asks, at), (drawn, _) = _asked(wide, length), _asked(learned, length)
-    usual = {(a.kind, a.name): a for a in (asks if machine.plain is wide else _asked(machine.plain, length)[0])}
+    drawn, at = _asked(learned, length)
+    asks = _fewer(drawn, learned, wide)
+    usual = {(a.kind, a.name): a for a in (asks if machine.plain is wide else _fewer(drawn, learned, machine.plain))}
     owns = {(a.kind, a.name): a for a in drawn}
     pairs = [(a, owns[a.kind, a.name]) for a in asks]
     warm = NO_CHANGE if thermal is None else scale(thermal, at_reference)
@@ -105,7 +107,8 @@ def signed(
     sigma, freedom, order = wide.sigma, wide.freedom, wide.order
     beside = machine.unseen.said(wide.touches)
     tried, by = machine.tried, machine.left_out
-    return Sheet(figures, at, sigma, freedom, state, tried, by, order, thermal, budget, machine.expected, beside, machine.wide)
+    both = (machine.wide, learned)
+    return Sheet(figures, at, sigma, freedom, state, tried, by, order, thermal, budget, machine.expected, beside, *both)
 
 
 def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]:
@@ -113,6 +116,13 @@ def _asked(w: Whole, length: float | None = None) -> tuple[list[Ask], Reference]
     over = _over(w)
     at = reference(w.touches.machine, over, length)
     return asked(w.touches.machine, w.coefficients, over, at), at
+
+
+def _fewer(asks: list[Ask], of: Whole, w: Whole) -> list[Ask]:
+    """figures, machine that they are of, one of lower order for the same touches → the same figures of that one."""
+    place = {c.name: i for i, c in enumerate(of.coefficients)}
+    own = [place[c.name] for c in w.coefficients]
+    return [replace(a, curve=a.curve[..., own]) for a in asks]
 
 
 def _over(w: Whole) -> dict[str, tuple[float, float]]:

@@ -6,8 +6,10 @@ all the noise in it, so that its range is too large. Nor may it rest on one orde
 what it lacks into the others, or into nothing, and its intervals know neither. So machines are drawn that have all orders. How
 large the motions are is drawn with them: those of a kind share a size for each degree or harmonic, each motion is larger or
 smaller than its kind, and single coefficients may stand out. One size that is only estimated would say too surely how large
-what nobody sees is. Two or three of a kind say too little of each other: gain and backlash of linear axes keep the wide size. So do
-locations: a size for them would draw every squareness towards 0.
+what nobody sees is. Curves are smooth: before the touches are looked at, the size of a kind falls as its degree or harmonic rises.
+One size for all degrees took the tilts that nobody sees for as small as bends that no machine has. Two or three of a kind say too
+little of each other: gain and backlash of linear axes keep the wide size. So do locations: a size for them would draw every
+squareness towards 0. A slope of straightness is the same to the touches as a location, and keeps the wide size with it.
 Source: hierarchical linear model by Gibbs sampling (Gelman et al., Bayesian Data Analysis, 3rd ed., 11.6 and 15; variances scaled
 inverse χ², coefficients with Student's t as a mixture of them, 17.2).
 """
@@ -15,7 +17,7 @@ inverse χ², coefficients with Student's t as a mixture of them, 17.2).
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,11 +39,13 @@ FIRST = 0.03  # of the wide size: where the chain begins
 LEAST = (1e-4, 3e-7)  # mm and rad: no motion of a real machine is smaller
 SMALLEST = 1e-5  # of the wide size: what a family is not smaller than, so that no number is lost
 LARGEST = 10.0  # times the wide size: so few touches bound none of them, and nothing is that large
+FALL = 2.0  # power by which the square of a size falls with degree or harmonic
 BEGIN, STEPS, EACH = 60, 320, 2  # steps until the chain has forgotten where it began, steps after that, machines drawn in each
+RENEW = 20  # steps with one scatter of a touch: many touches say what it is, and it hardly moves
 PARTS = 16  # of the chain: how much their means differ says how well the chain knows the mean
 DEGREE = re.compile(r".*\.P([1-9])")
 
-Kind = tuple[Hashable, ...]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
+Kind = tuple[str, bool, bool, int]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,17 @@ class _Touched:
     stated_pull: Array  # (q,)
 
 
+@dataclass(frozen=True)
+class _Beside:
+    """Equations at one scatter: k unknowns that share sizes, r that keep the wide one and are eliminated."""
+
+    precision: Array  # (k, k) of the first, whatever the others are
+    pull: Array  # (k,)
+    lower: Array  # (r, r) root of the precision of the others
+    across: Array  # (r, k) how they follow the first
+    rest_pull: Array  # (r,)
+
+
 class _Shares:
     """Which coefficients share a size, and the sizes at one step of the chain, as parts of the wide ones."""
 
@@ -68,29 +83,28 @@ class _Shares:
         self.motion = np.array([each.index(m) for m in parts], dtype=int)
         self.family = np.array([families.index(k[:3]) for k in every], dtype=int)
         self.least = np.array([LEAST[not k[2]] / WIDTH[not k[2]] for k in every]) ** 2
+        self.fall = np.array([k[3] for k in every], dtype=float) ** -FALL
         self.many = [np.bincount(of) for of in (self.kind, self.motion, self.family)]
-        self.of_family, self.of_kind = np.full(len(families), FIRST**2), np.full(len(every), FIRST**2)
+        self.of_family, self.of_kind = np.full(len(families), FIRST**2), FIRST**2 * self.fall
         self.of_motion, self.of_one = np.ones(len(each)), np.ones(len(self.own))
 
-    def variances(self, size: int) -> Array:
-        """→ (size,) of every unknown; 1 where it keeps the wide one."""
-        found = np.ones(size)
-        if len(self.own):
-            found[self.own] = np.maximum(self.of_kind, self.least)[self.kind] * self.of_one * self.of_motion[self.motion]
-        return np.minimum(found, LARGEST**2)
+    def variances(self) -> Array:
+        """→ (k,) of the unknowns `own`, which share sizes."""
+        found = np.maximum(self.of_kind, self.least)[self.kind] * self.of_one * self.of_motion[self.motion]
+        return np.asarray(np.minimum(found, LARGEST**2))
 
     def step(self, drawn: Array, rng: np.random.Generator) -> None:
-        """unknowns (q,) → sizes that are likely beside them, drawn one level after the other."""
+        """unknowns `own` (k,) → sizes that are likely beside them, drawn one level after the other."""
         if not len(self.own):
             return
-        square, chi = drawn[self.own] ** 2, rng.chisquare
+        square, chi = drawn**2, rng.chisquare
         of_kind, of_motion = self.of_kind[self.kind], self.of_motion[self.motion]
         self.of_one = (ALONE + square / (of_kind * of_motion)) / chi(ALONE + 1, len(square))
         kinds, motions, families = self.many
         self.of_motion = (MOTION + np.bincount(self.motion, square / (of_kind * self.of_one))) / chi(MOTION + motions)
         summed = np.bincount(self.kind, square / (self.of_one * self.of_motion[self.motion]))
-        self.of_kind = (DEGREES * self.of_family[self.family] + summed) / chi(DEGREES + kinds)
-        self.of_family = chi(DEGREES * families) / np.bincount(self.family, DEGREES / self.of_kind)
+        self.of_kind = (DEGREES * self.of_family[self.family] * self.fall + summed) / chi(DEGREES + kinds)
+        self.of_family = chi(DEGREES * families) / np.bincount(self.family, DEGREES * self.fall / self.of_kind)
         self.of_family = np.maximum(self.of_family, SMALLEST**2)
         for sizes in (self.of_one, self.of_motion, self.of_kind, self.of_family):
             np.minimum(sizes, LARGEST**2, out=sizes)
@@ -154,28 +168,45 @@ def learned(result: Estimate, wide: Whole) -> Whole:
 
 
 def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Array, float]:
-    """→ machines (q, d) as parts of the wide sizes, variances (q,) in the middle of the chain, scatter of a touch, mm."""
+    """→ machines (q, d) as parts of the wide sizes, variances (q,) in the middle of the chain, scatter of a touch, mm.
+
+    Unknowns that keep the wide size are drawn beside the others, and need no equations of their own until the scatter changes.
+    """
     rng = np.random.default_rng(2306)
     n, q = touched.matrix.shape
-    found, logs, scatters = [], np.zeros(q), []
+    own, rest = shares.own, np.setdiff1d(np.arange(q), shares.own)
+    found, logs, scatters = np.zeros((q, STEPS * EACH)), np.zeros(q), []
+    one, every = np.zeros((q, EACH)), np.arange(len(own))
     for i in range(BEGIN + STEPS):
-        variance = shares.variances(q)
-        root = np.sqrt(variance)
-        precision = (touched.normal / sigma**2 + touched.stated) * root * root[:, None]
-        precision.flat[:: q + 1] += 1.0
-        lower = linalg.cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
-        right = -root * (touched.pull / sigma**2 + touched.stated_pull)
-        ahead = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
-        more = ahead[:, None] + rng.standard_normal((q, EACH if i >= BEGIN else 1))
-        drawn = root[:, None] * linalg.solve_triangular(lower, more, lower=True, trans="T", check_finite=False)
+        if i % RENEW == 0:
+            if i:
+                left = touched.gaps + touched.matrix @ one[:, 0]
+                sigma = max(float(np.sqrt(left @ left / rng.chisquare(n))), FINEST)
+            beside = _beside(touched, own, rest, sigma)
+        variance = shares.variances()
+        precision = beside.precision.copy(order="F")
+        precision[every, every] += 1 / variance
+        lower, _ = linalg.cho_factor(precision, lower=True, overwrite_a=True, check_finite=False)
+        ahead = linalg.solve_triangular(lower, -beside.pull, lower=True, check_finite=False)
+        more = ahead[:, None] + rng.standard_normal((len(own), EACH))
+        one[own] = linalg.solve_triangular(lower, more, lower=True, trans="T", check_finite=False)
+        more = rng.standard_normal((len(rest), EACH)) - beside.rest_pull[:, None] - beside.across @ one[own]
+        one[rest] = linalg.solve_triangular(beside.lower, more, lower=True, trans="T", check_finite=False)
         if i >= BEGIN:
-            found.append(drawn)
-            logs += np.log(variance) / STEPS
+            found[:, (i - BEGIN) * EACH : (i - BEGIN + 1) * EACH] = one
+            logs[own] += np.log(variance) / STEPS
             scatters.append(sigma)
-        left = touched.gaps + touched.matrix @ drawn[:, 0]
-        sigma = max(float(np.sqrt(left @ left / rng.chisquare(n))), FINEST)
-        shares.step(drawn[:, 0], rng)
-    return np.hstack(found), np.exp(logs), float(np.mean(scatters))
+        shares.step(one[own, 0], rng)
+    return found, np.exp(logs), float(np.mean(scatters))
+
+
+def _beside(touched: _Touched, own: Array, rest: Array, sigma: float) -> _Beside:
+    """touches, unknowns that share sizes, unknowns that keep the wide size, scatter (mm) → equations of the first alone."""
+    full, pull = touched.normal / sigma**2 + touched.stated, touched.pull / sigma**2 + touched.stated_pull
+    lower = linalg.cholesky(full[np.ix_(rest, rest)] + np.eye(len(rest)), lower=True)
+    across = linalg.solve_triangular(lower, np.column_stack([full[np.ix_(rest, own)], pull[rest]]), lower=True)
+    across, rest_pull = across[:, :-1], across[:, -1]
+    return _Beside(full[np.ix_(own, own)] - across.T @ across, pull[own] - across.T @ rest_pull, lower, across, rest_pull)
 
 
 def _unsettled(draws: Array) -> Array:
@@ -198,4 +229,6 @@ def _kind(c: Coefficient, machine: Machine, harmonic: int) -> Kind | None:
         if linear and order == 1:
             return None
         return ("own wave" if harmonic else "own series", linear, linear, order)
+    if linear and order == 1 and c.slot.component < 3:
+        return None
     return ("wave" if harmonic else "series", linear, c.slot.component < 3, order)

@@ -98,11 +98,13 @@ def orders(result: Estimate) -> list[tuple[Whole, float]]:
     Akaike weights with the correction for few touches; what counts as fitted is what the touches decide beside the prior (Burnham
     and Anderson, Model Selection and Multimodel Inference, 2.9). Raises TangoError where too few touches are left for any.
     """
-    found = [whole(result)]
+    first, at = _fitted(result, DEGREE, ORDER)
+    found = [first]
     for degree, order in ORDERS:
         if (degree, order) != (DEGREE, ORDER):
             with suppress(TangoError):
-                found.append(whole(result, degree, order))
+                fit, at = _fitted(result, degree, order, None, at)
+                found.append(fit)
     least = min(w.criterion for w in found)
     worth = np.array([np.exp(-(w.criterion - least) / 2) for w in found])
     return sorted(zip(found, (worth / worth.sum()).tolist(), strict=True), key=lambda pair: -pair[1])
@@ -113,17 +115,20 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: f
 
     Raises TangoError where too few touches are left.
     """
+    return _fitted(result, degree, order, scatter)[0]
+
+
+def _fitted(
+    result: Estimate, degree: int, order: int, scatter: float | None = None, near: tuple[dict[str, float], float] | None = None
+) -> tuple[Whole, tuple[dict[str, float], float]]:
+    """as `whole`; every unknown by name and scatter (mm) of another order, near which this one begins → machine, its own."""
     model, p = with_all(result.model, degree, order)
     touches = model.touches
-    start = np.zeros(len(model.names))
-    place = {name: i for i, name in enumerate(model.names)}
-    for name, value in zip(result.model.names, result.values, strict=True):
-        if name in place:
-            start[place[name]] = value
+    known_there, sigma = near or (dict(zip(result.model.names, result.values.tolist(), strict=True)), result.sigma)
+    values = np.array([known_there.get(name, 0.0) for name in model.names])
     width = widths(model)
     seen = width > 0
-    n, values = len(touches), start
-    sigma = max(scatter or result.sigma, FINEST)
+    n, sigma = len(touches), max(scatter or sigma, FINEST)
     for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
         for _ in range(steps):
             gaps, jacobian = linearise(model, values)
@@ -131,13 +136,14 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: f
             matrix = np.vstack([jacobian / sigma, rows / uncertainty[:, None]])[:, seen] * width[seen]
             right = np.concatenate([gaps / sigma, offsets / uncertainty])
             normal = matrix.T @ matrix + np.eye(matrix.shape[1])
-            change = linalg.solve(normal, matrix.T @ right + values[seen] / width[seen], assume_a="pos")
+            factor = linalg.cho_factor(normal, lower=True, overwrite_a=False, check_finite=False)
+            change = linalg.cho_solve(factor, matrix.T @ right + values[seen] / width[seen], check_finite=False)
             values = values.copy()
             values[seen] -= width[seen] * change
             if change @ normal @ change < STILL**2:
                 break
         gaps = linearise(model, values)[0]
-        decided = len(normal) - float(np.trace(linalg.inv(normal)))
+        decided = len(normal) - float(np.sum(np.tril(linalg.lapack.dtrtri(factor[0], lower=1)[0]) ** 2))  # less trace of inverse
         freedom = n + len(uncertainty) - decided
         if freedom < 3:
             raise TangoError(
@@ -165,9 +171,10 @@ def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: f
     told = free > ALONE  # what is left of touches that the others say nothing of is no prediction
     left_out = float(np.sqrt(np.mean((gaps[told] / free[told]) ** 2))) if told.any() else np.nan
     covariance, own_width, of = covariance[:p, :p], width[:p], (degree, order)
-    return Whole(
+    fit = Whole(
         touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out
     )
+    return fit, (dict(zip(model.names, values.tolist(), strict=True)), sigma)
 
 
 def foreseen(selection: Selection) -> Whole:

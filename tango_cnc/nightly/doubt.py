@@ -63,10 +63,11 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     if not teaches and alarms:
         reasons.append(t("night.by_itself", text=every(alarms)))
     verdict = judged.verdict
-    known = {u.get("shape") for u in diagnosis.get("unexplained", ())} == {"undecided"}  # one of a few causes explains it all
+    left = {u.get("shape") for u in diagnosis.get("unexplained", ())}
+    known = bool(left) and left <= {"undecided", "near"}  # what is named, or what does as well, explains it all
     if teaches and diagnosis.get("verdict") == "unexplained" and not known:
-        left = next((u["text"] for u in diagnosis.get("unexplained", ())), t("night.unexplained"))
-        reasons.append(t("night.unexplained_by", what=unstopped(left)))
+        what = next((u["text"] for u in diagnosis.get("unexplained", ())), t("night.unexplained"))
+        reasons.append(t("night.unexplained_by", what=unstopped(what)))
         verdict = "doubtful"
     if not teaches and verdict == "trustworthy":
         verdict = "doubtful"
