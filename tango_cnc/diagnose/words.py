@@ -18,6 +18,7 @@ from ._size import plain
 from .sentences import advice, also, covariate, dropped, few, gain, meaning, moment, nearly, noise, said, unexplained
 
 HIDDEN = 0.1  # visibility
+ODD = 1e-3  # chance, over all covariates, below which what is left is no noise alone
 SHOWN = 8  # covariates on the terminal
 __all__ = ["as_json", "as_text", "effects", "sentence", "telling", "unexplained"]
 
@@ -264,7 +265,14 @@ def _headline(d: Diagnosis) -> str:
     rms = [float(np.sqrt(np.mean(e.residuals**2))) * 1e3 for e in (d.before, d.after)]
     fall = f"what is left of a touch falls from {rms[0]:.2f} to {rms[1]:.2f} µm rms"
     if d.verdict == "adequate":
-        return f"adequate: the model explains the touches down to their noise ({d.noise * 1e3:.2f} µm)"
+        noise = f"the model explains the touches down to their noise ({d.noise * 1e3:.2f} µm)"
+        if d.scatter.clear and d.scatter.by and any(t.p_value < ODD / len(d.tests) for t in d.tests):
+            return (
+                f"adequate, if single touches scatter unevenly by chance: {noise}, with more of it for some than for others. "
+                f"What is left depends on the {covariate(d.scatter.by)}. A few touches that were shifted look like that: measure "
+                "those again"
+            )
+        return f"adequate: {noise}"
     if d.after is d.before:
         fall = f"{rms[0]:.2f} µm rms are left of a touch"
     if d.verdict == "explained":
