@@ -73,6 +73,15 @@ def test_a_check_that_was_designed_tells_a_machine_that_changed_from_one_that_di
     data = json.loads(judged.read_text(encoding="utf-8"))
     assert data["changed"] and next(iter(data["parameters"])) == "EY0C"
     assert data["parameters"]["EY0C"]["change"] == pytest.approx(2e-3 * size, abs=4 * data["parameters"]["EY0C"]["std"])
+    # Checks right after the full run say more of what its touches are; one that finds a change is none of these.
+    again = [part for n in (4, 5) for part in ("--again", str(measured(few, world, n, tmp_path / f"again{n}.csv")))]
+    assert guarded(tango.main, [*asked, *again, "--judge", str(other), "--json", str(judged)], standalone_mode=False) == 1
+    assert json.loads(judged.read_text(encoding="utf-8"))["limit_um"] < 0.95 * data["limit_um"]
+    assert guarded(tango.main, [*asked, *again, "--judge", str(same)], standalone_mode=False) == 0
+    assert guarded(tango.main, [*asked, "--again", str(other), "--judge", str(same)], standalone_mode=False) == 2
+    assert "by which the machine has changed since the full run" in capsys.readouterr().err
+    assert guarded(tango.main, [*asked, *again, "--goal", "check", "-o", again[-1]], standalone_mode=False) == 2
+    assert "which --again names too" in capsys.readouterr().err
 
 
 def test_a_check_without_its_full_run_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -81,3 +90,5 @@ def test_a_check_without_its_full_run_is_refused(tmp_path: Path, capsys: pytest.
     file.write_text("", encoding="utf-8")
     assert guarded(tango.main, ["design", "-C", str(folder), "--judge", str(file)], standalone_mode=False) == 2
     assert "--readings of the full run" in capsys.readouterr().err
+    assert guarded(tango.main, ["design", "-C", str(folder), "--again", str(file)], standalone_mode=False) == 2
+    assert "--again: found neither a check nor its full run" in capsys.readouterr().err

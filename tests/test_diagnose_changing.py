@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from support import blind, judge, trials, workshop
+from support import annex, blind, judge, trials, workshop
 
 from tango_cnc.diagnose import FREE, Diagnosis, diagnose
 from tango_cnc.diagnose._candidates import Candidate
@@ -100,6 +100,16 @@ def test_waves_that_grow_along_their_axis_only_resemble_waves() -> None:
     assert d.verdict == "unexplained" and not d.findings
     assert [(r.covariate, r.shape, r.confirm) for r in d.unexplained] == [("Y", "changing", "cyclic_error")]
     assert "looks like cyclic_error, but not with one size: with position of Y it changes" in " ".join(as_text(d).split())
+
+
+@pytest.mark.long
+def test_what_the_tilt_loads_follows_the_tilt_and_not_the_path_to_it() -> None:
+    """The plan goes through the angles of A in their order, so its path is nearly as large as the load."""
+    s = trials.stage("trunnion")
+    _, early, _ = judge.hidden("trunnion", "loaded_bearing", 0.005, 98009050, annex.KINDS)
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, s.readings(early), s.bench.cell.terms)
+    assert d.verdict == "unexplained" and not d.findings
+    assert [(r.covariate, r.shape, r.confirm) for r in d.unexplained] == [("C × A", "changing", "rotary_radial")]
 
 
 @pytest.mark.long

@@ -133,11 +133,12 @@ def test_what_is_known_is_of_the_last_night_that_was_believed(history: History) 
         "preflight": [],
         "owner": "",
         "cell": "",
-        "limits": [],
+        "limits": [{"what": "volume", "value": 68.0, "unit": "µm", "limit": 60.0, "passed": False}],
         "planned": 74,
     }
     text = message({**told, "headline": "", "artefacts": {"folder": ""}, "machine_time_s": 1.0}, (), ())[1]
     assert f"what is known is that of {record(1)['night']}" in text and f"that of {record(2)['night']}" not in text
+    assert "68.0" not in text  # what is not believed crosses no limit
 
 
 def test_a_page_calls_nothing_known_of_a_night_in_doubt() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._design import change_text
+from tango_cnc.commands._design import _no_shorter, change_text
 from tango_cnc.commands._trust import judged
 from tango_cnc.commands.check import check
 from tango_cnc.commands.estimate import _predicting
@@ -169,6 +169,7 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(
     monkeypatch.setattr(shortest, "ENOUGH", 2)  # searches: more of them make a plan that is shorter by some percent
     found = propose.propose(designed(name, goal, minutes))
     assert to_spare(found) >= SPARE and (minutes is not None or found.seconds < 120)
+    assert minutes is not None or shortest.touches_hold(found)
     cell = found.cell
     moved = last_moves(found.plan)
     promised = check(cell, found.plan, cell.terms, 3)["expected_std"]
@@ -192,6 +193,20 @@ def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs(mo
     monkeypatch.setattr(how_long, "needed", lambda *_: 20.0)  # looked for above
     with pytest.raises(InputError, match="--minutes: found 5"):
         propose.propose(replace(ready, wish=replace(ready.wish, minutes=5.0)))
+
+
+@pytest.mark.parametrize(("worst", "spare", "holds"), [(0.03, 15, True), (0.99, 15, True), (0.99, 18, False), (0.03, 40, False)])
+def test_a_plan_is_no_shorter_for_its_touches_or_for_its_limits(
+    worst: float, spare: int, holds: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shortest, "promised", lambda found: found.value)
+    monkeypatch.setattr(shortest, "to_spare", lambda found: found.spare)
+    found = SimpleNamespace(value=worst, rows=range(50), spare=spare)
+    assert shortest.touches_hold(found) is holds  # type: ignore[arg-type]
+
+
+def test_why_a_plan_is_no_shorter_names_the_touches_that_it_needs() -> None:
+    assert "has 34 unknowns of them" in (said := _no_shorter(34, 50)) and "49 in all; this plan has 50" in said
 
 
 @pytest.mark.parametrize("begin", [20.0, 80.0, 97.0, 103.0, 130.0, 400.0])

@@ -53,6 +53,11 @@ def _spelt(option: click.Parameter) -> str:
     return max(option.opts, key=len)
 
 
+def _each(value: Any) -> tuple[Any, ...]:
+    """value of an option → it, or each of those of an option that may be given several times."""
+    return value if isinstance(value, tuple) else (value,)
+
+
 def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
     """function of a command → the same; it is not called where an output is a file that the command reads, or another output."""
 
@@ -63,15 +68,17 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
             value = given.get(option.name) if option.name is not None else None
             if isinstance(value, float) and not math.isfinite(value):
                 raise InputError(f"{_spelt(option)}: found {value}; allowed: a finite number")
-        files = {
-            _spelt(o): (o.type, Path(given[o.name]))
+        files = [
+            (_spelt(o), o.type, Path(path))
             for o in options
-            if isinstance(o.type, click.Path) and o.name is not None and given.get(o.name) not in (None, "-")
-        }
-        for what, (kind, file) in files.items():
+            if isinstance(o.type, click.Path) and o.name is not None
+            for path in _each(given.get(o.name))
+            if path not in (None, "-")
+        ]
+        for what, kind, file in files:
             if not isinstance(kind, Output):
                 continue
-            for other, (_, path) in files.items():
+            for other, _, path in files:
                 if other != what and same(file, path):
                     raise InputError(f"{what}: found {file}, which {other} names too; allowed: a file of its own for each")
             spared(what, file, given["folder"], replaces=kind.replaces)

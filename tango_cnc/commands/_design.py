@@ -23,6 +23,7 @@ from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
 from ..design.propose import Setting
 from ..design.relaxed import efficiency
+from ..design.shortest import touches_hold
 from ..duration import spoken
 from ..files.learned import FIELDS
 from ..files.write import dump
@@ -63,6 +64,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
     }
     if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
         data["left_out"] = {**asdict(without), "text": said}
+    if not ready.wish.goal.word and ready.wish.minutes is None:
+        data["no_shorter"] = _no_shorter(data["unknowns"], data["touches"]) if touches_hold(found) else None
     if others:
         data["competitors"] = {name: propose.reached(ready, phi, widens)[0] for name, phi in others.items()}
     if np.isfinite(found.bound):
@@ -111,6 +114,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         f"approach: {data['approach']}",
         f"{_means(data['goal'], value, unit)}",
     ]
+    lines += [data["no_shorter"]] if data.get("no_shorter") else []
     if not data["determined"]:
         lines.append("these touches do not determine what the goal asks for: take no number of it at its word, and allow more time")
     if data["to_spare"] is not None and data["to_spare"] < SPARE:
@@ -156,6 +160,14 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
     return "\n".join(lines)
+
+
+def _no_shorter(unknowns: int, touches: int) -> str:
+    """unknowns of the estimate, touches of the shortest plan → why it is no shorter although its limits would allow that."""
+    return (
+        f"it is no shorter because of its touches, not of its limits: 'tango estimate' has {unknowns} unknowns of them (those of "
+        f"machine, stylus and every facet) and needs {SPARE} touches more, {unknowns + SPARE} in all; this plan has {touches}"
+    )
 
 
 def _not_usual(ready: Setting, data: dict[str, Any]) -> list[str]:

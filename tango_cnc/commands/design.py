@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +13,7 @@ import numpy as np
 
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
-from ..files import read_cell, read_readings, read_terms, write_text
+from ..files import later, read_cell, read_readings, read_terms, write_text
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
@@ -65,6 +67,13 @@ class Finite(click.FloatRange):
     help="For a check: mm within which the stylus comes back to the spindle after the full run; 0: it stayed there.",
 )
 @click.option(
+    "--again",
+    type=click.Path(path_type=Path, exists=True),
+    multiple=True,
+    metavar="FILE",
+    help="For a check: readings of a check right after the full run, with the stylus still in the spindle; several are allowed.",
+)
+@click.option(
     "--judge",
     type=click.Path(path_type=Path, exists=True),
     metavar="FILE",
@@ -99,6 +108,7 @@ def command(
     within: float | None,
     readings: Path | None,
     stylus: float,
+    again: tuple[Path, ...],
     judge: Path | None,
     volume: str | None,
     compare: bool,
@@ -139,6 +149,8 @@ def command(
         degree,
         stylus,
     )
+    if again:
+        asked = _also(cell, asked[0], again), asked[1]
     if judge is not None:
         return _judge(cell, asked[0], judge, despite, json_file)
     return _design(cell, *asked, regular=regular, compare=compare, styli=styli, output=output, picture=picture, json_file=json_file)
@@ -168,6 +180,30 @@ def _before(cell: Cell, source: Path, despite: bool) -> Readings:
     readings = read_readings(source, cell.machine, cell.artefact)
     usable(judged(cell, readings, cell.terms, source=source)[1], despite, "design --readings")
     return readings
+
+
+def _also(cell: Cell, wish: Wish, again: Sequence[Path]) -> Wish:
+    """wish for a check, readings of checks right after its full run → the same, resting on all of them.
+
+    Raises InputError where one of these says that the machine was not what the full run says.
+    """
+    from ..design import propose
+    from ..design.changed import changed
+
+    if wish.before is None or wish.goal.word != "check":
+        raise InputError(
+            "--again: found neither a check nor its full run; allowed: with --readings full.csv, and --goal check or --judge"
+        )
+    ready, before = propose.setting(cell, wish), wish.before
+    for file in again:
+        run = read_readings(file, cell.machine, cell.artefact)
+        if changed(ready.problem.choice, ready.lever, wish.before, run).changed:
+            raise InputError(
+                f"--again: found {file}, by which the machine has changed since the full run; allowed: checks made before anything "
+                "changed. Make a full run, and these checks after it"
+            )
+        before = later(before, run)
+    return replace(wish, before=before)
 
 
 def _wish(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg, special
 
-from ..records import InputError, Readings
+from ..records import Array, InputError, Readings
 from ..touches import from_readings
 from .candidates import Candidates
 from .check import ALARMS, TIP, is_stylus, scatter, seen
@@ -44,10 +44,11 @@ def changed(
     check: Readings,
     alarms: float = ALARMS,
     limit: float | None = None,
+    was: Array | None = None,
 ) -> Change:
     """candidates of the check, levers, readings of the full run and of the check, false alarms → what the check says.
 
-    `limit`: mm, where it is known already (`Seen.limit`).
+    `limit`: mm, where it is known already (`Seen.limit`). `was`: so is what the full run says (`measured.fitted`).
 
     Raises InputError for a check that touches a facet which the full run has not touched, and for one that is the full run itself.
     """
@@ -60,7 +61,7 @@ def changed(
     if new:
         raise InputError(f"check: facet {new[0]} is not in the readings of the full run; allowed: facets that it has touched")
     p = len(choice.scale) - len(choice.twice)
-    was = fitted(choice, full)
+    was = fitted(choice, full) if was is None else was
     gaps, jacobian = seen_at(choice, few, was)
     rows = np.hstack([jacobian, jacobian[:, list(choice.twice)]])
     root = scatter(choice, rows)

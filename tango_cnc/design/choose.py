@@ -46,6 +46,7 @@ TRIMS = 12
 WORSE = 4  # plans in a row that are no better than the best so far
 PART = 0.8  # of the time left over that is used at once
 FIRST = 3  # times that a first plan is looked for where all of one had no safe way
+OFTEN = 3  # times that a check is searched again: of its three or four turns each plan has others, and the search ends elsewhere
 LONG = 36_000.0  # s, longer than any plan
 TRIED = 3  # indexations of a plan that says what a touch takes
 SPARE = 1.1  # times as many seconds are counted: ways of that plan are short already
@@ -100,8 +101,9 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
         found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
         best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
         with suppress(NoTime):  # the turns of that plan say what turns cost
-            found, last = _tried(rows, costs_of(found), SHAKES, last)
-            best = min(best, (on_the_way(found, again), last), key=lambda each: each[0].value)
+            for _ in range(OFTEN if problem.choice.twice else 1):
+                found, last = _tried(rows, costs_of(found), SHAKES, last)
+                best = min(best, (on_the_way(found, again), last), key=lambda each: each[0].value)
         if rows.times > 1 and best[0] is first:  # too few facets were left to determine everything
             found, last = _tried(problem, costs, SHAKES, None)
             best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
@@ -116,7 +118,17 @@ def quick(problem: Problem) -> Chosen:
 
 
 def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
-    """problem → a first plan, made quickly, and the relaxed design. Raises NoWay where no safe way was found to anything."""
+    """problem → a first plan, made quickly, and the relaxed design. Raises NoWay where no safe way was found to anything.
+
+    The minutes that a refusal names are those of such a plan; a search of these minutes begins with it.
+    """
+    key = (id(problem.choice), id(problem.criterion), problem.seconds, problem.times, problem.repeats)
+    if key not in problem.quickly:
+        problem.quickly[key] = _made_first(problem)
+    return problem.quickly[key]
+
+
+def _made_first(problem: Problem) -> tuple[Chosen, Relaxed]:
     for _ in range(FIRST):
         with suppress(NoWay):  # what has no way is left out the next time
             return _tried(problem, (_first_costs(problem), 12.0, 0.0), 0, None)

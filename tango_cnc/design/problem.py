@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from ..records import Array, Cell, Plan
 from .candidates import Candidates
 from .criterion import Criterion
+from .relaxed import Relaxed
 from .senses import Senses, ordered
 from .ways import Ways
+from .worst import FEWER
 
 SHORT = 200.0  # s; a check that is no longer is over before anything has drifted
 AGAIN = 4  # facets of the first indexation that are touched once more at the end
@@ -32,6 +34,7 @@ class Problem:
     senses: Senses | None = None  # how the rows depend on from where rotary axes came
     gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
     ways: Ways = field(default_factory=Ways)  # that are not safe; learned while plans are made
+    quickly: dict[tuple[float, ...], tuple[Chosen, Relaxed]] = field(default_factory=dict)  # first plans: none is made twice
 
     @property
     def held(self) -> Array:
@@ -78,22 +81,47 @@ class Chosen:
 
 
 def lighter(problem: Problem) -> Problem:
-    """problem → the same; of a check nearly the same, with the changes alone as unknowns, which is lighter to search in.
+    """problem → the same; of a check nearly the same, with fewer unknowns, which is lighter to search in. What is left out tells
+    nothing.
 
-    What the full run leaves uncertain counts as scatter of each touch, as if of each its own. What is left out tells nothing.
+    Of a check the changes stay unknowns. What the full run leaves uncertain does so in the combinations that all touches feel most,
+    `FEWER` unknowns in all: touches that the same error spoils do not help each other. The rest counts as scatter of each touch.
     """
     if (barred := problem.barred).any():
         problem = replace(problem, choice=replace(problem.choice, rows=np.where(barred[:, None], 0.0, problem.choice.rows)))
     choice = problem.choice
     if not choice.twice:
         return problem
-    p = len(choice.scale) - len(choice.twice)
-    old, new = choice.rows[:, :p], choice.rows[:, p:]
-    spread = 1 + np.einsum("ij,ji->i", old, np.linalg.solve(problem.held[:p, :p], old.T))
-    few = replace(choice, rows=new / np.sqrt(spread)[:, None], scale=choice.scale[p:], held=problem.held[p:, p:], twice=())
+    q = len(choice.twice)
+    p = len(choice.scale) - q
+    most = max(min(FEWER - q, p), 0)
+    felt = _felt(choice.rows[:, :p], problem.held[:p, :p])
+    old = choice.rows[:, :p] @ felt
+    size = 1 / np.sqrt(1 + np.einsum("ij,ij->i", old[:, most:], old[:, most:]))[:, None]
+    rows = np.hstack([old[:, :most], choice.rows[:, p:]]) * size
+    scale = np.concatenate([np.ones(most), choice.scale[p:]])
+    few = replace(choice, rows=rows, scale=scale, held=_beside(most, problem.held[p:, p:]), twice=())
     assert problem.criterion.worst is not None
-    criterion = replace(problem.criterion, worst=problem.criterion.worst[:, p:])
+    criterion = replace(
+        problem.criterion, worst=np.hstack([np.zeros((len(problem.criterion.worst), most)), problem.criterion.worst[:, p:]])
+    )
     senses = problem.senses
     if senses is not None:
-        senses = replace(senses, by=senses.by[:, :, p:] / np.sqrt(spread)[:, None])
-    return replace(problem, choice=few, criterion=criterion, begin=problem.begin[p:, p:], senses=senses)
+        senses = replace(senses, by=np.concatenate([senses.by[:, :, :p] @ felt[:, :most], senses.by[:, :, p:]], axis=2) * size)
+    return replace(problem, choice=few, criterion=criterion, begin=_beside(most, problem.begin[p:, p:]), senses=senses)
+
+
+def _felt(rows: Array, held: Array) -> Array:
+    """(n, p) touches, (p, p) information of the full run → (p, p) combinations that it leaves uncertain by one each, independently.
+
+    Those come first that the touches feel most.
+    """
+    root = np.linalg.inv(np.linalg.cholesky(held)).T  # root rootᵀ is the covariance
+    return np.asarray(root @ np.linalg.eigh(root.T @ (rows.T @ rows) @ root)[1][:, ::-1])
+
+
+def _beside(count: int, held: Array) -> Array:
+    """how many unknowns of unit variance, (q, q) information of the others → that of all."""
+    found = np.eye(count + len(held))
+    found[count:, count:] = held
+    return found

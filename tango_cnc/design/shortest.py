@@ -23,6 +23,7 @@ LEAST, FINE = 30.0, 1.05  # s below which no quick choice looks; of its times, a
 NEAR = 0.06  # of the time: nearer to the least one is near enough
 STEP = 0.1  # of the time by which the next search is longer at least
 FAR = 0.8  # of the time that a plan seems to need: the next search takes no more; nearer, half of the way goes there
+HOLDS = 0.85  # of the touches of a plan: where an estimate needs as many of them, it is they that keep it from being shorter
 LATER = 4.0  # times as many seconds as before are looked at, at most
 
 
@@ -66,6 +67,13 @@ def needs(found: Chosen) -> float:
     """
     touches = len(found.rows)
     return max(promised(found), (touches + SPARE - to_spare(found)) / touches)
+
+
+def touches_hold(found: Chosen) -> bool:
+    """plan for limits → whether it is the number of its touches that keeps it from being shorter, and not its limits."""
+    touches = len(found.rows)
+    needed = (touches + SPARE - to_spare(found)) / touches
+    return needed > HOLDS and promised(found) < needed
 
 
 def _next(seconds: float, short: float, best: Chosen | None, found: Chosen | None) -> float:

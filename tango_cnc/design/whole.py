@@ -99,7 +99,7 @@ def _beginnings(
     most = float(seconds / (costs.visit[visits].mean() + costs.touch.mean()))
     for share in STARTS:
         while left > max(2, share * most):
-            draft.leave(min(np.unique(pose[draft.chosen]).tolist(), key=draft.visit_rate))
+            draft.leave(draft.least_visit(np.flatnonzero(draft.chosen))[0])
             left -= 1
         if not (draft.chosen == found[-1]).all():
             found.append(draft.chosen.copy())

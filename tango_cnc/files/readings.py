@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,12 @@ def joined(one: Readings, two: Readings, number: int) -> Readings:
         both(one.segment, two.segment, 1),
         stylus,
     )
+
+
+def later(one: Readings, two: Readings) -> Readings:
+    """readings, those of a later run with the same stylus → both, in one table; its cycles have numbers of their own."""
+    both = joined(one, replace(two, cycle=two.cycle + one.cycle.max(initial=0)), 1)
+    return both if one.stylus is not None else replace(both, stylus=None)
 
 
 def _read(file: Path, machine: Machine, artefact: Artefact) -> Readings:

@@ -46,7 +46,8 @@ def connect(where: str | Path, create: bool = True) -> Engine:
         engine.dispose()  # else a file that was refused stays open and locked
         where = f"history {url.render_as_string()}"
         if isinstance(error, OperationalError):
-            raise LinkError(f"{where}: {first_line(error)}; is the database there, and may this user write?") from None
+            doing = "is the database there, is there room on its disk, and may this user write?"
+            raise LinkError(f"{where}: {first_line(error)}; {doing}") from None
         if isinstance(error, DBAPIError | UnicodeDecodeError):  # names in a damaged schema are no text
             raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
         raise

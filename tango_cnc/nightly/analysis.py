@@ -38,10 +38,11 @@ from ..texts import say
 from . import again, answered, parts
 from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
 from .behind import behind
-from .control import COVER, Given, InControl, limited
+from .control import Given, InControl, limited
 from .course import ALIKE
 from .doubt import Judged, attempted, believed
 from .drift import as_alarm
+from .lag import Lag, followed_anew, lagging
 from .ports import Measured, Past
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
@@ -232,6 +233,9 @@ class Nights:
             after = updated(ahead, what, tonight, quiet=False)
         if measured.text is not None:  # learning asks for them again, in this program or in a later one
             self._keep(measured.text, ahead, what)
+        lag = None if alarm or first or repaired else lagging(self.followed, recent, ahead, after)
+        if lag is not None:
+            after = self._anew(past, lag, recent, after, what.without(tonight.outliers))
         after, learned, since_learned = self._learned(past, recent, after)
         result = None if self.judged is None and self.written is None else parts.estimated(self.followed, readings, after, tonight)
         judged = Judged("trustworthy")
@@ -257,7 +261,7 @@ class Nights:
         limits = limited(self.followed, self.settings.limits, parts_have, chart)
         moving = drift(known, recent, after, tonight.scale, limits, gone) if quiet else None
         beyond = [limit for limit in limits if limit["passed"] is False]
-        parameters = self._parameters(recent, ahead, after, what, first)
+        parameters = parts.parameters(self.followed, ahead, after, None if first else slopes(recent))
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
         if moving is not None:
@@ -284,7 +288,7 @@ class Nights:
         if self.control is not None and not self.control.measured:
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
-        told = {
+        told: dict[str, Any] = {
             "verdict": "doubtful"
             if doubtful
             else "out_of_limits"  # the worst first: what has changed is told with it
@@ -309,6 +313,8 @@ class Nights:
         told |= {"in_control": self.control.as_json()} if self.control is not None else {}
         told |= ({"behind": causes} if causes else {}) | ({"ignored": ignored} if ignored else {})
         told |= ({"repaired": helped} if helped else {}) | ({"gone": gone_again} if gone_again else {})
+        if lag is not None:
+            told["opened"] = [self.followed.selection.label(self.followed.names[lag.place])]
         told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
@@ -399,6 +405,21 @@ class Nights:
         agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement
         return replace(after, rates=found.rates, agreement=agreement), len(nights), 0
 
+    def _anew(self, past: Past, lag: Lag, recent: Sequence[Mapping[str, Any]], after: State, what: Seen) -> State:
+        """history, what the state lags behind, records newest first, state after tonight, tonight's touches → the state followed
+        once more from before that on; as it was where the history lacks one of these nights.
+        """
+        entries = {n.start_utc: n.entry for n in past.nights(self.cell.machine.name, last=lag.back + SET_APART)}
+        wanted = [entries.get(r["start_utc"], 0) for r in recent[: lag.back + 1]]
+        readings = past.readings_of(wanted)
+        if not all(entry in readings for entry in wanted[:-1]) or (known := past.night(wanted[-1]).knowledge) is None:
+            return after
+        if (begin := self._restored(known, recent[lag.back])) is None:
+            return after
+        back = [(r, self._then(readings[entry], after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
+        nights = [(float(r["state"]["day"]), then.without(r.get("outliers", ()))) for r, then in reversed(back)]
+        return followed_anew(begin, lag, [*nights, (after.day, what)], after)
+
     def _then(self, readings: str, after: State) -> Seen:
         """text of the readings of an earlier night, state of tonight → what those touches say.
 
@@ -425,21 +446,3 @@ class Nights:
     @cached_property
     def _near(self) -> Array:
         return np.array([NEAR.get(unit, NEAR[""]) for unit in self.followed.units])
-
-    def _parameters(
-        self, records: Sequence[Mapping[str, Any]], ahead: State, after: State, what: Seen, first: bool
-    ) -> dict[str, Any]:
-        std, before, gained = after.std, ahead.std, {}
-        moving = {} if first else slopes(records)
-        for i in self.followed.machine:
-            name = self.followed.selection.label(self.followed.names[i])
-            mean = float(after.mean[i])
-            gained[name] = {
-                **{"value": mean, "unit": self.followed.units[i], "std": float(std[i])},
-                **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
-                "change": None if first else mean - float(ahead.mean[i]),
-                "change_std": None if first else parts.expected(float(before[i]), float(std[i])),
-                "rate_per_day": moving.get(name),
-                "seen": bool(std[i] < 0.98 * before[i]),
-            }
-        return gained

@@ -17,6 +17,7 @@ from ..state import Frame, Named, Seen, State, Tonight, reopened
 from ..state.filter import sigma_of
 from ..texts import say
 from ..touches import from_readings
+from .control import COVER
 
 LINEAR = 0.05  # mm: on a ball of 20 mm, a probe that is off by more meets it elsewhere by more than a tenth of a micrometre
 UNMOVED = 1e-4  # of a variance: touches that take out less change nothing
@@ -142,6 +143,25 @@ def expected(before: float, after: float) -> float:
     """standard deviation before and after the touches of tonight → that of the change which they make to a quiet machine."""
     known = before**2 - after**2
     return 0.0 if abs(known) < UNMOVED * before**2 else float(np.sqrt(known)) if known > 0 else before  # opened for an alarm
+
+
+def parameters(followed: Frame, ahead: State, after: State, moving: Mapping[str, float] | None) -> dict[str, dict[str, Any]]:
+    """frame, state before and after tonight's touches, {parameter: its slope a day} (None: nothing was known before) → what is
+    known of each after this night, as the record has it.
+    """
+    std, before, found = after.std, ahead.std, {}
+    for i in followed.machine:
+        name = followed.selection.label(followed.names[i])
+        mean = float(after.mean[i])
+        found[name] = {
+            **{"value": mean, "unit": followed.units[i], "std": float(std[i])},
+            **{"low": mean - COVER * float(std[i]), "high": mean + COVER * float(std[i])},
+            "change": None if moving is None else mean - float(ahead.mean[i]),
+            "change_std": None if moving is None else expected(float(before[i]), float(std[i])),
+            "rate_per_day": (moving or {}).get(name),
+            "seen": bool(std[i] < 0.98 * before[i]),
+        }
+    return found
 
 
 def was(alarm: Mapping[str, Any], parameters: Mapping[str, Any], recent: Sequence[Mapping[str, Any]]) -> float | None:

@@ -18,7 +18,7 @@ from scipy import special
 
 from ..records import Array
 from ..state import State
-from ..texts import say
+from ..texts import joined, say
 from .alarms import Known
 from .course import (
     Place,
@@ -35,12 +35,13 @@ from .course import (
 )
 from .creep import creeping
 from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
-from .words import value, what_of
+from .words import is_gone, value, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 SLOPE = 21  # nights that a rate is told from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 PAUSE = 3  # measured nights: a drift that comes back within them is the same one
+STILL = 4  # measured nights after which a drift can be said to stand
 LATELY = 14  # measured nights that give the rate of a drift whose alarm stands
 # Standard deviations of two nights from which a change is a sentence while nobody knows yet how far the machine wanders.
 PLAIN = 6.0
@@ -94,13 +95,17 @@ def looking_ahead(
     gone: Array | None = None,
 ) -> dict[str, Any]:
     """what is known, alarm of another night, records newest first, state after tonight, limits, what the control takes away → the
-    same; of a drift that still goes on with `ahead`: when it reaches which limit, from where it is tonight, at its rate of late.
+    same; of a drift that still goes on with `ahead`: when it reaches which limit, from where it is tonight, at its rate of late;
+    of one that has come to rest with `stands`: since which night.
     """
     place = next((i for i in followed(k) if name_of(k, i) == alarm["parameter"]), None)
     rate = alarm["rate_per_day"] if alarm.get("steady", True) else None
     since = [r for r in records if r.get("parameters") and r.get("state") and r["night"] >= str(alarm["since"])][:LATELY]
     if place is None or not rate or not since or on_record(k, place, since[-1], after) is None:
         return alarm
+    if (still := _still(k, place, float(rate), since, after)) and not is_gone(alarm["now"]):
+        text = say("night.words.stands", since=still)
+        return alarm | {"now": joined("; ", (alarm["now"], text)), "stands": still}
     size, std = moved_since(k, place, since[-1], after)
     days = after.day - float(since[-1]["state"]["day"])
     if (
@@ -114,6 +119,21 @@ def looking_ahead(
     words = {"rate": value(size / days, unit), "what": what_of(first[1]), "nights": f"{max(first[0], 1.0):.0f}"}
     told = {"what": first[1], "days": first[0], "rate_per_day": size / days, "text": say("night.words.ahead", **words)}
     return alarm | {"ahead": told}
+
+
+def _still(k: Known, place: Place, rate: float, since: Sequence[Mapping[str, Any]], after: State) -> str:
+    """what is known, parameter of a drift, its rate a day, records since then, newest first, state after tonight → the night since
+    which it has not moved though at its rate that would have been seen; '' while it may go on.
+    """
+    found = ""
+    for record in since[STILL - 1 :]:
+        if on_record(k, place, record, after) is None:
+            break
+        size, std = moved_since(k, place, record, after)
+        due = abs(rate) * (after.day - float(record["state"]["day"]))
+        if abs(size) < std and abs(size) < due / 4 and due > TOLD * std:
+            found = str(record["night"])
+    return found
 
 
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:

@@ -198,7 +198,8 @@ def message(
     subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
     lines += [_sentence(t.of(as_decided(record, decisions))), ""]
-    crossed = [limit for limit in record["limits"] if limit["passed"] is False]
+    limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
+    crossed = [limit for limit in limits if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
     owner = record.get("owner") or t("mail.nobody")
     for alarm in record["alarms"]:
@@ -235,7 +236,7 @@ def message(
         lines += [f"* {t('mail.do', text=orders(reasons, t))}", f"  {t('mail.owner', owner=owner)}"]
         if not record.get("carried", True):
             lines.append(f"* {t('mail.not_carried', night=record.get('last_carried') or say('mail.no_night'))}")
-    lines += [_limit_line(limit, t) for limit in record["limits"] if limit["passed"] is not False]
+    lines += [_limit_line(limit, t) for limit in limits if limit["passed"] is not False]
     if line := held(record, t):
         lines.append(f"* {line}")
     if apart := record.get("outliers") or ():
@@ -300,11 +301,24 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady else ""  # a drift is not asked about
-    lines += [t("mail.on_part", text=cause["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
+    lines += [t("mail.on_part", text=_grown(cause)), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
+
+
+def _grown(cause: Mapping[str, Any]) -> str:
+    """alarm → what it does to a part; of a drift of an earlier night, by tonight and not as that night found it."""
+    part, small = cause["on_part"], cause.get("on_part_um")
+    if not cause.get("rate_per_day") or not small or not cause.get("total") or is_gone(cause["now"]):
+        return str(part) if not isinstance(part, Said) else part
+    counted = float((cause.get("ignored") or {}).get("total") or cause["size"])
+    large = abs(float(small) * (counted + float(cause["total"]) - float(cause["size"])) / counted)
+    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
+    if not isinstance(part, Said):
+        return str(part).replace(own, by_now)
+    return part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

@@ -57,7 +57,7 @@ def faults(
         if str(a.get("id")) in standing:
             a = {
                 **a,
-                **{key: standing[str(a["id"])].get(key) for key in ("total", "now")},
+                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands")},
                 "confirmed": _confirmed(standing[str(a["id"])], known),
             }
         if not before_tonight:

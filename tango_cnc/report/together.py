@@ -133,7 +133,9 @@ def _whole(
     text = moved(str(first["parameter"]), size, since_when({**first, "night": first["first"]}, t), t)
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
-        whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else t('morning.drifts_on')}"
+        stands = first.get("stands")
+        on = t("morning.drift_stands", since=day(str(stands), t)) if stands else t("morning.drifts_on")
+        whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else on}"
         whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])

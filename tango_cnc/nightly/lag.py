@@ -1,0 +1,95 @@
+"""A state that lags behind a machine: one of its parameters has begun to move faster than it was learned to wander.
+
+A filter that has learned that a parameter hardly moves takes each night for a small part only of what it knows. When the parameter
+begins to move, value and interval stay behind, and the touches of one night are no alarm. But what the nights add to a parameter,
+divided by the standard deviation that this has on a machine that only wanders, is white (Kailath 1968): over several nights it adds
+up to what no chance makes. Then what was learned of the parameter is void: the nights since are followed once more, with it free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from ..records import Array
+from ..state import Frame, Seen, State, predicted
+from ..state.filter import taken
+from .parts import expected
+
+WINDOWS = (1, 2, 3, 4, 5, 7)  # measured nights that a lag is looked for over
+CHANCE = 0.01  # a night, of all that is tried: a state that is opened for nothing has lost some nights of one parameter
+BEFORE = 2  # measured nights before the first that shows it: what moves had begun by then
+FREED = 3.0  # times what the state has followed a day: what it may have moved
+
+
+class Lag(NamedTuple):
+    """A parameter that the state lags behind: its place, from which of the last records on it is followed anew, its freedom."""
+
+    place: int
+    back: int  # records newest first: the state after this one is where it begins
+    rate: float  # variance a day that it is given
+
+
+def lagging(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State, after: State) -> Lag | None:
+    """frame, records newest first, state before and after the touches of tonight → what the state lags behind; None: nothing.
+
+    Looks back to the last alarm, repair or opened parameter, and no farther.
+    """
+    steps, reach = _steps(followed, records, ahead, after)
+    if not len(steps):
+        return None
+    tried = len(followed.machine) * sum(w <= len(steps) for w in WINDOWS)
+    least = -float(special.ndtri(CHANCE / 2 / max(tried, 1)))
+    sums = {w: np.abs(steps[:w, :, 0].sum(axis=0)) / np.sqrt(w) for w in WINDOWS if w <= len(steps)}
+    best = max(sums, key=lambda w: float(sums[w].max()))
+    worst = int(np.argmax(sums[best]))
+    if not float(sums[best][worst]) > least:
+        return None
+    place = int(followed.machine[worst])
+    since = max(w for w in sums if sums[w][worst] > 0.8 * float(sums[best][worst]))
+    back = min(since - 1 + BEFORE, reach)
+    days = max(after.day - float(records[since - 1]["state"]["day"]), 1.0)
+    moved = float(np.abs(steps[:since, worst, 1].sum()))
+    return Lag(place, back, max(float(followed.wander[place]), (FREED * moved / days) ** 2))
+
+
+def _steps(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State, after: State) -> tuple[Array, int]:
+    """→ (n, m, 2) what each night added to each parameter, newest first, in standard deviations of a quiet machine and as it is;
+    how many records back the state is one that no alarm has opened.
+    """
+    names = [followed.selection.label(followed.names[i]) for i in followed.machine]
+    tonight = [(float(after.mean[i] - ahead.mean[i]), expected(float(ahead.std[i]), float(after.std[i]))) for i in followed.machine]
+    rows, reach = [tonight], 0
+    for number, record in enumerate(records[: WINDOWS[-1] + BEFORE]):
+        if not record.get("parameters") or not record.get("state"):
+            break
+        reach = number
+        if len(rows) == WINDOWS[-1]:
+            continue
+        if any(record.get(key) for key in ("alarms", "ignored", "repaired", "opened")):
+            break
+        told = [record["parameters"].get(name) for name in names]
+        if any(one is None or one.get("change_std") is None for one in told):
+            break
+        rows.append([(float(one["change"]), float(one["change_std"])) for one in told if one is not None])
+    steps = np.array(rows)
+    size, std = steps[..., 0], steps[..., 1]
+    white = np.where(std > 0, size / np.where(std > 0, std, 1.0), 0.0)
+    return np.stack([white, size], axis=-1), reach
+
+
+def followed_anew(begin: State, lag: Lag, nights: Sequence[tuple[float, Seen]], after: State) -> State:
+    """state where it begins, what lags, (day, what was seen) of the nights since, oldest first, state after tonight → what is
+    known when these nights are followed with the parameter free. It stays free until rates are learned again; all other rates and
+    the scatter of a touch are those of the state after tonight.
+    """
+    rates = after.rates.copy()
+    rates[lag.place] = max(float(rates[lag.place]), lag.rate)
+    state = replace(begin, rates=rates, sigma=after.sigma, noise=after.noise, reference=after.reference)
+    for day, what in nights:
+        state = taken(predicted(state, day), what)
+    return replace(after, mean=state.mean, root=state.root, rates=rates)
