@@ -103,3 +103,20 @@ def test_no_other_class_has_the_name_of_a_word_of_the_glossary() -> None:
                 home = importlib.import_module(homes[found].rpartition(".")[0])
                 same = vars(importlib.import_module(name))[found] is vars(home)[found]
                 assert same, f"{name}.{found}: the glossary has that word for {homes[found]}; use another one"
+
+
+PROSE = 100  # characters a line: what a window beside the work shows
+
+
+@pytest.mark.parametrize(
+    "file", [*PAGES, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*/*.md"))], ids=lambda file: str(file.relative_to(ROOT))
+)
+def test_lines_of_prose_fit_a_window(file: Path) -> None:
+    """Tables, code and a word, a command or an address that is longer by itself are no prose."""
+    long, code = [], False
+    for number, line in enumerate(text(file).splitlines(), 1):
+        code ^= line.lstrip().startswith("```")
+        words = re.sub(r"`[^`]*`|\[[^]]*\]\([^)]*\)", "_", line).split()
+        if not code and len(line) > PROSE and not line.startswith(("|", "    ")) and len(words) > 1:
+            long.append(number)
+    assert long == [], f"{file.name}: longer than {PROSE} characters; wrap them"
