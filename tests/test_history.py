@@ -223,3 +223,24 @@ def test_a_parameter_that_goes_one_way_is_read_back_with_its_night(history: Hist
     trend = {"parameter": "EX0C", "text": "EX0C moves", "size": 0.002}
     entry = history.add_night(record(5, trend=trend, behind=[{"what": "volume", "text": "EX0C moves"}]))
     assert history.night(entry).record["trend"] == trend and history.verify() == ()
+
+
+def test_a_history_that_cannot_be_written_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "a file?#%.db"
+    with opened(file) as history:
+        history.add_night(record(1))
+    before = {x.name: x.read_bytes() for x in tmp_path.iterdir()}
+    monkeypatch.setattr("tango_cnc.history._database.writable", lambda file: False)
+    with opened(file) as history:
+        assert len(history.nights("M")) == 1 and history.verify() == ()
+        with pytest.raises(LinkError, match="could not be written"):
+            history.add_night(record(2))
+    assert {x.name: x.read_bytes() for x in tmp_path.iterdir()} == before
+
+
+def test_nights_that_only_a_writer_can_read_are_not_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with opened(tmp_path / "h.db") as history:
+        history.add_night(record(1))
+        monkeypatch.setattr("tango_cnc.history._database.writable", lambda file: False)
+        with pytest.raises(LinkError, match=r"newest nights are in h\.db-wal"), opened(tmp_path / "h.db"):
+            pass

@@ -112,7 +112,8 @@ def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_p
     with opened(renamed / "history.db") as history:
         assert [f.machine for f in formers(history, "NEW", renamed)] == ["OLD 5"]
         assert formers(history, "NEW", tmp_path / "elsewhere") == ()
-        assert formers(history, "NEW", renamed, within=True, others={"OLD 5"}) == ()
+        assert [f.machine for f in formers(history, "NEW", renamed, within=True, others={"OLD 5"})] == ["OLD 5"]
+        assert formers(history, "NEW", tmp_path / "elsewhere", within=True, others={"OLD 5"}) == ()
 
 
 @pytest.mark.parametrize("path", ["/", "/alarms", "/machine/NEW"])

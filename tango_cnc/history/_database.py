@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
-from sqlalchemy.engine import make_url
+from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, StatementError
 
 from ..files.checked import printable
@@ -33,12 +33,15 @@ def connect(where: str | Path, create: bool = True) -> Engine:
                 raise InputError(f"{file}: no such history; 'tango nightly' makes one, or name another with --history")
             if not file.parent.is_dir():
                 raise InputError(f"{file}: no such folder {file.parent}; make it first, or name another history")
+    fixed = file is not None and file.exists() and not writable(file)
+    if fixed and file is not None:
+        url = _read_only(url, file)
     try:
         engine = create_engine(url, **({"connect_args": {"timeout": WAIT}} if file or "sqlite" in url.drivername else {}))
     except (NoSuchModuleError, ModuleNotFoundError) as error:
         raise InputError(f"history: no driver for {url.drivername} ({error}); pip install 'tango-cnc[postgres]'") from None
     if url.get_backend_name() == "sqlite":
-        event.listen(engine, "connect", _durable)
+        event.listen(engine, "connect", _kept if fixed else _durable)
         event.listen(engine, "begin", _begin)
     try:
         _migrate(engine)
@@ -52,6 +55,22 @@ def connect(where: str | Path, create: bool = True) -> Engine:
             raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
         raise
     return engine
+
+
+def writable(file: Path) -> bool:
+    """file of a history → whether SQLite may write it and, beside it, what it needs while it is open."""
+    return os.access(file, os.W_OK) and os.access(file.parent, os.W_OK)
+
+
+def _read_only(url: URL, file: Path) -> URL:
+    """→ URL of a file that nobody writes here. Raises LinkError where its newest entries are still in the file beside it."""
+    beside = file.with_name(file.name + "-wal")
+    if beside.exists() and beside.stat().st_size:
+        raise LinkError(
+            f"history {file}: it cannot be written here, and its newest nights are in {beside.name}, which cannot be read without; "
+            "open it once where it can be written ('tango history list'), or copy both files to such a place"
+        )
+    return url.set(database=file.resolve().as_uri(), query={"mode": "ro", "immutable": "1", "uri": "true"})
 
 
 def _url(where: str | Path) -> Any:
@@ -82,6 +101,11 @@ def _durable(connection: Any, _: Any) -> None:
     cursor.execute("PRAGMA synchronous=FULL")
     cursor.execute("PRAGMA foreign_keys=ON")
     cursor.close()
+
+
+def _kept(connection: Any, _: Any) -> None:
+    """A file that only is read needs no rule about writing."""
+    connection.isolation_level = None
 
 
 def _begin(connection: Connection) -> None:

@@ -60,9 +60,10 @@ def formers(
     """
     found, today = [], today or datetime.now().astimezone().strftime("%Y-%m-%d")
     for other in history.machines():
-        if other == name or other in others or not (newest := history.records(other, 1)):
+        if other == name or not (newest := history.records(other, 1)):
             continue
-        if not within and not _same(str(newest[0].get("cell") or ""), folder):
+        elsewhere = other in others or not within  # where another cell may have this name, the record says whose nights they are
+        if elsewhere and not _same(str(newest[0].get("cell") or ""), folder):
             continue
         last = {d.alarm: d for d in history.decisions(other)}
         last = {key: d for key, d in last.items() if not over(d, today)}
