@@ -66,6 +66,14 @@ def test_it_looks_back_no_farther_than_what_was_told_or_opened(member: str) -> N
     assert told(steps, records={1: {member: ["x"]}}) is None  # one step since
 
 
+@pytest.mark.parametrize("night", [6, 7, 8, 9])
+def test_it_begins_with_no_state_from_before_an_alarm(night: int) -> None:
+    """The state was opened for what the alarm found: followed anew without that, it would take nights to believe it."""
+    steps = np.zeros((12, 20))
+    steps[-7:, 7] = 2.0
+    assert told(steps, records={night: {"alarms": ["x"]}}).back <= night - 1
+
+
 def test_a_record_without_what_a_night_added_is_where_it_ends() -> None:
     steps = np.zeros((9, 20))
     steps[-4:, 7] = 2.5

@@ -67,11 +67,11 @@ def _steps(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State, 
     for number, record in enumerate(records[: WINDOWS[-1] + BEFORE]):
         if not record.get("parameters") or not record.get("state"):
             break
-        reach = number
-        if len(rows) == WINDOWS[-1]:
-            continue
+        reach = number  # the state after it is one to begin with, also where it was opened for what an alarm found
         if any(record.get(key) for key in ("alarms", "ignored", "repaired", "opened")):
             break
+        if len(rows) == WINDOWS[-1]:
+            continue
         told = [record["parameters"].get(name) for name in names]
         if any(one is None or one.get("change_std") is None for one in told):
             break
