@@ -123,9 +123,9 @@ def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
     The minutes that a refusal names are those of such a plan; a search of these minutes begins with it.
     """
     key = (id(problem.choice), id(problem.criterion), problem.seconds, problem.times, problem.repeats)
-    if key not in problem.quickly:
-        problem.quickly[key] = _made_first(problem)
-    return problem.quickly[key]
+    if key not in problem.quickly:  # with what the key numbers: else something later could have the number of what is gone
+        problem.quickly[key] = (*_made_first(problem), problem.choice, problem.criterion)
+    return problem.quickly[key][:2]
 
 
 def _made_first(problem: Problem) -> tuple[Chosen, Relaxed]:

@@ -34,7 +34,8 @@ class Problem:
     senses: Senses | None = None  # how the rows depend on from where rotary axes came
     gate: str = "none"  # what proves the probe alive before the first touch: as the profile says
     ways: Ways = field(default_factory=Ways)  # that are not safe; learned while plans are made
-    quickly: dict[tuple[float, ...], tuple[Chosen, Relaxed]] = field(default_factory=dict)  # first plans: none is made twice
+    # first plans, none of which is made twice, and what each was made of
+    quickly: dict[tuple[float, ...], tuple[Chosen, Relaxed, Candidates, Criterion]] = field(default_factory=dict)
 
     @property
     def held(self) -> Array:
