@@ -13,7 +13,8 @@ from tango_cnc.diagnose import FREE, Diagnosis, diagnose
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._changing import unsteady
-from tango_cnc.diagnose._contest import Field, contest
+from tango_cnc.diagnose._contest import contest
+from tango_cnc.diagnose._field import Field
 from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._rows import Rows
 from tango_cnc.diagnose._seen import Test as Covered

@@ -10,7 +10,8 @@ import pytest
 
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._catalogue import Chosen
-from tango_cnc.diagnose._contest import ALONE, MARGIN, SURE, Field, contest
+from tango_cnc.diagnose._contest import ALONE, MARGIN, SURE, contest
+from tango_cnc.diagnose._field import Field
 from tango_cnc.diagnose._names import once
 from tango_cnc.diagnose._rows import Rows
 from tango_cnc.diagnose._smooth import Kernel, scaled

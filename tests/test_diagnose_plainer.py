@@ -12,7 +12,7 @@ from support import blind
 from tango_cnc.diagnose import _seen, _undecided
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._changing import over
-from tango_cnc.diagnose._contest import Field, Picked, grown
+from tango_cnc.diagnose._field import Field, Picked, grown
 from tango_cnc.diagnose._names import akin
 from tango_cnc.diagnose._plainer import plainer
 from tango_cnc.diagnose._records import Finding, Remainder

@@ -24,8 +24,9 @@ from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatt
 from ._candidates import candidate
 from ._catalogue import STRONG, Chosen, columns_of
 from ._changing import over, unsteady
-from ._contest import ALONE, SURE, Field, Outcome, contest, largest
+from ._contest import ALONE, SURE, Outcome, contest, largest
 from ._explain import Explanation
+from ._field import Field
 from ._look import explained, kernels, tried
 from ._moments import Moment
 from ._names import akin

@@ -17,7 +17,7 @@ from ..terms._shape import values
 from ..touches import Touches
 from ._candidates import Candidate, candidate
 from ._catalogue import STRONG, Chosen
-from ._contest import CHANGES, Field, Picked, begin, price, score, whiten
+from ._field import CHANGES, Field, Picked, begin, price, score, whiten
 from ._names import discounts
 from ._rows import Rows
 from ._smooth import HALF, Kernel, moves, scaled

@@ -17,8 +17,9 @@ from . import _explain, _scatter, _variances
 from ._candidates import Candidate, candidate, named, outliers, shapes
 from ._catalogue import Chosen, columns_of
 from ._changing import changing, slow
-from ._contest import Field, Outcome, contest
+from ._contest import Outcome, contest
 from ._explain import Explanation
+from ._field import Field
 from ._moments import Moment
 from ._rows import Rows
 from ._scatter import Scatter

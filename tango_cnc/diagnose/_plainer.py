@@ -17,7 +17,7 @@ import numpy as np
 from ..records import Array
 from ..terms._shape import LEGENDRE
 from ._catalogue import STRONG
-from ._contest import Field, Picked, State, begin, price, scores, whiten
+from ._field import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told

@@ -15,7 +15,8 @@ import numpy as np
 
 from ..records import Array
 from ._catalogue import Chosen
-from ._contest import Field, Outcome, begin, scores, whiten
+from ._contest import Outcome
+from ._field import Field, begin, scores, whiten
 from ._records import Remainder
 from ._shapes import spread
 from ._space import orthonormal

@@ -15,8 +15,9 @@ from ..touches import Touches
 from ._catalogue import Chosen, columns_of
 from ._changing import over
 from ._closed import closed
-from ._contest import Outcome, Picked, refinement
+from ._contest import Outcome, refinement
 from ._explain import DECISIVE, Explanation, gain
+from ._field import Picked
 from ._gain import rms
 from ._records import Again, Remainder
 from ._rows import Rows

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from ..records import Array
 from ..touches import Touches
 from ._catalogue import Chosen
-from ._contest import Field, Outcome, contest, shortlist
+from ._contest import Outcome, contest, shortlist
 from ._explain import Explanation
+from ._field import Field
 from ._records import ALONE, SUBSETS, Stability
 from ._space import faint, space
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from ..records import Array
-from ._contest import Picked
+from ._field import Picked
 from ._space import orthonormal
 
 SPREADS = (0.3, 0.6, 1.0, 1.5, 2.2)  # standard deviation of the logarithms of the variances
