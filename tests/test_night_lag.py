@@ -74,6 +74,16 @@ def test_it_begins_with_no_state_from_before_an_alarm(night: int) -> None:
     assert told(steps, records={night: {"alarms": ["x"]}}).back <= night - 1
 
 
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_a_night_without_a_state_before_the_steps_leaves_nothing_to_begin_with(count: int) -> None:
+    """Readings in doubt, or a night that was not measured."""
+    steps = np.zeros((9, 20))
+    steps[-1:, 7] = 9.0
+    steps[-3:, 8] = 3.5
+    found = told(steps, records={count + 1: {"state": None}})
+    assert found is None if count == 0 else found.back < count
+
+
 def test_a_record_without_what_a_night_added_is_where_it_ends() -> None:
     steps = np.zeros((9, 20))
     steps[-4:, 7] = 2.5

@@ -40,11 +40,10 @@ def lagging(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State,
     Looks back to the last alarm, repair or opened parameter, and no farther.
     """
     steps, reach = _steps(followed, records, ahead, after)
-    if not len(steps):
+    sums = {w: np.abs(steps[:w, :, 0].sum(axis=0)) / np.sqrt(w) for w in WINDOWS if w <= min(len(steps), reach + 1)}
+    if not sums:
         return None
-    tried = len(followed.machine) * sum(w <= len(steps) for w in WINDOWS)
-    least = -float(special.ndtri(CHANCE / 2 / max(tried, 1)))
-    sums = {w: np.abs(steps[:w, :, 0].sum(axis=0)) / np.sqrt(w) for w in WINDOWS if w <= len(steps)}
+    least = -float(special.ndtri(CHANCE / 2 / (len(followed.machine) * len(sums))))
     best = max(sums, key=lambda w: float(sums[w].max()))
     worst = int(np.argmax(sums[best]))
     if not float(sums[best][worst]) > least:
@@ -59,11 +58,11 @@ def lagging(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State,
 
 def _steps(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State, after: State) -> tuple[Array, int]:
     """→ (n, m, 2) what each night added to each parameter, newest first, in standard deviations of a quiet machine and as it is;
-    how many records back the state is one that no alarm has opened.
+    the place of the oldest record with a state to begin with, -1 for none.
     """
     names = [followed.selection.label(followed.names[i]) for i in followed.machine]
     tonight = [(float(after.mean[i] - ahead.mean[i]), expected(float(ahead.std[i]), float(after.std[i]))) for i in followed.machine]
-    rows, reach = [tonight], 0
+    rows, reach = [tonight], -1
     for number, record in enumerate(records[: WINDOWS[-1] + BEFORE]):
         if not record.get("parameters") or not record.get("state"):
             break
