@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import SimpleNamespace
@@ -341,6 +342,7 @@ def test_what_comes_back_after_a_repair_names_it(root: Path, tmp_path: Path) -> 
     assert f"again, after the repair by Ann on {repair}" in alarm["text"]
     assert alarm["do"].startswith(f"Look at the repair by Ann on {repair} first")
     assert "again, after the repair by Ann" in records[12]["headline"]
+    assert records[12]["kind"] == "full" and "Look at the repair by Ann" in message(records[12], (), ())[1]  # still what to do
     assert "again, after the repair by Ann" in context(records[11], (), None, texts())["first"]["text"]
 
 
@@ -388,3 +390,14 @@ def test_the_last_answer_decides_whether_something_comes_back(answers: dict[str,
     past: Any = SimpleNamespace(knows=lambda _: True, decisions=lambda _: decided, alarmed=lambda *_: nights)
     (told,) = after_a_repair(past, "M", [found(size)])
     assert ("again" in told) == again == ("after the repair by Ann on 2026-10-01" in told["text"])
+
+
+@pytest.mark.long
+def test_what_goes_on_beyond_what_is_ignored_has_one_order_and_one_size(root: Path, tmp_path: Path) -> None:
+    steps = tuple(Event(n, {"EY0C": 0.003}) for n in range(9, 13))
+    records = answered(root, tmp_path / "h.db", Story((Event(8, {"EY0C": 0.018}), *steps), wander=0.3), 14, {8: "ignore"})
+    text = message(records[-1], (), ())[1]
+    assert "alarm of" in text and "have the compensation written" not in text
+    true = 2 * (0.018 + 4 * 0.003) * 1e3
+    said = [float(x) for x in re.findall(r"comes out up to ([0-9.]+) µm", text)]
+    assert said and all(abs(x - true) < 4 for x in said)

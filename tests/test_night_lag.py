@@ -106,7 +106,10 @@ def test_what_begins_to_drift_after_quiet_nights_has_true_values_and_is_said(roo
     first = next(i for i, r in enumerate(records) if r["alarms"])
     (alarm,) = records[first]["alarms"]
     assert 11 <= first <= 16 and alarm["parameter"] == "EC0X" and alarm["rate_per_day"] == pytest.approx(3e-6, rel=0.4)
-    assert records[9]["night"] <= alarm["since"] <= records[12]["night"]
+    assert records[8]["night"] <= alarm["since"] <= records[10]["night"]  # it began the night after
+    for quiet in records[12:first]:  # from the night on which it was followed anew
+        assert "no alarm, but X axis out of square" in quiet["headline"] and quiet["trend"]["since"] == alarm["since"]
+    assert records[12]["opened"] == ["EC0X"] and first > 12
     assert {"EC0X"} == {name for r in records for name in r.get("opened", ())}
     last = records[-1]
     assert last["standing"][0]["stands"] >= records[14]["night"] and "it has stood still since" in last["headline"]

@@ -43,6 +43,7 @@ from .course import ALIKE
 from .doubt import Judged, attempted, believed
 from .drift import as_alarm
 from .lag import Lag, followed_anew, lagging
+from .lag import sentence as lag_told
 from .ports import Measured, Past
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
@@ -260,6 +261,7 @@ class Nights:
         chart = over_volume(self.lever, parts_have.mean, after.covariance)
         limits = limited(self.followed, self.settings.limits, parts_have, chart)
         moving = drift(known, recent, after, tonight.scale, limits, gone) if quiet else None
+        moving = lag_told(known, lag, recent, after) if quiet and moving is None else moving
         beyond = [limit for limit in limits if limit["passed"] is False]
         parameters = parts.parameters(self.followed, ahead, after, None if first else slopes(recent))
         for i in self.followed.machine if gone.any() else ():

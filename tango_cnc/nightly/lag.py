@@ -18,11 +18,15 @@ from scipy import special
 from ..records import Array
 from ..state import Frame, Seen, State, predicted
 from ..state.filter import taken
+from .alarms import Known
+from .course import moved_since, name_of, on_record, only
+from .drift import LEAST, TOLD, Drift, drift_of
 from .parts import expected
 
 WINDOWS = (1, 2, 3, 4, 5, 7)  # measured nights that a lag is looked for over
 CHANCE = 0.01  # a night, of all that is tried: a state that is opened for nothing has lost some nights of one parameter
 BEFORE = 2  # measured nights before the first that shows it: what moves had begun by then
+AS_BEFORE = 0.8  # of the most that it has moved since any of these nights
 FREED = 3.0  # times what the state has followed a day: what it may have moved
 
 
@@ -92,3 +96,40 @@ def followed_anew(begin: State, lag: Lag, nights: Sequence[tuple[float, Seen]], 
     for day, what in nights:
         state = taken(predicted(state, day), what)
     return replace(after, mean=state.mean, root=state.root, rates=rates)
+
+
+def sentence(k: Known, lag: Lag | None, records: Sequence[Mapping[str, Any]], after: State) -> Drift | None:
+    """what is known, what lags (None: nothing tonight), records newest first, state after tonight → how far it has moved since
+    before it began, for a night that is no alarm; on the nights after that, as long as it stays there. None where that is not
+    sure, or too little for a part.
+    """
+    if lag is None:
+        begun = _begun(k, records)
+        place, back = begun or (0, [])
+    else:
+        place, back = lag.place, list(records[: lag.back + 1])
+    back = [r for r in back if on_record(k, place, r, after) is not None]
+    moves = [moved_since(k, place, r, after) for r in back]
+    most = max((abs(size) for size, _ in moves), default=0.0)
+    number = next((j for j, (size, _) in enumerate(moves) if abs(size) >= AS_BEFORE * most), None)  # the last night as before
+    if number is None or abs(moves[number][0]) < TOLD * moves[number][1]:
+        return None
+    size, std = moves[number]
+    found = drift_of(k, place, back[number], size, std, after, abs(size) / std, CHANCE, records, alarms=False)
+    return found if max(found.on_part_um, k.worst(only(k, place, size))) >= LEAST else None
+
+
+def _begun(k: Known, records: Sequence[Mapping[str, Any]]) -> tuple[int, list[Mapping[str, Any]]] | None:
+    """what is known, records newest first → parameter of the sentence that a night of the last week began, and the record since
+    which it has moved; None where there is none, or somebody was told more since.
+    """
+    measured = [r for r in records if r.get("parameters") and r.get("state")]
+    for record in measured[: WINDOWS[-1]]:
+        if record.get("alarms") or record.get("repaired"):
+            return None
+        trend = record.get("trend") or {}
+        if trend.get("parameter") in (record.get("opened") or ()):
+            place = next((int(i) for i in k.followed.machine if name_of(k, int(i)) == trend["parameter"]), None)
+            since = next((r for r in measured if r["night"] == trend["since"]), None)
+            return None if place is None or since is None else (place, [since])
+    return None

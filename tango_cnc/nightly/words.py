@@ -25,6 +25,9 @@ def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str
     return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
 
 
+OWN = ("night.drift_do", "night.comes_back.repaired_do")  # what to do that a full measurement does not take back
+
+
 def on_part(key: str, since: str, **values: str) -> str:
     """key, date since when it is a change ('': it is a whole error), values → what it means for a part."""
     return texts()(key, **({"since": since} if since else {}), **values)
@@ -300,7 +303,8 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
     rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
-    again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady else ""  # a drift is not asked about
+    own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
+    again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
     lines += [t("mail.on_part", text=_grown(cause)), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
@@ -309,9 +313,10 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
 
 
 def _grown(cause: Mapping[str, Any]) -> str:
-    """alarm → what it does to a part; of a drift of an earlier night, by tonight and not as that night found it."""
+    """alarm → what it does to a part; of what goes on and is of an earlier night, by tonight and not as that night found it."""
     part, small = cause["on_part"], cause.get("on_part_um")
-    if not cause.get("rate_per_day") or not small or not cause.get("total") or is_gone(cause["now"]):
+    goes_on = cause.get("rate_per_day") or cause.get("ignored")
+    if not goes_on or not small or not cause.get("total") or is_gone(cause["now"]):
         return str(part) if not isinstance(part, Said) else part
     counted = float((cause.get("ignored") or {}).get("total") or cause["size"])
     large = abs(float(small) * (counted + float(cause["total"]) - float(cause["size"])) / counted)

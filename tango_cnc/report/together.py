@@ -136,7 +136,7 @@ def _whole(
         stands = first.get("stands")
         on = t("morning.drift_stands", since=day(str(stands), t)) if stands else t("morning.drifts_on")
         whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else on}"
-        whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_do")}
+        whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_stood_do" if stands else "morning.drift_do")}
     if first.get("on_part_um") is not None:
         small = float(first["on_part_um"])
         counted = float((first.get("ignored") or {}).get("total") or own)  # what its effect on a part is of
