@@ -15,7 +15,7 @@ from ._rows import Rows
 from ._smooth import Kernel, groups, scaled, window
 from ._space import orthonormal
 
-ROUND = 1e-7  # of the largest: a smaller share is none
+ROUND = 1e-7  # of the largest: smaller ones are rounding
 TAUS = tuple(np.geomspace(0.01, 1000.0, 11))  # variance of a shape at a touch over that of the noise
 MOST = 6  # shapes that are added
 FOLLOW = 250  # shapes that are compared after the first one was chosen

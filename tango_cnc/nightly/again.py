@@ -29,7 +29,7 @@ def _again(alarm: dict[str, Any], older: Sequence[tuple[Decision, Mapping[str, A
     if not same or alarm.get("repair") or alarm.get("undoes"):
         return alarm
     d, a = max(same, key=lambda one: one[0].utc)
-    if d.action != "repaired" or not float(a["size"]) * float(alarm["size"]) > 0:  # accepted since, or the other way
+    if d.action != "repaired" or not float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0:  # accepted since, or the other way
         return alarm
     told = {"owner": d.owner, "date": d.utc[:10]}
     do = say("night.comes_back.repaired_do", do=alarm["do"], **told)

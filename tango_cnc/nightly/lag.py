@@ -26,6 +26,7 @@ from .parts import expected
 WINDOWS = (1, 2, 3, 4, 5, 7)  # measured nights that a lag is looked for over
 CHANCE = 0.01  # a night, of all that is tried: a state that is opened for nothing has lost some nights of one parameter
 BEFORE = 2  # measured nights before the first that shows it: what moves had begun by then
+NEARLY = 0.8  # of the surest sum: the longest window that does as well says when it began
 AS_BEFORE = 0.8  # of the most that it has moved since any of these nights
 FREED = 3.0  # times what the state has followed a day: what it may have moved
 
@@ -53,7 +54,7 @@ def lagging(followed: Frame, records: Sequence[Mapping[str, Any]], ahead: State,
     if not float(sums[best][worst]) > least:
         return None
     place = int(followed.machine[worst])
-    since = max(w for w in sums if sums[w][worst] > 0.8 * float(sums[best][worst]))
+    since = max(w for w in sums if sums[w][worst] > NEARLY * float(sums[best][worst]))
     back = min(since - 1 + BEFORE, reach)
     days = max(after.day - float(records[since - 1]["state"]["day"]), 1.0)
     moved = float(np.abs(steps[:since, worst, 1].sum()))
@@ -121,7 +122,8 @@ def sentence(k: Known, lag: Lag | None, records: Sequence[Mapping[str, Any]], af
 
 def _begun(k: Known, records: Sequence[Mapping[str, Any]]) -> tuple[int, list[Mapping[str, Any]]] | None:
     """what is known, records newest first → parameter of the sentence that a night of the last week began, and the record since
-    which it has moved; None where there is none, or somebody was told more since.
+    which it has moved; None where no night began one, or where an alarm or a repair came
+    after it.
     """
     measured = [r for r in records if r.get("parameters") and r.get("state")]
     for record in measured[: WINDOWS[-1]]:

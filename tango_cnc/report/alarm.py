@@ -97,7 +97,7 @@ def _at_once(a: Mapping[str, Any]) -> bool:
 
 
 def since_when(a: Mapping[str, Any], t: Texts) -> str:
-    """alarm with its night, texts → since when, in words."""
+    """alarm with its night, texts → words for the date since which it has moved."""
     return t("morning.found", date=day(a["night"], t)) if _at_once(a) else day(a.get("since"), t)
 
 
