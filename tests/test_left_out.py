@@ -23,6 +23,7 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import read_plan
 from tango_cnc.plan import part, plan, plan_hash, split
+from tango_cnc.plan.standing import standing
 from tango_cnc.program import programs
 from tango_cnc.readback import check
 from tango_cnc.records import Cell, InputError, Obstacle, Plan
@@ -57,6 +58,34 @@ def folder(tmp_path: Path) -> Path:
     world = (tmp_path / "cell" / "world.yaml").read_text(encoding="utf-8")
     (tmp_path / "cell" / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world), encoding="utf-8")
     return tmp_path / "cell"
+
+
+def test_a_choice_of_touches_has_those_alone_that_a_plan_could_have(folder: Path) -> None:
+    found = standing(read_cell(folder))
+    assert [indexation.facets for indexation in found.indexations] == [("3", "5", "7"), ("3", "20"), ("5", "7")]
+
+
+def test_where_no_touch_can_be_made_the_choice_says_why(folder: Path) -> None:
+    cell = read_cell(folder)
+    away = replace(cell.strategy, indexations=cell.strategy.indexations[1:2])
+    with pytest.raises(InputError, match="no touch is left: a straight probe can make none of 2; touch other facets"):
+        standing(replace(cell, strategy=away))
+    short = tuple(replace(axis, travel=(-1.0, 1.0)) if axis.name == "X" else axis for axis in cell.machine.axes)
+    with pytest.raises(InputError, match=r"Even the touch that lacks least is beyond a travel: X .* -1 … 1 mm"):
+        standing(replace(cell, machine=replace(cell.machine, axes=short)))
+
+
+def test_touches_beyond_a_travel_are_named_and_counted_beyond_eight(folder: Path) -> None:
+    cell = read_cell(folder)
+    short = tuple(replace(axis, travel=(-1.0, 1.0)) if axis.name == "X" else axis for axis in cell.machine.axes)
+    small = replace(cell, machine=replace(cell.machine, axes=short))
+    one = replace(small, strategy=replace(small.strategy, indexations=small.strategy.indexations[3:]))
+    with pytest.raises(InputError, match="touches are beyond the travel of an axis") as few:
+        plan(one)
+    with pytest.raises(InputError, match="touches are beyond the travel of an axis") as many:
+        plan(small)
+    assert "more" not in str(few.value)
+    assert "… and 20 more" in str(many.value)
 
 
 def numbers(made: Plan) -> list[int]:

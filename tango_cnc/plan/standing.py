@@ -40,7 +40,7 @@ def standing(cell: Cell) -> Strategy:
             kept.append(replace(indexation, facets=tuple(shared.facet[row] for row in facet[rows])))
     if not kept:
         turned = np.abs(where[:, 0, [cell.machine.column(name) for name in cell.machine.rotary]]).sum(axis=1)
-        nearest = int(np.argmin(np.where(within, turned, np.inf))) if len(turned) else 0  # the simplest to look at
+        nearest = int(np.argmin(np.where(within, turned, np.inf)))  # the simplest to look at
         why = clear.why_no_room(touches[nearest]) if within.any() else _travel(cell, beyond, where)
         raise InputError(
             f"{strategy.name}: the axes reach no touch of it and get clear of the table afterwards. {why}. "
@@ -52,8 +52,6 @@ def standing(cell: Cell) -> Strategy:
 
 def _travel(cell: Cell, beyond: Array, where: Array) -> str:
     """cell, (n, 4, k) mm rad beyond travels, positions of n touches → which axis lacks how much at the touch that lacks least."""
-    if not len(beyond):
-        return "Every touch is in the way of the stem or the body of the probe, or of an obstacle"
     lacks = np.abs(beyond).max(axis=(1, 2))
     row = int(np.argmin(lacks))
     place, axis = np.unravel_index(int(np.argmax(np.abs(beyond[row]))), beyond[row].shape)
