@@ -60,6 +60,18 @@ def test_a_center_of_rotation_that_drifts_is_said(run: Run) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("runout", ["EXt", "EYt"])
+def test_a_tip_that_creeps_in_its_holder_does_not_pass_for_a_place_of_the_spindle(run: Run, runout: str) -> None:
+    cell, world, readings = run
+    elsewhere = replace(world, stylus={**world.stylus, runout: world.stylus.get(runout, 0.0) + 0.005})
+    after = simulate(cell.machine, cell.artefact, cell.strategy, elsewhere, seed=21)
+    over = np.linspace(0, 1, len(readings))[:, None]
+    found = judged(cell, replace(readings, position=readings.position + over * (after.position - readings.position)))
+    assert "the stylus tip crept sideways in its holder" in " ".join((*found.reasons, *found.remarks))
+    assert {"EXt": "EX0S", "EYt": "EY0S"}[runout] in found.untrusted
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("what", ["warm-up of 5 µm", "seating"])
 def test_a_drift_that_is_one_is_left_in_peace(what: str, root: Path) -> None:
     assert what in CASES

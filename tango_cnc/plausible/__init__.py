@@ -19,6 +19,7 @@ from ..touches import FAR, Touches, from_readings, misnamed
 from .backlashes import alike as alike_backlashes
 from .backlashes import by_direction
 from .bounds import Bound, bounds, is_backlash
+from .creeps import creeps
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
 from .either import AGREED as BETTER
@@ -176,6 +177,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
     if patterns:
         found += [*lacking(result, AGREED if agrees else LEVEL), *either(result, BETTER if agrees else AS_WELL)]
+        found += creeps(result, BETTER if agrees else AS_WELL)
     return [*found, *unseen(result), *learned(result), *stylus(cell, told), *offset(told)]
 
 

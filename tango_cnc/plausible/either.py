@@ -25,7 +25,7 @@ from .shapes import candidates, movable
 WORTH = 10.0  # that a pattern has to gain over white scatter
 AS_WELL = 6.0  # by which it may do worse than the drift before it is out of the question: one in twenty
 AGREED = -6.0  # the same where the touches are as was predicted before: it has to do better
-DRIFTS = ("drift", "center", "probe", "memory", "late", "radius", "yields")  # drifts, or nothing that a drift stands for
+DRIFTS = ("drift", "creeps", "center", "probe", "memory", "late", "radius", "yields")  # drifts, or nothing that a drift stands for
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def either(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
     found = [rival for rival in _rivals(touches, white) if rival.gain > least]
     if not found:
         return
-    back = _to_white(result, white)
+    back = to_white(result, white)
     moved = np.max([np.abs(back + rival.moved)[:p] / result.std[:p] for rival in found], axis=0)
     if moved.max(initial=0.0) < MOVED:
         return
@@ -74,7 +74,7 @@ def either(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
     yield Remark("doubtful", text, moves=tuple(result.model.names[:p]))
 
 
-def _to_white(result: Estimate, white: Left) -> Array:
+def to_white(result: Estimate, white: Left) -> Array:
     """→ (p,) from the unknowns of the estimate to those that white scatter alone would give."""
     gaps = result.residuals[white.rows] * white.weight
     return -(white.back.T @ (white.basis.T @ gaps))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..touches import FAR, Touches
 
 LEADS = (2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 16.0, 20.0, 24.0, 25.0, 30.0, 32.0, 40.0)  # mm: of ball screws, and halves
 SETTLED = 20.0  # s after a turn in which what it shook or heated has faded to a third
+TURNED = math.radians(60)  # rad between positions of S, at least, where stylus and table are told apart
 SEEN = 0.2  # share of the largest wave below which one is not looked for
 
 
@@ -38,6 +40,9 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     table = touches.of_table
     for shape in (t, t**2, np.sin(np.pi * t), np.sin(2 * np.pi * t)):
         yield "drift", "", table * shape[:, None]
+    if np.ptp(touches.axis("S")) > TURNED:  # else what creeps in the spindle is a drift of the table
+        for shape in (t, t**2):
+            yield "creeps", "", touches.spindle_normal[:, :2] * shape[:, None]
     for i, axis in enumerate("XYZ"):
         for sign, word in ((1.0, "-"), (-1.0, "+")):
             yield "late", f"{axis}{word}", (touches.machine_normal[:, [i]] * sign > 0.5).astype(float)
