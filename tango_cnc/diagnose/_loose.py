@@ -23,6 +23,7 @@ from ._gain import rms
 from ._records import Finding, Remainder
 from ._rows import Rows
 from ._smooth import Kernel, between, moves, scaled
+from ._space import space
 
 FEW = 2  # functions of an angle: with more, any few touches follow one
 WHOLE = 4.0  # rad: what an axis turns beyond this is a wave
@@ -45,12 +46,11 @@ def loose(
     weight: Array,
     base: Array,
     data: Array,
-    names: Array,
     picked: Sequence[Picked],
     rough: Sequence[Rough],
 ) -> list[Loose]:
-    """rows, weight (n,), model (n + known, p) and data without weights, columns of the names (n + known, s), shapes, facets that
-    scatter → those whose touches follow something so well that they may be loose (within MARGIN of a rough one).
+    """rows, weight (n,), model with names (n + known, p) and data without weights, shapes, facets that scatter → those whose
+    touches follow something so well that they may be loose: within MARGIN of a rough one.
     """
     found = []
     n = len(means.seen)
@@ -61,14 +61,13 @@ def loose(
             continue
         own = np.where(on, 1.0, weight)
         certain = np.concatenate([own, np.ones(len(base) - n)])
-        q = np.linalg.qr(np.hstack([base, names]) * certain[:, None], mode="complete")[0]
-        outside = q[:, np.linalg.matrix_rank(np.hstack([base, names]) * certain[:, None]) :]
-        y = outside.T @ (data * certain)
+        left = space(data * certain, base * certain[:, None], n, ())
+        outside, y = left.basis, left.y
         covariance = np.eye(len(y))
         for p in picked:
-            seen = outside[:n].T @ (p.kernel.columns * own[:, None])
+            seen = outside.T @ (p.kernel.columns * own[:, None])
             covariance += p.tau * seen @ seen.T
-        back = outside[:n] @ np.linalg.inv(np.linalg.cholesky(covariance)).T
+        back = outside @ np.linalg.inv(np.linalg.cholesky(covariance)).T
         white = np.linalg.solve(np.linalg.cholesky(covariance), y)
         spread = back[on].T
         by_chance = score(white, spread)[0]
@@ -79,7 +78,7 @@ def loose(
         best = int(np.argmax([t[0] for t in tried]))
         above = tried[best][0] - 2 * float(np.log(len(kernels))) - by_chance
         if above > -MARGIN:
-            found.append(Loose(one.key, above, _told(means, kernels[best], tried[best][1], white, back, on, outside[:n])))
+            found.append(Loose(one.key, above, _told(means, kernels[best], tried[best][1], white, back, on, outside)))
     return found
 
 
@@ -90,10 +89,9 @@ def parted(rough: Sequence[Rough], follows: Sequence[Loose]) -> tuple[list[Rough
 
 
 def beside(f: Finding, follows: Sequence[Loose]) -> Finding:
-    """what is named, facets that may be loose → rough facets with the function that comes near, and with touches that would tell."""
-    near = sorted(
-        (one for one in follows if one.facet in f.setting.get("facets", ()) and one.above <= MARGIN), key=lambda o: -o.above
-    )
+    """what is named, facets that may be loose → with the function that comes near, and with touches that would tell."""
+    rough = f.setting.get("facets", ())
+    near = sorted((one for one in follows if one.facet in rough and one.above <= MARGIN), key=lambda one: -one.above)
     if not near:
         return f
     telling = tuple(say("diagnosis_said.loose_or_rough", facet=one.facet) for one in near)
@@ -129,8 +127,8 @@ def forms(touches: Touches, facet: str, on: Array) -> Iterator[Form]:
 
 
 def _told(means: Rows, kernel: Kernel, tau: float, white: Array, back: Array, on: Array, outside: Array) -> Remainder:
-    """rows, the function, its variance, whitened data (m,), how touches are seen in it (n, m), rows of the facet, space that is left
-    (n, m) → what is said of it.
+    """rows, the function, its variance, whitened data (m,), how touches are seen in it (n, m), rows of the facet, space that is
+    left (n, m) → what is said of it.
     """
     assert kernel.form is not None
     columns = back.T @ kernel.columns
