@@ -206,8 +206,8 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     assert learned.draws is not None and learned.free is not None
     used = np.flatnonzero(own.curve.any(axis=tuple(range(own.curve.ndim - 1))))
     drawn = own.factor * (own.curve[..., used] @ learned.draws[used])
-    if own.length is not None:
-        free = used[learned.free[used]]
+    if own.length is not None or own.turned:  # two axes that turn say too little of each other's size: noise would count twice
+        free = used if own.turned else used[learned.free[used]]
         return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])))
     curve = ask.curve * ask.factor
     wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
