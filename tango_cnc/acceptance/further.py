@@ -84,7 +84,7 @@ def known_of(sheet: Sheet, setup: Setup, wide: bool = False) -> Known:
 
 def possible(whole: Whole, machine: Machine, more: Warmth | None = None) -> Known:
     """every error motion as the touches leave it, machine, what temperature adds to scales (mm/mm) → what acts at a pose."""
-    own = acting(whole)
+    own, _ = all_steady(whole.coefficients, _some(whole.touches))
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
     drawn = None if whole.draws is None else whole.draws[own] - values[:, None]
@@ -99,11 +99,6 @@ def possible(whole: Whole, machine: Machine, more: Warmth | None = None) -> Know
             both = more.std * np.random.default_rng(2309).standard_normal(drawn.shape[1])
             drawn = np.vstack([drawn, np.tile(both, (k, 1))])
     return Known(coefficients, values, covariance, drawn=drawn)
-
-
-def acting(whole: Whole) -> list[int]:
-    """machine → which of its coefficients act at a pose, whatever moved last."""
-    return list(all_steady(whole.coefficients, _some(whole.touches))[0])
 
 
 def _some(touches: Touches) -> Touches:

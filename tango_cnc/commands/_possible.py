@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..acceptance.further import acting, possible, undecided_by
+from ..acceptance.further import possible, undecided_by
 from ..compensate.fit import Known
 from ..estimate import Estimate
 from ..iso230.doubt import UNDECIDED, VOLUME
-from ..iso230.interval import of_volume
 from ..iso230.seen import seen
 from ..nc.follow import Setup
 from ..nc.predict import Way, levers, machinery
@@ -21,6 +19,7 @@ from ..records import Array, TangoError
 from ._budget import budget_of
 
 POINTS = 200  # of a program at which the machines are compared
+SIDE = 0.95  # of the machines have no larger deviation
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,6 @@ class Machines:
 
     known: Known
     wide: Known
-    free: NDArray[np.bool_]  # (p,) of `known`: what the touches alone decide
 
 
 def machines(folder: Path, result: Estimate) -> Machines | str:
@@ -38,16 +36,16 @@ def machines(folder: Path, result: Estimate) -> Machines | str:
         found = seen(result, budget_of(folder, result))
     except TangoError as error:
         return str(error)
-    machine, learned = result.model.touches.machine, found.learned
-    assert learned.free is not None
-    return Machines(possible(learned, machine), possible(found.wide, machine), learned.free[acting(learned)])
+    machine = result.model.touches.machine
+    return Machines(possible(found.learned, machine), possible(found.wide, machine))
 
 
 def aligned(way: Way, setup: Setup, of: Machines) -> dict[str, Any]:
     """way, set-up, machines → how far the tip is at most, µm, of the part as it lies best on its program; or why that is withheld.
 
     How a table lies is set up by the touches and by whoever clamps a part. What is left moves every axis, and may be as uncertain
-    as a volume.
+    as a volume. `at_most_um` is a limit of one side, 95 %: scatter in many directions makes a largest deviation larger, and what
+    it is at least cannot be told as well.
     """
     chosen = np.unique(np.linspace(0, len(way.at) - 1, min(POINTS, len(way.at))).astype(int))
     at, tool = np.array(way.at)[chosen], np.array(way.tool)[chosen]
@@ -65,12 +63,12 @@ def aligned(way: Way, setup: Setup, of: Machines) -> dict[str, Any]:
     std = float(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)).max())
     why = undecided_by(std, VOLUME * UNDECIDED["µm"])
     if why:
-        return {"largest_um": None, "low_um": None, "high_um": None, "why": why}
+        return {"largest_um": None, "at_most_um": None, "why": why}
     curve, drawn = moved(of.known), of.known.drawn
     assert drawn is not None
-    found = of_volume(curve @ (of.known.values[:, None] + drawn), curve[..., of.free] @ drawn[of.free])
-    best, low, high = (round(v, 4) for v in (found.best, found.low, found.high))
-    return {"largest_um": best, "low_um": low, "high_um": high, "why": ""}
+    best, every = curve @ of.known.values, curve @ (of.known.values[:, None] + drawn)
+    most = float(np.quantile(np.linalg.norm(every, axis=1).max(axis=0), SIDE))
+    return {"largest_um": round(float(np.linalg.norm(best, axis=1).max()), 4), "at_most_um": round(most, 4), "why": ""}
 
 
 def _without_set_up(points: Array) -> Array:

@@ -154,7 +154,7 @@ def _there(data: dict[str, Any]) -> str:
     best, said = data["aligned"], "of the part as it lies best, with every error motion that the machine may have"
     if best["why"]:
         return f"{said}: withheld, {best['why']}"
-    return f"{said}: largest {best['largest_um']:.1f} µm, {best['low_um']:.1f} to {best['high_um']:.1f} µm (95 %)"
+    return f"{said}: largest {best['largest_um']:.1f} µm, at most {best['at_most_um']:.1f} µm (95 %)"
 
 
 def _text(data: dict[str, Any]) -> str:
