@@ -87,6 +87,16 @@ def counted(example: str, seeds: range, folder: Path) -> Counted:
     return found
 
 
+def test_how_a_part_lies_is_no_deviation_of_it() -> None:
+    rng = np.random.default_rng(3)
+    points = rng.normal(scale=80, size=(40, 3))
+    lies = rng.normal(size=3) + np.cross(rng.normal(scale=1e-2, size=3), points)
+    bent = 1e-6 * points[:, [1]] ** 2 * [0, 0, 1]
+    left = _possible._without_set_up(points) @ np.stack([lies.ravel(), (lies + bent).ravel(), bent.ravel()], axis=1)
+    assert np.abs(left[:, 0]).max() < 1e-12
+    assert np.allclose(left[:, 1], left[:, 2]) and np.abs(left[:, 2]).max() > 1e-3
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("example", ["trunnion", "hu40t"])
 def test_intervals_allow_for_every_error_motion(example: str, tmp_path: Path) -> None:
