@@ -48,7 +48,7 @@ KEPT = ROOT / "build" / "mutants"
 CODE = ("tango_cnc", "postprocessors", "sim_controller", "tests", "examples")  # what a verdict depends on
 AT_ONCE = 6  # files of tests that are run with coverage before what they reach is kept
 AREAS = {
-    "link": ("tango_cnc/link", ("test_link_*.py", "test_run*.py", "test_segments.py")),
+    "link": ("tango_cnc/link", ("test_link_*.py", "test_run*.py", "test_segments.py", "test_night_preflight.py")),
     "plan": (
         "tango_cnc/plan",
         ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py", "test_second_stylus.py"),

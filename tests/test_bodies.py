@@ -72,7 +72,6 @@ def test_a_yoke_and_a_tool_setter_leave_all_touches_and_are_not_met() -> None:
     assert found.probe >= 0 and found.solids >= 0
 
 
-@pytest.mark.few(0)
 class Met:
     """Stands for a guard that finds every move of one margin to meet something, and no other move."""
 
@@ -95,6 +94,50 @@ def test_a_move_that_meets_something_is_refused_near_a_facet_and_on_the_way(marg
     guard.refuse(made, Met(None))  # type: ignore[arg-type]
     with pytest.raises(InputError, match=f"nose would come within {keeps} of cheek"):
         guard.refuse(made, Met(margin))  # type: ignore[arg-type]
+
+
+class Asked:
+    """Stands for a guard that finds nothing and keeps where each way that it was asked about ends, by its margin."""
+
+    def __init__(self) -> None:
+        self.pairs, self.ends = (None,), dict[int, set[tuple[float, ...]]]()
+
+    def meets(self, places: np.ndarray, margin: int) -> np.ndarray:
+        self.ends.setdefault(margin, set()).update(map(tuple, places[:, -1].tolist()))
+        return np.full(len(places), -1)
+
+    def turns(self, *asked: object, **more: object) -> None:
+        return None
+
+
+def test_near_a_facet_the_small_margin_counts_and_on_the_way_the_large_one() -> None:
+    made, asked = plan(read_cell(Path(__file__).parent / "golden" / "cell")), Asked()
+    guard.refuse(made, asked)  # type: ignore[arg-type]
+    columns = [made.machine.column(name) for name in made.machine.linear]
+    touched = {tuple(np.round([touch.end[i] for i in columns], 6)) for touch in made.touches}
+    ends = {margin: {tuple(np.round([end[i] for i in columns], 6)) for end in found} for margin, found in asked.ends.items()}
+    assert set(ends) == {guard.TOUCH, guard.TRAVEL}
+    assert touched <= ends[guard.TOUCH]
+    assert not touched & ends[guard.TRAVEL]
+
+
+@pytest.mark.parametrize(
+    ("travel", "between"),
+    [
+        ((-120.0, 30.0), (-120.0, 30.0)),
+        ((-110.0, 240.0), (-110.0, 240.0)),
+        ((300.0, 400.0), (300.0, 400.0)),
+        ((-360.0, 360.0), (-180.0, 180.0)),
+        (None, (-180.0, 180.0)),
+    ],
+)
+def test_an_axis_that_may_be_anywhere_is_within_its_travel(
+    travel: tuple[float, float] | None, between: tuple[float, float]
+) -> None:
+    machine = example("trunnion").machine
+    limits = None if travel is None else (np.radians(travel[0]), np.radians(travel[1]))
+    axes = tuple(replace(axis, travel=limits) if axis.name == "C" else axis for axis in machine.axes)
+    assert np.degrees(guard.everywhere(replace(machine, axes=axes))["C"]) == pytest.approx(between)
 
 
 def test_what_is_far_away_changes_nothing() -> None:

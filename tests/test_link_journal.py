@@ -44,6 +44,16 @@ def write_until_killed(file, say):
         touch += 1
 
 
+def test_a_journal_larger_than_any_run_is_not_read(tmp_path, monkeypatch):
+    file = tmp_path / "run.journal"
+    written(file, 1)
+    monkeypatch.setattr("tango_cnc.link.journal.MOST", file.stat().st_size)
+    assert touches(file) == [1]
+    monkeypatch.setattr("tango_cnc.link.journal.MOST", file.stat().st_size - 1)
+    with pytest.raises(InputError, match="allowed: a journal of at most"):
+        read_journal(file)
+
+
 def test_entries_come_back(tmp_path):
     written(tmp_path / "run.journal", 1)
     entries, _ = read_journal(tmp_path / "run.journal")

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from support.blockcell import HALF, block, cell, machine, positions
 from support.distances import Body, distance
 from support.few import every
@@ -218,6 +219,42 @@ def test_a_turn_is_as_high_as_it_has_to_be(pose: dict[str, float], rise: float, 
     over = made.touches[0].over[z]
     assert made.turns[1].before[z] - over == pytest.approx(rise, abs=1e-6)
     assert high.turns[1].before[z] - over > 110
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_how_far_a_point_gets_in_one_turn_is_what_walking_along_it_finds(seed: int) -> None:
+    """C alone passes some angles, also between one below and one above zero; the walk turns the points by itself."""
+    rng = np.random.default_rng(seed)
+    middle, half = float(rng.uniform(-1.0, 1.0)), float(rng.uniform(0.5, 2.5))
+    table = machine("wCXfYZ(S)t", {"C": (20.0, -30.0, 0.0)})
+    points, way = rng.uniform(-200, 200, (3, 3)), rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    span = (middle - half, middle + half)
+    at = np.zeros(len(table.names))
+    found = sweep.reach(table, ("C",), at, {"C": span}, (points, np.zeros(3)), way)
+    direction, about = np.array(table.axis("C").direction), np.array(table.axis("C").point)
+    turns = Rotation.from_rotvec(np.linspace(*span, 4001)[:, None] * direction)
+    walked = max(float((turns.apply(point - about) + about).dot(way).max()) for point in points)
+    assert found == pytest.approx(walked, abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_how_far_a_point_gets_while_two_axes_turn_is_at_most_a_hundredth_more_than_walking_finds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = {"B": tuple(rng.uniform(-80, 80, 3)), "C": tuple(rng.uniform(-80, 80, 3))}
+    table = machine("wCBXfYZ(S)t", points)
+    middle, half = rng.uniform(-1.0, 1.0, 2), rng.uniform(0.3, 2.5, 2)
+    spans = dict(zip("BC", zip((middle - half).tolist(), (middle + half).tolist(), strict=True), strict=True))
+    body, way = rng.uniform(-200, 200, (3, 3)), rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    found = sweep.reach(table, ("B", "C"), np.zeros(len(table.names)), spans, (body, np.zeros(3)), way)
+    walked = body[None]
+    for name in "CB":  # B carries C
+        direction, about = np.array(table.axis(name).direction), np.array(table.axis(name).point)
+        turns = Rotation.from_rotvec(np.linspace(*spans[name], 301)[:, None] * direction).as_matrix()
+        walked = (np.einsum("nij,mj->nmi", turns, (walked - about).reshape(-1, 3)) + about).reshape(-1, 1, 3)
+    farthest = float(walked.reshape(-1, 3).dot(way).max())
+    assert farthest - 1e-3 <= found <= farthest + 0.01 * 400.0
 
 
 def test_an_axis_with_room_for_a_whole_turn_may_go_either_way_round() -> None:

@@ -123,6 +123,17 @@ def test_the_read_back_refuses_an_alarm_that_leaves_something_on(name: str, macr
     assert "leaves it out" in refused([*lines[: past + 1], "G0 Z0.", *lines[past + 1 :]])
 
 
+def test_an_alarm_at_once_leaves_the_port_open_where_no_word_switches_the_probe() -> None:
+    made, post = golden(), load("fanuc")
+    lines = list(program(post, made, {}, plan_hash(made))[2]())
+    end = next(i for i, line in enumerate(lines) if line.startswith("#3000="))
+    number = int(lines[end].partition("=")[2].partition("(")[0])
+    jump = next(i for i, line in enumerate(lines) if line.endswith(f"GOTO{number + 8920}"))
+    lines[jump] = lines[jump].partition("GOTO")[0] + "THEN" + lines[end]
+    with pytest.raises(InputError, match="without PCLOS right before the alarm: it leaves the probe on or the port open"):
+        readback.check(lambda: iter(lines), made, settings(post, {}), companions(post, made, {}), written_in=post.language)
+
+
 def test_the_scripts_of_mach4_switch_the_probe_off_before_their_alarm() -> None:
     made, options = golden(), settings(load("mach4"), OFF)
     files = companions(load("mach4"), made, OFF)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..asked import as_run
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up, read_origin
+from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
@@ -39,14 +39,17 @@ def judged(
     fit: Callable[[], Estimate] | None = None,
     source: Path | None = None,
     run: Mapping[str, Any] | None = None,
+    origin: Origin | None = None,
 ) -> tuple[Estimate, Judgement]:
     """cell, readings, terms → estimate with the noise that its residuals show, and judgement.
 
-    `source`: the file of the readings, which says where they come from. `run`: readings.json, where it was read before.
+    `source`: the file of the readings, which says where they come from. `run`, `origin`: what is beside it, where it was read
+    before.
     Raises TangoError where there is no fit, with the mistake that most likely is the reason.
     """
-    if run is None and source is not None:
-        run = run_of(source)
+    if source is not None:
+        origin = origin or look_up(source)
+        run = run_of(source, origin) if run is None else run
     cell = as_run(cell, run)
     try:
         result = fit() if fit is not None else estimate(cell.machine, cell.artefact, readings, terms, degree)
@@ -62,21 +65,28 @@ def judged(
         why = "the touches contradict each other so much that their scatter cannot be estimated"
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
     judgement = judge(replace(cell, terms=tuple(terms)), readings, result, run=run)
-    return result, judgement if source is None else traced(judgement, source, cell.folder)
+    return result, judgement if origin is None else traced(judgement, origin, cell.folder)
 
 
-def run_of(source: Path) -> dict[str, Any] | None:
-    """readings.csv → what its run wrote beside it (readings.json), or which touches a simulation left out; None: neither."""
+def run_of(source: Path, origin: Origin | None = None) -> dict[str, Any] | None:
+    """readings.csv → what its run wrote beside it (readings.json), or which touches a simulation left out; None: neither.
+
+    `origin`: that of these readings, where it was read before.
+    """
     with suppress(InputError):
         return read_json(source.with_suffix(".json"), "what 'tango run' wrote")
-    made = (read_origin(source) or {}).get("run")
+    return left_out(origin or look_up(source))
+
+
+def left_out(origin: Origin) -> dict[str, Any] | None:
+    """origin of readings → which touches a simulation left out; None where it does not say."""
+    made = origin.known.get("run")
     return made if isinstance(made, dict) and isinstance(made.get("left_out_touches"), list) else None
 
 
-def traced(judgement: Judgement, source: Path, folder: Path) -> Judgement:
-    """judgement, readings.csv, folder of the cell → the same with what was changed since the readings were made."""
-    reasons, remarks = [], []
-    origin = look_up(source)
+def traced(judgement: Judgement, origin: Origin, folder: Path) -> Judgement:
+    """judgement, origin of the readings, folder of the cell → the same with what was changed since they were made."""
+    reasons, remarks, source = list[str](), list[str](), origin.readings
     lines, gone = edited_rows(origin)
     if lines:
         listed = ", ".join(map(str, lines[:FEW])) + (" …" if len(lines) > FEW else "")

@@ -17,7 +17,7 @@ from .. import __version__
 from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
 from ..files.nightly import history_of, read_nightly
-from ..files.origin import check_values, current, read_origin
+from ..files.origin import Origin, check_values, current, look_up
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
@@ -35,7 +35,7 @@ from ..report.units import Units, shown
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
-from ._trust import despite_option, judged, members, run_of, status, told
+from ._trust import despite_option, judged, left_out, members, status, told
 from .iso230 import at_20
 
 if TYPE_CHECKING:
@@ -123,8 +123,9 @@ def command(
         not no_diagnosis,
         not no_pictures,
     )
-    made = paper(folder, source, operator, owner or nightly.owner)
-    result, judgement = judged(cell, readings, items, degree, source=source, run=made.origin)
+    known = look_up(source)
+    made = paper(folder, source, operator, owner or nightly.owner, known=known)
+    result, judgement = judged(cell, readings, items, degree, source=source, run=made.plan, origin=known)
     past = trend(folder, cell.machine.name, list(effects(result)), texts_of(templates))
     found = gather(
         cell,
@@ -137,7 +138,7 @@ def command(
         trend=past,
         compensations=compensations(folder),
         nights=nights(folder, cell.machine, wishes.units, texts_of(templates), allowed),
-        control=_in_control(folder, source, result),
+        control=_in_control(folder, known, result),
     )
     target = output or folder / "report.html"
     values = page.context(found, texts_of(templates))
@@ -174,8 +175,12 @@ def overall(judgement: Judgement, found: Facts) -> Judgement:
     return replace(judgement, verdict=worst, reasons=(*judgement.reasons, *bad))
 
 
-def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) -> Paper:
-    """cell, readings file, people, more files → what a report says of its own making."""
+def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path, known: Origin | None = None) -> Paper:
+    """cell, readings file, people, more files → what a report says of its own making.
+
+    `known`: the origin of the readings, where it was read before.
+    """
+    known = known or look_up(source)
     styli = [of_stylus(source, number) for number in range(2, 10)]  # read with it where they exist
     names = [*(n for n in sources(folder) if n.name not in KEPT), folder / "uncertainty.yaml", source, *styli, *more]
     origin_file = source.with_suffix(".json")
@@ -188,13 +193,11 @@ def paper(folder: Path, source: Path, operator: str, owner: str, *more: Path) ->
         data = name.read_bytes()
         files.append((name.name, len(data), hashlib.sha256(data).hexdigest()))
     versions = {"Python": platform.python_version()} | {name: _version(name) for name in LIBRARIES}
-    beside = read_origin(source) or {}
-    simulated = beside.get("origin") == "simulated" or bool((origin or {}).get("simulated"))
-    measured = str((origin or {}).get("start_utc") or beside.get("written_utc") or "")
+    simulated = known.known.get("origin") == "simulated" or bool((origin or {}).get("simulated"))
+    measured = str((origin or {}).get("start_utc") or known.known.get("written_utc") or "")
+    run = left_out(known) if origin is None else origin
     made = datetime.now(UTC)
-    return Paper(
-        made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured, run_of(source)
-    )
+    return Paper(made, __version__, versions, operator, owner, tuple(files), origin, simulated, source.name, measured, run)
 
 
 @cache
@@ -224,8 +227,8 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
-    """cell, readings, estimate → the compensation in its control, as far as the readings lack it."""
+def _in_control(folder: Path, origin: Origin, result: Estimate) -> Held | None:
+    """cell, origin of the readings, estimate → the compensation in its control, as far as the readings lack it."""
     from ..compensate import loop
 
     if next(loop.found(folder), None) is None:  # nothing of the nights and their database is loaded without a compensation
@@ -233,8 +236,7 @@ def _in_control(folder: Path, source: Path, result: Estimate) -> Held | None:
     from ..state.volume import levers_of
     from ._in_control import in_control
 
-    beside = read_origin(source) or {}
-    rows = check_values(source.read_text(encoding="utf-8-sig"))
+    beside, rows = origin.known, check_values(origin.readings.read_text(encoding="utf-8-sig"))
     if (missed := loop.ignored(folder, rows, (beside.get("run") or {}).get("end_utc"))) is not None:
         return Held(missed[0].number, missed[0].record["target"], True, None)
     if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
