@@ -325,15 +325,15 @@ def _told(
     outcome = replace(outcome, picked=plainer(field, found.place.y, columns_of(found.place, [*alone, *accepted]), outcome.picked))
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    about = excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments)
-    spreads = _spread.findings(whole, seen, rough, *about)
+    told_beside = excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments)
+    spreads = _spread.findings(whole, seen, rough, *told_beside)
     scattering = [r for r in rough if any(r.key in f.setting.get("facets", ()) for f in spreads)]
     stood = np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *accepted))])
     follows = _loose.loose(means, weight, stood, data, outcome.picked, scattering)
     scattering, loose = _loose.parted(scattering, follows)
     if loose:
         remains += loose
-        spreads = _spread.findings(whole, seen, scattering, *about)
+        spreads = _spread.findings(whole, seen, scattering, *told_beside)
     findings += [replace(_loose.beside(f, follows), pattern=np.zeros(len(touches))) for f in spreads if not few]
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
