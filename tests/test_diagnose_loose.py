@@ -10,10 +10,14 @@ import pytest
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import Diagnosis, diagnose
+from tango_cnc.diagnose._explain import Rough
+from tango_cnc.diagnose._loose import Loose, parted
+from tango_cnc.diagnose._records import Remainder
 from tango_cnc.diagnose.words import as_json
 from tango_cnc.diagnose.words import as_text as render
 from tango_cnc.files import read_cell
 from tango_cnc.records import World
+from tango_cnc.terms._shape import EVEN, Factor
 from tango_cnc.touches import from_readings
 
 FACET = "4"
@@ -49,6 +53,25 @@ def found(root: Path, effect: dict[str, object], seed: int) -> Diagnosis:
     cell = read_cell(root / "examples" / "trunnion")
     read = simulate(cell.machine, cell.artefact, cell.strategy, World(noise=0.0007, effects=(effect,)), seed=seed)
     return diagnose(cell.machine, cell.artefact, read, cell.terms)
+
+
+def test_evidence_decides_which_facets_are_loose_and_which_may_be_rough() -> None:
+    rough = [Rough(facet, 0.004, 1e-6, 0.2) for facet in ("4", "9", "12")]
+    shape = [Remainder(f"facet {r.key} × A", "none", "polynomial", 0.005, 0.5, np.zeros(3)) for r in rough]
+    follows = [Loose("4", 30.0, shape[0]), Loose("9", -2.0, shape[1])]
+    left, loose = parted(rough, follows)
+    assert [r.key for r in left] == ["9", "12"] and loose == [shape[0]]
+
+
+def test_what_a_load_does_is_the_same_on_both_sides_of_zero() -> None:
+    tilts = np.linspace(-1.5, 1.5, 31)
+    both = Factor("A", EVEN, 0.0, 1.5, 2).functions(tilts)
+    assert both.shape == (31, 2)
+    np.testing.assert_allclose(both, both[::-1], atol=1e-12)
+    basis = np.column_stack([np.ones(31), both])
+    for load in (np.abs(tilts), np.abs(np.sin(tilts))):
+        missed = load - basis @ np.linalg.lstsq(basis, load, rcond=None)[0]
+        assert np.abs(missed).max() < 0.02
 
 
 @pytest.mark.long
