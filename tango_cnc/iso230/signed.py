@@ -167,9 +167,10 @@ def ways_out(w: Whole, by_length: Sequence[str] = ()) -> tuple[str, ...]:
         )
     about = [name for name, turns in w.unfelt.items() if turns]
     if about:
+        summed = ", and VC contains it" if all(name[2] in "XYZ" for name in about) else ""
         found.append(
             f"{' '.join(about)}: a turn about the spindle axis leaves a stylus on that axis where it is; only a stylus beside it "
-            "would show it. It moves no tool that is on the axis, and VC contains it"
+            f"would show it. It moves no tool that is on the axis{summed}"
         )
     return (*found, "until then, 'tango iso230 --fitted' shows the fitted terms alone, as if the machine had no other error motion")
 

@@ -36,7 +36,7 @@ ROUNDS = (4, *[2] * 14)  # most steps with one weight of the touches; a machine 
 SETTLED = 3e-3  # of the scatter: rounds end where the weight of the touches changes by no more
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 ALONE = 0.02  # share of a touch's own error that is left of it, below which no other touch says what it should be
-UNFELT = 1e-3  # of its size before the touches: a coefficient that none of them changes by more is felt by none
+UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
 TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 
