@@ -102,6 +102,20 @@ def test_a_range_has_the_guard_bands_of_its_own_shape(
     (row,) = signed(tmp_path, replace(shown, figures=figures), limits={"straightness EXZ": limit}).rows
     assert row.verdict == expected
     assert row.guard == pytest.approx(guard)
+    assert row.decided == (least, most) and page.cells(row)[2] == f"{least:.2f} … {most:.2f}"
+
+
+@pytest.mark.parametrize("value", [-13.0, -2.0, 0.4, 3.0, 8.3, 12.0])
+@pytest.mark.parametrize("limit", [0.1, 2.0, 10.0])
+def test_the_interval_that_is_printed_is_the_one_that_decides(tmp_path: Path, value: float, limit: float) -> None:
+    """Conforms: all of it within the limit. Does not: none of it, and never where it contains 0."""
+    (row,) = signed(tmp_path, sheet(value), limits={"straightness EXZ": limit}).rows
+    low, high = (float(v) for v in page.cells(row)[2].split(" … "))
+    within, beyond = -limit <= low and high <= limit, low >= limit or high <= -limit
+    assert row.verdict == ("conforms" if within else "does not conform" if beyond else "undecided")
+    assert row.expanded is not None and (high - low) / 2 <= row.expanded
+    (written,) = page.as_json(signed(tmp_path, sheet(value), limits={"straightness EXZ": limit}))["figures"]
+    assert written["decided_by"] == list(row.decided or ())
 
 
 @pytest.mark.parametrize(("kind", "name"), [("positioning gain", "EXX"), ("parameter", "EXX1"), ("volumetric", "VX")])

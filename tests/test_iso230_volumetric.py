@@ -46,6 +46,19 @@ def test_orientation_that_no_touch_shows_is_withheld_with_its_reason() -> None:
 
 
 @pytest.mark.long
+def test_what_would_show_an_orientation_is_named() -> None:
+    """VA and VB need another length. A turn about the spindle axis moves no stylus on it, whatever its length."""
+    sheet = signed(measured("hu40t", SEED, None, Every)[1])
+    (text,) = [f.text for f in sheet.figures if f.name == "VC"]
+    assert text.endswith("no touch feels ECY")
+    assert all("no touch feels" not in f.text for f in sheet.figures if f.name in ("VA", "VB", "EAZ", "ECZ", "EBY"))
+    advice = " ".join(sheet.advice)
+    assert "tilts from straightness, which VA VB need" in advice and "ECY: a turn about the spindle axis" in advice
+    longer = signed(measured("hu40t", SEED, 60.0, Every)[1])
+    assert "second stylus" not in " ".join(longer.advice) and "ECY" in " ".join(longer.advice)
+
+
+@pytest.mark.long
 def test_orientation_that_two_styli_show_is_given_and_holds() -> None:
     """Turns of three axes are summed, and were withheld beyond the limit of one. ECY and ECZ stay open, and VC with them."""
     found = [row for seed in range(SEED, SEED + 4) for row in figures("hu40t", seed, 60.0) if row[0].name in ("VA", "VB", "VC")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -124,3 +125,18 @@ def test_reading_a_program_needs_no_machine_to_refuse() -> None:
         from tango_cnc.nc.follow import follow
 
         list(follow(["G41 D1"], language("rs274"), setup))
+
+
+def test_a_part_that_is_set_up_turned_has_the_same_lengths_and_angles() -> None:
+    """What is known of how a table lies is 0.01 rad before the touches: every distance had 5 µm more by that alone."""
+    nominal = np.array([[0.0, 0, 0], [120, 0, 0], [120, 0, 0], [120, 90, 10]])
+    turned = np.cross(np.random.default_rng(1).normal(scale=1e-2, size=(500, 1, 3)), nominal[None])
+    assert np.abs(features._distance(nominal, turned)).max() < 1e-9
+    assert np.abs(features._squareness(nominal, turned)).max() < 1e-9
+    small = np.random.default_rng(2).normal(scale=1e-4, size=(500, 4, 3))
+    there = nominal + small
+    one, two = there[:, 1] - there[:, 0], there[:, 3] - there[:, 2]
+    long = np.linalg.norm(one, axis=1) - 120
+    angle = np.arccos(np.sum(one * two, axis=1) / np.linalg.norm(one, axis=1) / np.linalg.norm(two, axis=1)) - math.pi / 2
+    assert np.abs(features._distance(nominal, small) - long).max() < 1e-8
+    assert np.abs(features._squareness(nominal, small) - angle * math.hypot(90, 10)).max() < 1e-8

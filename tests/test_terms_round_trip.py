@@ -68,6 +68,15 @@ SETTINGS: dict[str, list[dict[str, Any]]] = {
         },
         {"name": "rested", "factors": [of("pause", 1, 5), of("Y", -200, 200)], "weight": "machine z", "values": [0.5, 1.0, -0.3]},
         {
+            "name": "loaded",
+            "factors": [
+                {"covariate": "dY", "kind": "side", "low": -1.0, "high": 1.0, "count": 1},
+                {"covariate": "B", "kind": "even", "low": 0.0, "high": 1.6, "count": 2},
+            ],
+            "weight": "machine y",
+            "values": [0.5, 1.0, -0.3],
+        },
+        {
             "name": "pad",
             "factors": [{"covariate": "C", "kind": "beyond", "low": 0.4, "high": 4.7, "count": 1}],
             "weight": "table",

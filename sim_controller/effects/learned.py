@@ -62,6 +62,9 @@ def _functions(h: History, f: Mapping[str, Any]) -> Sequence[Array]:
         return [np.sign(x)]
     if kind == "beyond":
         return [np.heaviside(x - low, 0.0)]
+    if kind == "even":
+        distance = np.minimum(np.hypot(x, 0.0), high) / (high or 1.0)
+        return [np.polynomial.Legendre.basis(j)(2 * distance - 1) for j in range(1, count + 1)]
     x = np.minimum(np.maximum(x, low), high)
     part = (x - low) / (high - low or 1.0)
     orders = range(1, count + 1)
@@ -75,7 +78,7 @@ def _functions(h: History, f: Mapping[str, Any]) -> Sequence[Array]:
     if kind == "cycle":
         turns = 2 * np.pi * float(f.get("cycles", 1)) * part
         return [*(np.cos(j * turns) / j for j in half), *(np.sin(j * turns) / j for j in half)]
-    raise InputError(f"factors: found the kind {kind!r}; allowed: polynomial, waves, turn, cycle, side, beyond")
+    raise InputError(f"factors: found the kind {kind!r}; allowed: polynomial, waves, turn, cycle, side, beyond, even")
 
 
 def _covariate(h: History, name: str) -> Array:

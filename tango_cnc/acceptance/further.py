@@ -15,10 +15,12 @@ from ..iso230.expansion import stretches
 from ..iso230.poses import all_steady, at_poses
 from ..iso230.signed import OnPart, Sheet
 from ..iso230.temperature import NO_CHANGE, scale
+from ..iso230.temperature import Known as Warmth
+from ..iso230.whole import Whole
 from ..nc import features
 from ..nc.follow import Motion, Setup
 from ..nc.predict import touched_of
-from ..records import Array, InputError, TangoError
+from ..records import Array, InputError, Machine, TangoError
 from ..touches import Touches
 
 COVERAGE = 0.95
@@ -75,14 +77,19 @@ def known_of(sheet: Sheet, setup: Setup, wide: bool = False) -> Known:
     whole = sheet.whole if wide else sheet.learned
     if whole is None:
         raise TangoError("accept: the figures were made without the machine behind them, so no part can be predicted")
-    machine = setup.machine
-    poses = _some(whole.touches)
-    own, _ = all_steady(whole.coefficients, poses)
+    if sheet.thermal is None or sheet.temperature == "not stated":
+        return possible(whole, setup.machine)
+    return possible(whole, setup.machine, scale(sheet.thermal, sheet.temperature.startswith("20 °C")))
+
+
+def possible(whole: Whole, machine: Machine, more: Warmth | None = None) -> Known:
+    """every error motion as the touches leave it, machine, what temperature adds to scales (mm/mm) → what acts at a pose."""
+    own, _ = all_steady(whole.coefficients, _some(whole.touches))
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
     drawn = None if whole.draws is None else whole.draws[own] - values[:, None]
-    if sheet.thermal is not None and sheet.temperature != "not stated":
-        more, axes = scale(sheet.thermal, sheet.temperature.startswith("20 °C")), machine.linear
+    if more is not None:
+        axes = machine.linear
         p, k = len(values), len(axes)
         stretched = np.zeros((p + k, p + k))
         stretched[:p, :p], stretched[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
@@ -108,17 +115,38 @@ def of_part(
     Raises InputError for blocks that the program does not have.
     """
     assert sheet.whole is not None
-    normal, touched = float(special.ndtri(0.5 + COVERAGE / 2)), touched_of(sheet.whole.touches)
-    left = features.predict(wanted, setup, known_of(sheet, setup, wide=True), labels, touched)
+    touched, wide = touched_of(sheet.whole.touches), known_of(sheet, setup, wide=True)
     found = []
-    for f, open_to in zip(features.predict(wanted, setup, known, labels, touched), left, strict=True):
-        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, f.kind)
-        why = ""
-        if f.extrapolated:
-            why = "an axis is beyond what was touched, so the machine was not measured there"
-        elif (std := (open_to.high - open_to.low) / 2 / normal) > UNDECIDED["µm"]:
-            why = f"these touches do not decide it: its standard deviation would be {std:.0f} µm"
-        elif f.kind in ("distance", "position") and sheet.temperature == "not stated":
+    for f, why in decided(wanted, setup, known, wide, labels, touched):
+        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, f.kind, bounds=f.bounds)
+        if not why and f.kind in ("distance", "position") and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         found.append(replace(figure, value=None, interval=None, text=f"{f.name}: {why}") if why else figure)
     return tuple(found)
+
+
+def decided(
+    wanted: features.Wanted,
+    setup: Setup,
+    known: Known,
+    wide: Known,
+    labels: Mapping[str, Sequence[Motion]],
+    touched: Mapping[str, tuple[float, float]],
+) -> list[tuple[features.Predicted, str]]:
+    """features, set-up, machines that are possible, what the touches leave open, motions by block, touched ranges → each feature,
+    and why it is withheld ('' where it is not).
+
+    Raises InputError for blocks that the program does not have.
+    """
+    normal, found = float(special.ndtri(0.5 + COVERAGE / 2)), []
+    left = features.predict(wanted, setup, wide, labels, touched)
+    for f, open_to in zip(features.predict(wanted, setup, known, labels, touched), left, strict=True):
+        std = (open_to.high - open_to.low) / 2 / normal
+        why = "an axis is beyond what was touched, so the machine was not measured there" if f.extrapolated else ""
+        found.append((f, why or undecided_by(std)))
+    return found
+
+
+def undecided_by(std: float, most: float = UNDECIDED["µm"]) -> str:
+    """standard deviation that the touches leave open, and that a figure may have, µm → why it is withheld; '' where it is not."""
+    return f"these touches do not decide it: its standard deviation would be {std:.0f} µm" if std > most else ""

@@ -18,7 +18,8 @@ def as_json(found: Signed) -> dict[str, Any]:
         "figures": [
             {
                 **{"name": r.name, "value": r.value, "U": r.expanded, "guard_band": r.guard, "limit": r.limit, "unit": r.unit},
-                **{"interval": None if r.interval is None else list(r.interval), "verdict": r.verdict, "why": r.why},
+                **{"interval": None if r.interval is None else list(r.interval)},
+                **{"decided_by": None if r.decided is None else list(r.decided), "verdict": r.verdict, "why": r.why},
             }
             for r in found.rows
         ],
@@ -39,13 +40,13 @@ def _certificate(c: Certificate) -> dict[str, Any]:
 
 
 def cells(row: Row) -> list[str]:
-    """figure → cells: name, value, 95 % interval, U, guard band, limit, unit, verdict."""
+    """figure → cells: name, value, the interval that decides, U, guard band, limit, unit, verdict."""
     value, expanded, guard = (f"{x:.2f}" if x is not None else "–" for x in (row.value, row.expanded, row.guard))
-    between = "–" if row.interval is None else f"{row.interval[0]:.2f} … {row.interval[1]:.2f}"
+    between = "–" if row.decided is None else f"{row.decided[0]:.2f} … {row.decided[1]:.2f}"
     return [row.name, value, between, expanded, guard, f"{row.limit:g}", row.unit, row.verdict]
 
 
-HEAD = ["figure", "value", "95 % interval", "U (k = 2)", "guard band", "limit", "", "verdict"]
+HEAD = ["figure", "value", "at least … at most", "U (k = 2)", "guard band", "limit", "", "verdict"]
 
 
 def typst(found: Signed, quoted: Callable[[object], str]) -> str:

@@ -2,7 +2,8 @@
 
 A figure conforms when value and guard band lie inside the limit, and does not when they lie outside it (ISO 14253-1:2017; 95 %
 for one limit and a normal distribution: g = 1.65 u). A range is not normal: its guard bands end where it is larger, or smaller,
-with 5 %; and what noise alone may show is not rejected. Between both nothing is stated. No interval stands, and nothing conforms,
+with 5 %; and what noise alone may show begins at 0 and is not rejected. Between both nothing is stated. The interval from one
+guard band to the other is the one that is printed. No interval stands, and nothing conforms,
 where no machine is known to have been measured, where the control has got a compensation since, where the estimate is not
 trustworthy, where there is no budget or it does not name what every machine has, or where the touches scatter more than the budget
 allows for.
@@ -54,7 +55,8 @@ class Row:
     unit: str
     verdict: str
     why: str = ""
-    interval: tuple[float, float] | None = None  # 95 %; that of a range ends at 0
+    interval: tuple[float, float] | None = None  # 95 %, both sides together; that of a range ends at 0
+    decided: tuple[float, float] | None = None  # from guard band to guard band, 95 % each: what decides, and is printed
 
 
 @dataclass(frozen=True)
@@ -138,11 +140,12 @@ def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:
         why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         return Row(name, None, None, None, limit, f.unit, "not stated", why)
     factor = float(special.stdtrit(sheet.freedom, 0.975))
-    size = abs(f.value)
     side = max(f.interval[1] - f.value, f.value - f.interval[0]) / factor
-    least, most = f.bounds or (size - GUARD * side, size + GUARD * side)
+    low, high = f.bounds or (f.value - GUARD * side, f.value + GUARD * side)
+    most, least = max(abs(low), abs(high)), 0.0 if low <= 0.0 <= high else min(abs(low), abs(high))
+    size = abs(f.value)
     guard = size - least if limit < size else most - size
     verdict = "conforms" if most <= limit else "does not conform" if least >= limit else "undecided"
     if stands:
         verdict = "not stated"
-    return Row(name, f.value, EXPANDED * side, guard, limit, f.unit, verdict, stands, f.interval)
+    return Row(name, f.value, EXPANDED * side, guard, limit, f.unit, verdict, stands, f.interval, (low, high))

@@ -8,17 +8,19 @@ from typing import Any
 import click
 import numpy as np
 
+from ..acceptance.further import decided
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..nc import features, predict
 from ..records import InputError, TangoError
 from ..report import pictures
 from ..verify.apart import apart
-from . import _program, _scales, _test
+from . import _possible, _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
 from ._trust import despite_option, judged, made_up, usable
 
 SIMULATED = "PREDICTED FROM SIMULATED READINGS: it says nothing of a machine"
+WITHHELD = "what would decide more: tango iso230; --fitted shows the fitted terms alone, as if there were no other error motion"
 PLACE = "Act 20"  # in the list of commands
 
 
@@ -32,6 +34,7 @@ PLACE = "Act 20"  # in the list of commands
 @click.option(
     "--features", "checks", type=click.Path(path_type=Path), metavar="FILE", help="Features of the part (docs/compensate.md)."
 )
+@click.option("--fitted", is_flag=True, help="By the fitted terms alone, as if the machine had no other error motion.")
 @click.option("--limit-um", type=click.FloatRange(0, min_open=True), metavar="L", help="Exit 1 where the tip is further away.")
 @_test.test_options
 @despite_option
@@ -72,8 +75,14 @@ def command(**options: Any) -> int:
         way, labels = predict.along(lines, language, setup, known, touched)
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
-    found = features.predict(wanted, setup, known, labels, touched) if wanted is not None else []
-    data = _data(source, way, found) | {"scales": _scales.said(cell.folder, result)}
+    of = "asked for" if options["fitted"] else _possible.machines(cell.folder, result)
+    if isinstance(of, str):
+        found = [(f, "") for f in features.predict(wanted, setup, known, labels, touched)] if wanted is not None else []
+        more: dict[str, Any] = {"fitted_alone": of}
+    else:
+        found = decided(wanted, setup, of.known, of.wide, labels, touched) if wanted is not None else []
+        more = {"fitted_alone": None, "aligned": _possible.aligned(way, setup, of)}
+    data = _data(source, way, found) | more | {"scales": _scales.said(cell.folder, result)}
     if options["picture"] is not None:
         _draw(options["picture"], way)
     if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
@@ -86,7 +95,7 @@ def command(**options: Any) -> int:
     return 1 if limit is not None and way.largest > limit else 0
 
 
-ONLY_PROGRAM = ("zero", "language", "tools", "metric_absolute", "checks", "limit_um", "picture")
+ONLY_PROGRAM = ("zero", "language", "tools", "metric_absolute", "checks", "fitted", "limit_um", "picture")
 ONLY_TEST = ("radius", "at", "measured", "instrument_um")
 
 
@@ -102,7 +111,7 @@ def _one_of_two(options: dict[str, Any]) -> None:
             raise InputError(f"predict: found --{option}; allowed: {allowed}")
 
 
-def _data(source: Path, way: predict.Way, found: list[features.Predicted]) -> dict[str, Any]:
+def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, str]]) -> dict[str, Any]:
     rms = float(np.sqrt(way.squares / way.points))
     share = {name: float(np.sqrt(value / way.points)) for name, value in way.by_name.items()}
     causes = sorted(share.items(), key=lambda item: -item[1])
@@ -124,22 +133,36 @@ def _data(source: Path, way: predict.Way, found: list[features.Predicted]) -> di
             {
                 "name": f.name,
                 "kind": f.kind,
-                "value_um": round(f.value, 4),
-                "low_um": round(f.low, 4),
-                "high_um": round(f.high, 4),
+                "value_um": None if why else round(f.value, 4),
+                "low_um": None if why else round(f.low, 4),
+                "high_um": None if why else round(f.high, 4),
                 "extrapolated": f.extrapolated,
+                "why": why,
             }
-            | ({} if f.alone is None else {"without_scatter_um": round(f.alone, 4)})
-            for f in found
+            | ({} if why or f.alone is None else {"without_scatter_um": round(f.alone, 4)})
+            for f, why in found
         ],
     }
+
+
+def _there(data: dict[str, Any]) -> str:
+    """plain data → how sure the largest deviation is."""
+    if data["fitted_alone"] is not None:
+        scatter = f"the scatter of the touches leaves ± {1.96 * data['largest_std_um']:.1f} µm of it (95 %)"
+        why = "" if data["fitted_alone"] == "asked for" else f": {data['fitted_alone']}"
+        return f"{scatter}; intervals are of the fitted terms alone, as if the machine had no other error motion{why}"
+    best, said = data["aligned"], "of the part as it lies best, with every error motion that the machine may have"
+    if best["why"]:
+        return f"{said}: withheld, {best['why']}"
+    return f"{said}: largest {best['largest_um']:.1f} µm, at most {best['at_most_um']:.1f} µm (95 %)"
 
 
 def _text(data: dict[str, Any]) -> str:
     lines = [
         f"{data['blocks']} blocks, {data['points']} points",
-        f"tip against where the program means it, at feed: largest {data['largest_um']:.1f} ± "
-        f"{1.96 * data['largest_std_um']:.1f} µm (95 %, line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
+        f"tip against where the program means it, at feed, by the fitted terms: largest {data['largest_um']:.1f} µm "
+        f"(line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
+        _there(data),
         f"direction of the tool: largest {data['direction_largest_urad']:.1f} µrad, rms {data['direction_rms_urad']:.1f} µrad",
         "what makes it so (rms along the program): " + ", ".join(f"{c['name']} {c['rms_um']:.1f} µm" for c in data["causes"][:6]),
     ]
@@ -153,11 +176,16 @@ def _text(data: dict[str, Any]) -> str:
     if data["features"]:
         rows = [["feature", "µm", "95 %", ""]]
         for f in data["features"]:
+            if f["why"]:
+                rows.append([f["name"], "withheld", "", f["why"]])
+                continue
             alone = f.get("without_scatter_um")
             scatter = "" if alone is None else f"with the scatter of its points; {alone:.1f} without"
             note = ", ".join(word for word in ("extrapolated" if f["extrapolated"] else "", scatter) if word)
             rows.append([f["name"], f"{f['value_um']:+.1f}", f"{f['low_um']:+.1f} to {f['high_um']:+.1f}", note])
         lines += ["", table(rows, "<><<")]
+        if any(f["why"] for f in data["features"]):
+            lines.append(WITHHELD)
     return "\n".join(lines)
 
 

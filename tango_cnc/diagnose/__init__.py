@@ -20,7 +20,22 @@ from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
-from . import _aliases, _explain, _gain, _moments, _nested, _rest, _rows, _scatter, _seen, _shapes, _spread, _stable, _together
+from . import (
+    _aliases,
+    _explain,
+    _gain,
+    _loose,
+    _moments,
+    _nested,
+    _rest,
+    _rows,
+    _scatter,
+    _seen,
+    _shapes,
+    _spread,
+    _stable,
+    _together,
+)
 from ._candidates import candidate
 from ._catalogue import STRONG, Chosen, columns_of
 from ._changing import over, unsteady
@@ -310,8 +325,16 @@ def _told(
     outcome = replace(outcome, picked=plainer(field, found.place.y, columns_of(found.place, [*alone, *accepted]), outcome.picked))
     remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
     noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    spreads = _spread.findings(whole, seen, rough, excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments))
-    findings += [replace(f, pattern=np.zeros(len(touches))) for f in spreads if not few]
+    told_beside = excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments)
+    spreads = _spread.findings(whole, seen, rough, *told_beside)
+    scattering = [r for r in rough if any(r.key in f.setting.get("facets", ()) for f in spreads)]
+    stood = np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *accepted))])
+    follows = _loose.loose(means, weight, stood, data, outcome.picked, scattering)
+    scattering, loose = _loose.parted(scattering, follows)
+    if loose:
+        remains += loose
+        spreads = _spread.findings(whole, seen, scattering, *told_beside)
+    findings += [replace(_loose.beside(f, follows), pattern=np.zeros(len(touches))) for f in spreads if not few]
     dropped = [
         Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
         for c in whole.chosen

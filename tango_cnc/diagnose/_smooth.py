@@ -16,7 +16,7 @@ import numpy as np
 
 from ..kinematics import Slot
 from ..records import Array
-from ..terms._shape import BEYOND, CYCLE, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
+from ..terms._shape import BEYOND, CYCLE, EVEN, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
 from ._crossed import crossed
 from ._rows import Rows
@@ -88,7 +88,7 @@ def forms(touches: Touches) -> Iterator[Form]:
                     if Slot(axis, "intra", 3 + "ABC".index(c)) in touches.seen.slots and (name == axis or name in linear):
                         yield from single(name, f"tilt {c} of {axis}")
     for name in rotary:  # beyond an angle something rests on another pad: a knock to a plan that goes there once
-        for place in _between(known[name]):
+        for place in between(known[name]):
             for weight in ("machine", "table", f"axis {name}"):
                 yield Form((Factor(name, BEYOND, place, float(known[name].max()), 1),), weight)
     for name in (p for p in known if p.startswith("path")):
@@ -120,7 +120,7 @@ def forms(touches: Touches) -> Iterator[Form]:
             for weight in (f"axis {one}", *(f"machine {c}" for c in "xyz")):
                 yield Form((line(one, WAVES, FAST), plain), weight)
                 if other in linear and weight != f"axis {one}":
-                    for place in _between(known[one], JOINTS):
+                    for place in between(known[one], JOINTS):
                         yield Form((Factor(one, BEYOND, place, float(known[one].max()), 1), plain), weight)
     for name in (d for d in known if d[0] == "d"):
         for other in places:
@@ -128,6 +128,9 @@ def forms(touches: Touches) -> Iterator[Form]:
                 for weight in (f"axis {name[1:]}", *(f"machine {c}" for c in "xyz")):
                     yield Form((Factor(name, SIDE, -1.0, 1.0, 1), slow(other)), weight)
                     yield Form((Factor(name, SIDE, -1.0, 1.0, 1), line(other, LEGENDRE, 2 * PLAIN)), weight)
+                    if other in rotary and known[other].min() < 0 < known[other].max():  # lost motion under a load that tilts
+                        most = float(np.abs(known[other]).max())
+                        yield Form((Factor(name, SIDE, -1.0, 1.0, 1), Factor(other, EVEN, 0.0, most, CURVED)), weight)
     if "time" in known:  # a face that is warm, or wears: its offset is known already, and no facet once touched tells a course
         for facet, often in Counter(touches.facet).items():
             if often >= OFTEN:
@@ -136,13 +139,13 @@ def forms(touches: Touches) -> Iterator[Form]:
     yield from crossed(known, linear, rotary)
 
 
-def _between(v: Array, most: int = PLACES) -> list[float]:
-    """(n,) angles or places, how many at most → places between those that were used, with enough touches on each side."""
+def between(v: Array, most: int = PLACES, least: int = OFTEN) -> list[float]:
+    """(n,) angles or places, how many at most, touches on each side → places between those that were used."""
     used = np.unique(np.round(v, 4))
     if len(used) > most:
         used = np.unique(np.quantile(used, np.linspace(0, 1, most)))
     middle = (used[1:] + used[:-1]) / 2
-    return [float(m) for m in middle if min((v > m).sum(), (v < m).sum()) >= OFTEN]
+    return [float(m) for m in middle if min((v > m).sum(), (v < m).sum()) >= least]
 
 
 def moves(touches: Touches, name: str, v: Array) -> bool:

@@ -49,7 +49,9 @@ def undecided(ask: Ask, w: Whole) -> Doubt | None:
         return None
     mixed = _mixed(ask, weights, w)
     others = f"cannot be separated from {_list(mixed)}" if mixed else "is not decided by these touches"
-    return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more"
+    blind = tuple(m for m in (ask.own, *mixed) if m in w.unfelt)
+    why = f"; no touch feels {_list(blind)}" if blind else ""
+    return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more{why}"
 
 
 def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:

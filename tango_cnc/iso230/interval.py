@@ -36,9 +36,7 @@ def of_drawn(curves: Array, read: Array, noise: Array, coverage: float = 0.95) -
         float(v) for v in np.quantile(np.ptp(curves, axis=0), [tail, 2 * tail, 0.5, 1 - 2 * tail, 1 - tail])
     )
     nothing = np.ptp(noise @ rng.normal(size=(noise.shape[1], DRAWS)), axis=0)
-    of_noise, often = (float(v) for v in np.quantile(nothing, [1 - tail, 1 - 2 * tail]))
-    size = float(np.ptp(read))
-    return Spread(best, 0.0 if size <= of_noise else low, high, 0.0 if size <= often else least, most)
+    return _from_nothing(Spread(best, low, high, least, most), float(np.ptp(read)), nothing, tail)
 
 
 def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
@@ -62,8 +60,15 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     worth = np.maximum(sizes[order] / sizes.max(), NARROW) ** -by
     at = (np.cumsum(worth) - worth / 2) / worth.sum()
     low, least, best, most, high = (float(v) for v in np.interp([tail, 2 * tail, 0.5, 1 - 2 * tail, 1 - tail], at, sizes[order]))
-    of_noise, often = (float(v) for v in np.quantile(_sizes(curves - mean), [1 - tail, 1 - 2 * tail]))
-    return Spread(best, 0.0 if read <= of_noise else low, high, 0.0 if read <= often else least, most)
+    return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
+
+
+def _from_nothing(found: Spread, read: float, nothing: Array, tail: float) -> Spread:
+    """range, size as read, sizes of noise alone (d,), share in one tail → the same; from 0 where noise may be read as it.
+
+    The limit of one side begins at 0 with the interval: a figure that may be nothing is not rejected.
+    """
+    return found._replace(low=0.0, least=0.0) if read <= float(np.quantile(nothing, 1 - tail)) else found
 
 
 def _sizes(curves: Array) -> Array:

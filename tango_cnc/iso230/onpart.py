@@ -47,6 +47,11 @@ class Ask:
         """→ whether it is largest minus smallest, or the longest: never less than 0."""
         return self.curve.ndim > 1
 
+    @property
+    def turned(self) -> bool:
+        """→ whether it is how far a rotary axis turns beside its command."""
+        return self.kind == "positioning" and self.own[2:] in ("A", "B", "C")
+
 
 def asked(
     machine: Machine, coefficients: Sequence[Coefficient], over: Mapping[str, tuple[float, float]], at: Reference

@@ -7,6 +7,7 @@ error motions are named with which it is mixed, and differences of two such figu
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,7 +75,10 @@ class Sheet:
     @property
     def advice(self) -> tuple[str, ...]:
         """→ what to do where figures are withheld; () where none is."""
-        return () if self.whole is None or not self.not_identifiable else ways_out(self.whole)
+        if self.whole is None or not self.not_identifiable:
+            return ()
+        turns = [f for f in self.figures if f.value is None and f.kind == "volumetric" and f.unit == "µrad"]
+        return ways_out(self.whole, [f.name for f in turns if not any(m in self.whole.unfelt for m in f.mixed)])
 
 
 def signed(
@@ -140,8 +144,10 @@ def withheld(result: Estimate) -> tuple[str, ...]:
         return (str(error),)
 
 
-def ways_out(w: Whole) -> tuple[str, ...]:
-    """machine → how many of its numbers the touches decide, and what would decide more: sentences."""
+def ways_out(w: Whole, by_length: Sequence[str] = ()) -> tuple[str, ...]:
+    """machine, figures that a stylus of another length would part → how many of its numbers the touches decide, and what would
+    decide more: sentences.
+    """
     machine, artefact, touched = w.touches.machine, w.touches.artefact, w.touches.facet
     some, of = understood(w)
     more = "touch calibrated facets in more places of X, Y and Z (another spindle position is the same place)"
@@ -155,7 +161,17 @@ def ways_out(w: Whole) -> tuple[str, ...]:
     if not by_bar and all(artefact.facets[f].uncertainty is None for f in touched):
         found.append("nothing here carries the absolute scale: touch a scale bar or calibrated facets")
     if machine.rotary and not machine.styli:
-        found.append("a second stylus of another length separates tilts from straightness; 'tango check' says what it would add")
+        need = f", which {' '.join(by_length)} need" if by_length else ""
+        found.append(
+            f"a second stylus of another length separates tilts from straightness{need}; 'tango check' says what it would add"
+        )
+    about = [name for name, turns in w.unfelt.items() if turns]
+    if about:
+        summed = ", and VC contains it" if all(name[2] in "XYZ" for name in about) else ""
+        found.append(
+            f"{' '.join(about)}: a turn about the spindle axis leaves a stylus on that axis where it is; only a stylus beside it "
+            f"would show it. It moves no tool that is on the axis{summed}"
+        )
     return (*found, "until then, 'tango iso230 --fitted' shows the fitted terms alone, as if the machine had no other error motion")
 
 
@@ -206,8 +222,8 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     assert learned.draws is not None and learned.free is not None
     used = np.flatnonzero(own.curve.any(axis=tuple(range(own.curve.ndim - 1))))
     drawn = own.factor * (own.curve[..., used] @ learned.draws[used])
-    if own.length is not None:
-        free = used[learned.free[used]]
+    if own.length is not None or own.turned:  # two axes that turn say too little of each other's size: noise would count twice
+        free = used if own.turned else used[learned.free[used]]
         return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])))
     curve = ask.curve * ask.factor
     wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))

@@ -36,6 +36,8 @@ ROUNDS = (4, *[2] * 14)  # most steps with one weight of the touches; a machine 
 SETTLED = 3e-3  # of the scatter: rounds end where the weight of the touches changes by no more
 STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step that is the last, as the gaps are all but linear
 ALONE = 0.02  # share of a touch's own error that is left of it, below which no other touch says what it should be
+UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
+TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 
 
@@ -58,6 +60,19 @@ class Whole:
     left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
     free: NDArray[np.bool_] | None = None  # (p,) of machines that are drawn: what the touches alone decide, no size of its kind
     draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
+
+    @cached_property
+    def unfelt(self) -> dict[str, bool]:
+        """→ error motions that no touch feels, and whether each turns about the spindle axis, on which a stylus stays in place."""
+        if self.widths is None:
+            return {}
+        fitted = np.flatnonzero(self.widths > 0)
+        shown = np.abs(
+            self.covariance[np.ix_(fitted, fitted)] / np.outer(self.widths[fitted], self.widths[fitted]) - np.eye(len(fitted))
+        )
+        felt = {self.motions[i] for i, most in zip(fitted, shown.max(axis=1), strict=True) if most > UNFELT}
+        slots = {self.motions[i]: self.coefficients[i].slot for i in fitted}
+        return {name: slot.stage == "intra" and slot.component == TURN for name, slot in slots.items() if name not in felt}
 
     @cached_property
     def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:

@@ -27,6 +27,7 @@ from .predict import beyond, drawn, machinery, points_of
 
 KINDS = ("distance", "position", "squareness", "circularity")
 DRAWS = 2000
+PARALLEL = 1e-3  # rad between two lines, below which their angle is no linear function of their deviations
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,7 @@ class Predicted:
     high: float
     extrapolated: bool
     alone: float | None = None  # of a range whose value contains the scatter of its points: without it
+    bounds: tuple[float, float] | None = None  # of a range: it is below the first with 5 %, above the second with 5 %
 
 
 def read(file: Path) -> Wanted:
@@ -102,11 +104,12 @@ def predict(
         for name, measure in _measures(check):
             value = float(measure(nominal, points[:1])[0]) * 1e3
             draws = measure(nominal, spread) * 1e3
-            low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975])
+            low, least, middle, most, high = (float(v) for v in np.quantile(draws, [0.025, 0.05, 0.5, 0.95, 0.975]))
+            bounds = (least, most) if check.kind == "circularity" else None
             alone = None
             if check.kind == "circularity" and wanted.point:  # a range is never less than that of the scatter alone
-                value, alone = float(middle), value
-            result.append(Predicted(name, check.kind, value, float(low), float(high), outside, alone))
+                value, alone = middle, value
+            result.append(Predicted(name, check.kind, value, low, high, outside, alone, bounds))
     return result
 
 
@@ -169,20 +172,31 @@ def _measures(check: Check) -> list[tuple[str, Measure]]:
 
 
 def _distance(nominal: Array, d: Array) -> Array:
+    """To first order, as the deviations are: a part that is set up turned is as long as it should be, however far it is turned."""
     way = nominal[1] - nominal[0]
-    there = way + d[:, 1] - d[:, 0]
-    return np.asarray(np.linalg.norm(there, axis=1) - np.linalg.norm(way))
+    long = float(np.linalg.norm(way))
+    moved = d[:, 1] - d[:, 0]
+    return np.asarray(moved @ way / long if long > 0 else np.linalg.norm(moved, axis=1))
 
 
 def _squareness(nominal: Array, d: Array) -> Array:
-    """Deviation of the angle between two lines, over the length of the second: positive = the angle has grown (mm)."""
+    """Deviation of the angle between two lines, over the length of the second: positive = the angle has grown (mm).
+
+    To first order, but where the lines are parallel and the angle can only grow.
+    """
     one, two = nominal[1] - nominal[0], nominal[3] - nominal[2]
+    first, second = d[:, 1] - d[:, 0], d[:, 3] - d[:, 2]
 
     def angle(a: Array, b: Array) -> Array:
         cosine = np.sum(a * b, axis=-1) / np.linalg.norm(a, axis=-1) / np.linalg.norm(b, axis=-1)
         return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
 
-    return np.asarray((angle(one + d[:, 1] - d[:, 0], two + d[:, 3] - d[:, 2]) - angle(one, two)) * np.linalg.norm(two))
+    long, sine = float(np.linalg.norm(two)), float(np.sin(angle(one, two)))
+    if sine < PARALLEL:
+        return np.asarray((angle(one + first, two + second) - angle(one, two)) * long)
+    u, v = one / np.linalg.norm(one), two / long
+    across_one, across_two = (v - (v @ u) * u) / np.linalg.norm(one), (u - (u @ v) * v) / long
+    return np.asarray(-(first @ across_one + second @ across_two) / sine * long)
 
 
 def _position(nominal: Array, d: Array) -> Array:

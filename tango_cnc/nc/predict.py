@@ -26,7 +26,7 @@ CHORD = 0.01  # mm, of arcs as they are looked at
 
 @dataclass
 class Way:
-    """What was found along a program; lengths µm. `position` … `line` are of at most `KEPT` points, evenly chosen."""
+    """What was found along a program; lengths µm. `position` … `tool` are of at most `KEPT` points, evenly chosen."""
 
     blocks: int = 0
     points: int = 0
@@ -43,6 +43,8 @@ class Way:
     deviation: list[Array] = field(default_factory=list)  # (3,) µm
     extrapolated: list[bool] = field(default_factory=list)
     line: list[int] = field(default_factory=list)
+    at: list[Array] = field(default_factory=list)  # (k,) mm rad, the axes there
+    tool: list[float] = field(default_factory=list)  # mm, its length there
     zeros: dict[float, Machinery] = field(default_factory=dict)
 
 
@@ -72,6 +74,7 @@ def along(
         if len(way.line) > 2 * KEPT:
             way.position, way.deviation = way.position[::2], way.deviation[::2]
             way.extrapolated, way.line = way.extrapolated[::2], way.line[::2]
+            way.at, way.tool = way.at[::2], way.tool[::2]
     return way, labels
 
 
@@ -120,9 +123,11 @@ def _look(
         way.deviation.append(deviation[i])
         way.extrapolated.append(bool(outside[i]))
         way.line.append(lines[i])
+        way.at.append(at[i])
+        way.tool.append(length)
 
 
-def _levers(mach: Machinery, at: Array) -> Array:
+def levers(mach: Machinery, at: Array) -> Array:
     """→ (n, 3, p) mm per unit of each coefficient, those at the workpiece's zero taken off."""
     machine = replace(mach.machine, probe=replace(mach.machine.probe, length=mach.length))
     both = np.vstack([at, mach.zero[None]])
@@ -132,22 +137,22 @@ def _levers(mach: Machinery, at: Array) -> Array:
 
 
 def _each(mach: Machinery, at: Array) -> list[float]:
-    effect = _levers(mach, at) * mach.known.values * 1e3
+    effect = levers(mach, at) * mach.known.values * 1e3
     return [float(v) for v in np.sum(effect**2, axis=(0, 1))]
 
 
 def scatter(mach: Machinery, at: Array) -> Array:
     """(n, k) → (n,) mm, standard deviation of the deviation in its most uncertain direction."""
-    levers = _levers(mach, at)
-    spread = levers @ mach.known.covariance @ np.swapaxes(levers, 1, 2)
+    ways = levers(mach, at)
+    spread = ways @ mach.known.covariance @ np.swapaxes(ways, 1, 2)
     return np.asarray(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)))
 
 
 def drawn(mach: Machinery, at: Array, count: int, seed: int = 4) -> Array:
     """(n, k) → (m + 1, n, 3) mm: the expected deviation, then m as uncertain as the estimate is."""
-    levers = _levers(mach, at)
+    ways = levers(mach, at)
     return np.concatenate(
-        [mach.deviation(at)[None], mach.deviation(at)[None] + np.moveaxis(levers @ mach.known.draws(count, seed), 2, 0)]
+        [mach.deviation(at)[None], mach.deviation(at)[None] + np.moveaxis(ways @ mach.known.draws(count, seed), 2, 0)]
     )
 
 

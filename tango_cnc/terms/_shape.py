@@ -16,7 +16,7 @@ from ..kinematics import Slot
 from ..records import Array, InputError
 from ..touches import Touches
 
-LEGENDRE, WAVES, TURN, CYCLE, SIDE, BEYOND = "polynomial", "waves", "turn", "cycle", "side", "beyond"
+LEGENDRE, WAVES, TURN, CYCLE, SIDE, BEYOND, EVEN = "polynomial", "waves", "turn", "cycle", "side", "beyond", "even"
 ONE = "none"
 PLAYS = (30, 60, 120, 240)  # °: how far a rotary axis turns back before all that was wound up is wound up the other way
 SHORT = 20.0  # mm of a way: what is shorter is told apart by its size, what is longer by the logarithm of it
@@ -44,6 +44,9 @@ class Factor:
             return np.sign(values)[:, None]
         if self.kind == BEYOND:  # what rests elsewhere from a place on
             return (np.asarray(values) > self.low).astype(float)[:, None]
+        if self.kind == EVEN:  # what a load does is the same on both sides of zero, and has a corner there
+            u = np.clip(np.abs(values), 0.0, self.high) / (self.high or 1.0)
+            return np.asarray(np.polynomial.legendre.legvander(2 * u - 1, self.count)[:, 1:], dtype=float)
         u = (x - self.low) / ((self.high - self.low) or 1.0)
         if self.kind == CYCLE:  # any form that repeats
             angle = 2 * np.pi * u[:, None] * self.cycles * np.arange(1, self.count // 2 + 1)

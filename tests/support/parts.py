@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from sim_controller.world import nominal_machine, tip_in_table, true_machine
 from tango_cnc.records import Array, Machine, World
+from tests.support.truth import Truth
 
 LENGTH, CMM = 150.0, 0.5e-3  # mm
 ZERO = {"X": 0.0, "Y": 0.0, "Z": 60.0}
@@ -45,10 +47,11 @@ def checks() -> str:
     return text
 
 
-def axes(machine: Machine, place: dict[str, float]) -> Array:
+def axes(machine: Machine, place: dict[str, float], length: float = LENGTH) -> Array:
     at = np.zeros(len(machine.names))
     for name in (*machine.linear, *machine.rotary):
-        value = place.get(name, 0.0) + ZERO.get(name, 0.0) + (LENGTH if name == "Z" else 0.0)
+        tilt = place.get("A", 0.0) if name == "B" and "A" not in machine.rotary else 0.0  # a table that tilts about Y
+        value = place.get(name, tilt) + ZERO.get(name, 0.0) + (length if name == "Z" else 0.0)
         at[machine.column(name)] = value if name in machine.linear else math.radians(value)
     return at
 
@@ -56,15 +59,30 @@ def axes(machine: Machine, place: dict[str, float]) -> Array:
 def cut_and_measured(machine: Machine, world: World, rng: np.random.Generator) -> dict[str, float]:
     """Features as a CMM finds them on the part that the true machine cuts, µm against nominal."""
     tool = replace(machine, probe=replace(machine.probe, length=LENGTH))
-    at = np.array([axes(machine, p) for p in PLACES.values()])
+    at = np.array([axes(machine, p) for p in [*PLACES.values(), {}]])
     still = np.zeros_like(at)
-    zero = axes(machine, {})[None]
-    nominal, true = nominal_machine(tool), true_machine(tool, replace(world, stylus={}))
-    meant = tip_in_table(nominal, at, still)
-    shift = tip_in_table(true, zero, zero * 0) - tip_in_table(nominal, zero, zero * 0)
+    true = tip_in_table(true_machine(tool, replace(world, stylus={})), at, still)
+    return _found(tip_in_table(nominal_machine(tool), at, still), true, rng)
+
+
+def cut_by(truth: Truth, machine: Machine, rng: np.random.Generator, length: float = LENGTH) -> dict[str, float]:
+    """As `cut_and_measured`, of a machine that shares nothing with product or simulator."""
+    one = copy(truth)
+    one.length, one.stylus = length, np.zeros(3)
+    at = np.array([axes(machine, p, length) for p in [*PLACES.values(), {}]])
+    pose = {n: at[:, machine.column(n)] for n in machine.names}
+    still = {n: np.zeros(len(at)) for n in machine.names}
+    true, nominal = (one.tool_in_table(pose, still, errors=e)[:, :3, 3] for e in (True, False))
+    return _found(nominal, true, rng)
+
+
+def _found(nominal: Array, true: Array, rng: np.random.Generator) -> dict[str, float]:
+    """(n + 1, 3) mm, tip at every place and at the zero, as meant and as it is → features as a CMM finds them, µm."""
+    meant = nominal[:-1]
+    shift = true[-1] - nominal[-1]
 
     def cmm() -> dict[str, Array]:
-        points = tip_in_table(true, at, still) - shift + rng.normal(scale=CMM, size=at[:, :3].shape)
+        points = true[:-1] - shift + rng.normal(scale=CMM, size=meant.shape)
         return dict(zip(PLACES, points, strict=True))
 
     plan = dict(zip(PLACES, meant, strict=True))

@@ -1,0 +1,78 @@
+"""A program and its features by the machines that the touches leave possible, as `tango iso230` and `accept` have them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..acceptance.further import possible, undecided_by
+from ..compensate.fit import Known
+from ..estimate import Estimate
+from ..iso230.doubt import UNDECIDED, VOLUME
+from ..iso230.seen import seen
+from ..nc.follow import Setup
+from ..nc.predict import Way, levers, machinery
+from ..records import Array, TangoError
+from ._budget import budget_of
+
+POINTS = 200  # of a program at which the machines are compared
+SIDE = 0.95  # of the machines have no larger deviation
+
+
+@dataclass(frozen=True)
+class Machines:
+    """Every error motion: as machines that are possible, and as the touches leave it open."""
+
+    known: Known
+    wide: Known
+
+
+def machines(folder: Path, result: Estimate) -> Machines | str:
+    """cell, estimate → machines that its touches leave possible, its budget in them; or why there are none."""
+    try:
+        found = seen(result, budget_of(folder, result))
+    except TangoError as error:
+        return str(error)
+    machine = result.model.touches.machine
+    return Machines(possible(found.learned, machine), possible(found.wide, machine))
+
+
+def aligned(way: Way, setup: Setup, of: Machines) -> dict[str, Any]:
+    """way, set-up, machines → how far the tip is at most, µm, of the part as it lies best on its program; or why that is withheld.
+
+    How a table lies is set up by the touches and by whoever clamps a part. What is left moves every axis, and may be as uncertain
+    as a volume. `at_most_um` is a limit of one side, 95 %: scatter in many directions makes a largest deviation larger, and what
+    it is at least cannot be told as well.
+    """
+    chosen = np.unique(np.linspace(0, len(way.at) - 1, min(POINTS, len(way.at))).astype(int))
+    at, tool = np.array(way.at)[chosen], np.array(way.tool)[chosen]
+    free = _without_set_up(np.array(way.position)[chosen])
+
+    def moved(known: Known) -> Array:
+        found = np.zeros((len(at), 3, len(known.coefficients)))
+        for length in np.unique(tool):
+            own = tool == length
+            found[own] = levers(machinery(setup, known, float(length)), at[own])
+        return (free @ found.reshape(3 * len(at), -1)).reshape(found.shape) * 1e3
+
+    open_to = moved(of.wide)
+    spread = np.einsum("nip,pq,njq->nij", open_to, of.wide.covariance, open_to, optimize=True)
+    std = float(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)).max())
+    why = undecided_by(std, VOLUME * UNDECIDED["µm"])
+    if why:
+        return {"largest_um": None, "at_most_um": None, "why": why}
+    curve, drawn = moved(of.known), of.known.drawn
+    assert drawn is not None
+    best, every = curve @ of.known.values, curve @ (of.known.values[:, None] + drawn)
+    most = float(np.quantile(np.linalg.norm(every, axis=1).max(axis=0), SIDE))
+    return {"largest_um": round(float(np.linalg.norm(best, axis=1).max()), 4), "at_most_um": round(most, 4), "why": ""}
+
+
+def _without_set_up(points: Array) -> Array:
+    """(n, 3) mm, points of the table → (3n, 3n) deviations → what the best rigid motion of the part leaves of them."""
+    arm = points - points.mean(axis=0)
+    rigid = np.concatenate([np.stack([np.tile(e, (len(arm), 1)), np.cross(e, arm)]) for e in np.eye(3)]).reshape(6, -1).T
+    return np.asarray(np.eye(len(rigid)) - rigid @ np.linalg.pinv(rigid, rcond=1e-9))
