@@ -20,6 +20,7 @@ from .data import Remark
 from .either import AS_WELL, WORTH, to_white
 from .lacking import LARGEST, MOVED, SHOWN, SPARE, TOUCHED, Left, left_over, steady
 from .shapes import TURNED
+from .spindle import PLACE
 
 
 def creeps(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
@@ -51,7 +52,8 @@ def creeps(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(by.max()):.0f}",
     )
-    yield Remark("trustworthy", text, moves=tuple(names))
+    places = [name for name in PLACE if name in result.model.names[:p]]  # they take up what the touches tell of it
+    yield Remark("trustworthy", text, moves=tuple(dict.fromkeys([*names, *places])))
 
 
 def _gain(touches: Touches, white: Left, frame: Array) -> tuple[float, Array]:
