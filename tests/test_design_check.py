@@ -72,6 +72,7 @@ def test_a_check_that_was_designed_tells_a_machine_that_changed_from_one_that_di
     assert guarded(tango.main, [*asked, "--judge", str(other), "--json", str(judged)], standalone_mode=False) == 1
     data = json.loads(judged.read_text(encoding="utf-8"))
     assert data["changed"] and next(iter(data["parameters"])) == "EY0C"
+    assert data["p_other"] < data["p_left"] and data["p_left"] > 0.01, "what has changed leaves nothing but scatter"
     assert data["parameters"]["EY0C"]["change"] == pytest.approx(2e-3 * size, abs=4 * data["parameters"]["EY0C"]["std"])
     # Checks right after the full run say more of what its touches are; one that finds a change is none of these.
     again = [part for n in (4, 5) for part in ("--again", str(measured(few, world, n, tmp_path / f"again{n}.csv")))]

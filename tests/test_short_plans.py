@@ -116,16 +116,22 @@ def test_touches_that_tell_nothing_of_the_goal_have_a_bound() -> None:
 
 
 @pytest.mark.parametrize(
-    ("moved", "p", "said"),
+    ("moved", "p", "left", "said"),
     [
-        (0.002, 0.5, ["not changed: "]),
-        (0.020, 0.5, ["changed: ", "the surest parameter is EX0C: +20.0 ± 1.0 µm", "Make a full run."]),
-        (0.002, 2e-46, ["changed: the touches differ", "axis locations, gains and backlashes do not", "Make a full run."]),
-        (0.020, 2e-46, ["changed: ", "the surest parameter is EX0C", "besides, the touches differ", "Make a full run."]),
+        (0.002, 0.5, 0.5, ["not changed: "]),
+        (0.020, 0.5, 0.5, ["changed: ", "the surest parameter is EX0C: +20.0 ± 1.0 µm", "Make a full run."]),
+        (0.002, 2e-46, 1e-40, ["changed: the touches differ", "axis locations, gains and backlashes do not", "Make a full run."]),
+        (
+            0.002,
+            2e-46,
+            0.3,
+            ["changed: the touches differ", "the surest parameter is EX0C", "changes of axis locations, gains", "Make a full run."],
+        ),
+        (0.020, 2e-46, 1e-40, ["changed: ", "the surest parameter is EX0C", "besides, the touches differ", "Make a full run."]),
     ],
 )
-def test_a_check_says_one_verdict(moved: float, p: float, said: list[str]) -> None:
-    change = Change(moved, 0.01, p, 1 / 730, {"EX0C": (0.02, 0.001)}, {"EX0C": "mm"})
+def test_a_check_says_one_verdict(moved: float, p: float, left: float, said: list[str]) -> None:
+    change = Change(moved, 0.01, p, left, 1 / 730, {"EX0C": (0.02, 0.001)}, {"EX0C": "mm"})
     lines = change_text(change).splitlines()
     assert [line.startswith(begin) for line, begin in zip(lines, said, strict=True)] == [True] * len(said)
     assert change_text(change).count("not changed") == (0 if change.changed else 1)

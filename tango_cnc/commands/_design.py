@@ -241,6 +241,7 @@ def change_json(found: Change) -> dict[str, Any]:
         "moved_um": 1e3 * found.moved,
         "limit_um": 1e3 * found.limit,
         "p_other": found.p_other,
+        "p_left": found.p_left,
         "false_alarms": found.alarms,
         "parameters": {
             name: {"change": change, "std": std, "unit": found.units[name]} for name, (change, std) in found.parameters.items()
@@ -259,17 +260,21 @@ def change_text(found: Change) -> str:
             f"more than {limit:.1f} µm would be an alarm ({rate})"
         )
     lines = []
+    (name, (change, std)), *_ = found.parameters.items()
+    factor, unit = shown(found.units[name])
+    surest = f"the surest parameter is {name}: {change * factor:+.1f} ± {std * factor:.1f} {unit}".rstrip()
     if found.moved > found.limit:
-        (name, (change, std)), *_ = found.parameters.items()
-        factor, unit = shown(found.units[name])
-        lines += [
-            f"changed: {far}; more than {limit:.1f} µm is an alarm ({rate})",
-            f"the surest parameter is {name}: {change * factor:+.1f} ± {std * factor:.1f} {unit}".rstrip(),
-        ]
+        lines += [f"changed: {far}; more than {limit:.1f} µm is an alarm ({rate})", surest]
     if found.other:
         other = f"the touches differ from what the full run predicts (p = {found.p_other:.1g})"
         lines.append(f"besides, {other}" if lines else f"changed: {other}; {rate} is by chance")
-        if len(lines) == 1:
+        if len(lines) == 1 and found.explained:
+            by = far.removeprefix("where parts are made ")
+            lines += [
+                surest,
+                f"changes of axis locations, gains and backlashes explain it: by these {by}; {limit:.1f} µm are no alarm",
+            ]
+        elif len(lines) == 1:
             lines.append(
                 f"axis locations, gains and backlashes do not explain it: by these {far.removeprefix('where parts are made ')}, "
                 f"and {limit:.1f} µm are no alarm. A facet, a ball or the stylus may have moved, or an error motion"

@@ -14,6 +14,8 @@ from .check import ALARMS, TIP, is_stylus, scatter, seen
 from .measured import fitted, seen_at
 from .region import Levers
 
+CHANCE = 0.01  # of differences that are left, above which they are scatter
+
 
 @dataclass(frozen=True)
 class Change:
@@ -22,6 +24,7 @@ class Change:
     moved: float  # the most that the likely changes move the tool tip anywhere, or lose
     limit: float  # more is an alarm
     p_other: float  # of the touches' differences from the prediction, whatever their shape
+    p_left: float  # the same of what the likely changes leave of these differences
     alarms: float  # false alarms of both tests together
     parameters: dict[str, tuple[float, float]]  # change, standard deviation, in the parameter's own unit; most certain first
     units: dict[str, str]  # of the parameters: mm, rad, mm/mm …
@@ -35,6 +38,11 @@ class Change:
     def other(self) -> bool:
         """→ whether the touches differ from what the full run predicts, in whatever shape."""
         return self.p_other < (1 - TIP) * self.alarms
+
+    @property
+    def explained(self) -> bool:
+        """→ whether the likely changes (locations, gains, backlashes) leave no more of the differences than chance does."""
+        return self.p_left > CHANCE
 
 
 def changed(
@@ -71,6 +79,8 @@ def changed(
     own = [k for k, j in enumerate(choice.twice) if not is_stylus(choice, j)]
     change = estimate[p:][own]
     white = linalg.solve_triangular(root, gaps / choice.sigma, lower=True)
+    after = gaps + jacobian[:, [choice.twice[k] for k in own]] @ change
+    left = linalg.solve_triangular(root, after / choice.sigma, lower=True)
     std = np.sqrt(np.diag(told.covariance))
     names, units = {}, {}
     for i in np.argsort(-np.abs(change) / std):
@@ -83,6 +93,7 @@ def changed(
         float(told.most(change[None])[0]),
         told.limit(TIP * alarms) if limit is None else limit,
         float(special.chdtrc(len(white), white @ white)),
+        float(special.chdtrc(len(left), left @ left)),
         alarms,
         names,
         units,
