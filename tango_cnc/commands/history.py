@@ -276,7 +276,7 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
         cause = t(f"cause_name.{f.cause}") if f"cause_name.{f.cause}" in t else f.cause
         rows.append([f.parameter, cause, said, f"{f.p_value:.1g}", ", ".join(f.instead)])
     if rows:
-        click.echo(table([_head(t, "parameter", "follows", "by", "by_chance", "as_well"), *rows], "<<<<<"))
+        click.echo(table([_head(t, "parameter", "follows", "by", "by_chance", "as_well"), *rows], "<<<<<", on_terminal()))
     else:
         click.echo(t("cli.history.wander"))
     click.echo(t("cli.history.one_of", count=round(1 / RARE)))

@@ -17,7 +17,7 @@ from ..files.nightly import NAME, Nightly, history_of
 from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
 from ..texts import joined, say
-from ._common import cell_option, controller_of, json_option, write_json
+from ._common import cell_option, controller_of, json_option, on_terminal, table, write_json
 from ._shop import headlines, note_simulated, of_shop
 
 if TYPE_CHECKING:
@@ -253,7 +253,8 @@ def _status(
 ) -> int:
     from ..history import opened
     from ..history.former import formers, of_folder
-    from ..nightly.words import answer
+    from ..nightly.words import answer, by_tonight
+    from ..report.morning import next_night
     from ..report.repeated import shortened
     from ..report.texts import code
     from ._unreadable import machine_of
@@ -277,22 +278,23 @@ def _status(
         record = history.night(newest.entry).record if newest else {}
         told = {a["id"]: a for a in record.get("standing") or ()}
         alarms = tuple(
-            {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}} if a["id"] in told else a for a in alarms
+            {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}, **by_tonight(told[a["id"]])}
+            if a["id"] in told
+            else a
+            for a in alarms
         )
-        repaired = [d for d in history.decisions(name) if d.action == "repaired" and d.utc >= newest.end_utc] if newest else []
+        last = next((n for n in nights if n.verdict != "not_measured"), None)
+        before = record if last is None or newest is None or last.entry == newest.entry else history.night(last.entry).record
+        coming = next_night(record, history.decisions(name), before) if nights else {}
         said = headlines(history, nights)
         standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
         late = next((s.late for s in standings if s.machine == name), True)  # as in the list of all machines
         if json_file is None:
             note_simulated(history, name, t)
-    coming = record.get("next")
-    if repaired:  # the last night knew nothing of it
-        why = say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
-        coming = {"kind": "full", "why": why}
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
         "trouble": None if wrong is None else str(wrong),
-        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming},
+        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming or None},
         "former": [
             {"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms), "held_alarms": list(f.held)}
             for f in renamed
@@ -305,9 +307,12 @@ def _status(
         for f in renamed:
             if f.alarms or f.held or not nights:
                 click.echo(f"  {t.of(f.told(name, not nights))}")
+        rows = [[""] * 5]  # no heads
         for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
-            kind, status, verdict = (t.of(code(word)) for word in (n.kind, n.status, n.verdict))
-            click.echo(f"  {n.night} {kind:5} {status:8} {verdict:13} {' '.join(t.of(text).split())}")
+            rows.append([n.night, *(t.of(code(word)) for word in (n.kind, n.status, n.verdict)), " ".join(t.of(text).split())])
+        columns = on_terminal()
+        listed = table(rows, "<<<<<", None if columns is None else columns - 2)
+        click.echo("".join(f"  {line}\n" for line in listed.splitlines() if line.strip()), nl=False)
         for alarm in alarms:
             command = answer(alarm["id"], str(folder), where)
             click.echo(

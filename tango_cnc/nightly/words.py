@@ -16,6 +16,7 @@ from ..report.words import moved, named
 from ..texts import Said, joined, say
 
 SHOWN = 3  # alarms that wait, in full
+AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
 
 
 def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str]:
@@ -305,25 +306,28 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
-    lines += [t("mail.on_part", text=_grown(cause)), t("mail.do", text=t(again) if again in t else cause["do"])]
+    lines += [t("mail.on_part", text=by_tonight(cause)["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _grown(cause: Mapping[str, Any]) -> str:
-    """alarm → what it does to a part; of what goes on and is of an earlier night, by tonight and not as that night found it."""
-    part, small = cause["on_part"], cause.get("on_part_um")
-    goes_on = cause.get("rate_per_day") or cause.get("ignored")
-    if not goes_on or not small or not cause.get("total") or is_gone(cause["now"]):
-        return str(part) if not isinstance(part, Said) else part
-    counted = float((cause.get("ignored") or {}).get("total") or cause["size"])
-    large = abs(float(small) * (counted + float(cause["total"]) - float(cause["size"])) / counted)
+def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm → `on_part` and `on_part_um`; what goes on from an earlier night as it is tonight."""
+    part, small, total, size = cause["on_part"], cause.get("on_part_um"), cause.get("total"), float(cause.get("size") or 0.0)
+    same = {"on_part": part, "on_part_um": small}
+    if not small or not total or not size or is_gone(cause["now"]):
+        return same
+    if not (cause.get("rate_per_day") or cause.get("ignored")) and abs(float(total) - size) <= AS_FOUND * abs(size):
+        return same
+    counted = float((cause.get("ignored") or {}).get("total") or size)
+    large = abs(float(small) * (counted + float(total) - size) / counted)
     own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
     if not isinstance(part, Said):
-        return str(part).replace(own, by_now)
-    return part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
+        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
+    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
+    return {"on_part": grown, "on_part_um": large}
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

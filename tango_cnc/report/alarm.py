@@ -59,6 +59,7 @@ def alarm(
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
         "decision": decision,
         "drifts": False,
+        "moves_from": bool(a.get("rate_per_day")) and days_between(a.get("since") or asked, asked) > 1,  # its alarm came later
         "gone": False,
         "ids": [str(a["id"])] if a.get("id") and decision is None else [],
         "held": [],

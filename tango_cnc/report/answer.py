@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ..records import Machine
+from ..texts import Said
 from .days import day
 from .pace import SOON, Ahead
 from .plain import amount, length
@@ -76,6 +77,14 @@ def answer(
     if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
         may, state, why = "but", "undecided", t("may.first_part")
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
+
+
+def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
+    """answer, what the cell has under other names, texts → the same; an alarm that is open there is open here, and no plain yes."""
+    told = [text.values for text in former if isinstance(text, Said)]
+    if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
+        return found
+    return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.former"))
 
 
 def by_limit(record: Mapping[str, Any], limit: float | None) -> Mapping[str, Any]:

@@ -11,9 +11,10 @@ from typing import Any
 from markupsafe import Markup
 
 from ..records import InputError, Machine
+from ..texts import say
 from . import svg
 from .alarm import alarm, sentence, whole_sentence
-from .answer import Answer, answer, measuring
+from .answer import Answer, answer, measuring, renamed
 from .compensated import after, held
 from .days import day, ended
 from .faults import answered, begun, faults, settled, still_open
@@ -83,6 +84,7 @@ def context(
     now: datetime | None = None,
     newer: int = 0,
     signs: Sequence[tuple[str, str]] = (),
+    former: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
@@ -91,7 +93,7 @@ def context(
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
     tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
     still measures; `now`: what the age of the night is told by; `newer`: how many nights came
-    after this one.
+    after this one; `former`: what its cell has under other names today (None: as the record says).
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
@@ -103,9 +105,11 @@ def context(
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
     closed = settled(found)
     told = answer(record, u, t, waits, before, machine, late, has, coming, closed)
+    told = renamed(told, record.get("former") or () if former is None else former, t)
     if closed:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun(found, record.get("behind") or ())
+    coming_night = next_night(record, decisions, before)
     suspect = _suspect(told.may, within, never, began, t)
     if suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
         suspect += f" {t('morning.suspect_before', date=day(first, t))}"
@@ -160,7 +164,7 @@ def context(
         "limits": [_limit(x, u, t) for x in record.get("limits") or ()],
         "parameters": _parameters(record, u),
         "volume": _volume(record, u),
-        "next": {"kind": "", **(record.get("next") or {}), "why": u.sentence(t.of((record.get("next") or {}).get("why") or ""))},
+        "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or ""))},
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
@@ -172,6 +176,19 @@ def context(
         "change": _change(record, u, t),
         "residual": record.get("residual") or {},
     }
+
+
+def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapping[str, Any] | None = None) -> Mapping[str, Any]:
+    """record of the newest night, decisions, last night that measured → kind of the next night and why: a repair since then asks
+    for the full measurement, of which the night itself knew nothing; {} where nothing is known.
+    """
+    measured = record if before is None or record.get("verdict") != "not_measured" else before
+    ended_utc = str(measured.get("end_utc") or "")
+    repaired = [d for d in decisions if d.action == "repaired" and d.utc and ended_utc and d.utc >= ended_utc]
+    if not repaired:
+        return record.get("next") or {}
+    last = max(repaired, key=lambda d: str(d.utc))
+    return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=last.note or last.alarm)}
 
 
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:

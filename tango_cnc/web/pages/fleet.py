@@ -11,7 +11,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...report.alarm import sentence, whole_sentence
-from ...report.answer import Answer, answer, measuring
+from ...report.answer import Answer, answer, measuring, renamed
 from ...report.days import day
 from ...report.faults import answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -88,7 +88,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
     late = next((n.night for n in row.nights if n.status == "complete"), state.texts("web.never"))
     waits, has = answered(found, row.record)
     axes = state.places.geometry(row.machine)
-    return answer(
+    told = answer(
         row.record,
         state.units,
         state.texts,
@@ -100,6 +100,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
         _ahead(row, state),
         settled(found),
     )
+    return renamed(told, row.machine.former, state.texts)
 
 
 def _ahead(row: Row, state: State) -> Ahead | None:

@@ -91,6 +91,7 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
         busy=busy,
         now=datetime.now(UTC),
         signs=every,
+        former=machine.former,
     )
 
 

@@ -42,6 +42,7 @@ def night(request: Request) -> Response:
         events=known_then(record, events) if place else events,
         now=now,
         newer=place,
+        former=None if place else found.former,
         signs=[(n.night, told(n, limits_of(request, found))) for n in nights],
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
