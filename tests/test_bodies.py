@@ -15,12 +15,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.bodies import begun, bodies_of, judged, random_bodies, run
 from support.randomplans import EXAMPLES, example
 
 from sim_controller.motion import MotionStop
 from sim_controller.probing import rig
-from tango_cnc.check import solid
+from tango_cnc.check import bodies, solid
 from tango_cnc.check.apart import Pose, Round, apart
 from tango_cnc.check.bodies import pairs
 from tango_cnc.cli import guarded, tango
@@ -119,6 +120,23 @@ def test_near_a_facet_the_small_margin_counts_and_on_the_way_the_large_one() -> 
     assert set(ends) == {guard.TOUCH, guard.TRAVEL}
     assert touched <= ends[guard.TOUCH]
     assert not touched & ends[guard.TRAVEL]
+
+
+def test_what_goes_with_the_table_is_seen_where_it_was_and_what_does_not_the_other_way() -> None:
+    machine = example("trunnion").machine
+    at, on = np.zeros((1, len(machine.names))), [name for name in machine.workpiece_branch if name in machine.linear]
+    still, cheek = (bodies.seen(machine, obstacle, at) for obstacle in (SETTER, YOKE[0]))
+    for axis in on:
+        moved = at.copy()
+        moved[0, machine.column(axis)] = 50.0
+        np.testing.assert_allclose(bodies.seen(machine, YOKE[0], moved), cheek, atol=1e-9)
+        way = -50.0 * np.array(machine.axis(axis).direction)
+        np.testing.assert_allclose(bodies.seen(machine, SETTER, moved), still + way, atol=1e-9)
+    turned = at.copy()
+    turned[0, machine.column("C")] = np.radians(90.0)
+    about = np.array(machine.axis("C").point)
+    rotation = Rotation.from_rotvec(np.radians(-90.0) * np.array(machine.axis("C").direction))
+    np.testing.assert_allclose(bodies.seen(machine, YOKE[0], turned), rotation.apply(cheek - about) + about, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -350,3 +368,9 @@ def test_body_and_nose_are_as_thick_as_they_are_all_around() -> None:
     for name, radius in (("the probe body", probe.body_radius), ("the spindle nose", max(probe.nose_radius, probe.body_radius))):
         reach = ((shapes[name].corner[:, :2] - at) @ across).max(axis=0) + shapes[name].radius
         assert (reach >= radius - 1e-9).all() and (reach <= 1.05 * radius).all(), name
+    gauge = cell.machine.spindle.point[2]  # what carries the probe begins there; the spindle points up along Z
+    heights = {name: (shape.corner[:, 2].min() - gauge, shape.corner[:, 2].max() - gauge) for name, shape in shapes.items()}
+    assert heights["the tip"][0] == pytest.approx(-probe.length)
+    assert heights["the stem"] == pytest.approx((-probe.length, -probe.body_length))
+    assert heights["the probe body"] == pytest.approx((-probe.body_length, 0.0))
+    assert heights["the spindle nose"][0] == pytest.approx(0.0)
