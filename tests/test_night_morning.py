@@ -239,6 +239,18 @@ def test_who_has_answered_is_shown_instead_of_how_to_answer() -> None:
     assert "to answer" not in text and re.search(r"answered: repaired by Bo, 2026-10-04: clamp", text)
 
 
+def test_who_has_an_alarm_is_asked_for_what_comes_of_it_and_not_to_take_it_again() -> None:
+    alarm = {"id": "2026-10-01-1", "text": "it moved", "since": "2026-09-30", "sigmas": 9.0, "instead": [], "night": "2026-10-01"}
+    alarm |= {"on_part": "x", "do": "y", "cause": "axis_location", "parameter": "EX0C", "now": "", "total": None}
+    asked = message(night(standing=[alarm | {"owner": "", "decision": None}]), (), ())[1]
+    assert "to answer: tango history decide 2026-10-01-1" in asked and "--action acknowledge --owner NAME" in asked
+    taken = message(night(standing=[alarm | {"owner": "Ann Meier", "decision": "acknowledge"}]), (), ())[1]
+    assert "acknowledge --owner" not in taken
+    assert re.search(
+        r"when it has been put right: tango history decide 2026-10-01-1 .*--action repaired --owner 'Ann Meier'", taken
+    )
+
+
 @pytest.mark.parametrize(
     ("action", "until", "stands"),
     [("acknowledge", None, True), ("accept", None, False), ("repaired", None, False), ("ignore", "2026-10-20", False)],

@@ -212,11 +212,12 @@ def message(
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
-        who = _who(alarm, decisions, t)
+        who, taken = _who(alarm, decisions, t), alarm["owner"] if alarm["decision"] else ""
         lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=alarm['text'])}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
         lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
-        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
+        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t)]
+        lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
     for alarm in record.get("unheard") or ():
@@ -340,16 +341,20 @@ def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> s
     return t("mail.not_answered")
 
 
-def answer(alarm: str, cell: str, history: str | None = None) -> str:
-    """alarm, folder of the cell, history that was named → the command that answers it, from any folder."""
+def answer(alarm: str, cell: str, history: str | None = None, taken: str = "") -> str:
+    """alarm, folder of the cell, history that was named, who has it already → the command that answers it, from any folder."""
     where = ("" if cell in ("", ".") else f" -C {shlex.quote(cell)}") + (
         "" if history is None else f" --history {shlex.quote(history)}"
     )
-    return f"tango history decide {alarm}{where} --action acknowledge --owner NAME"
+    action, owner = ("repaired", shlex.quote(taken)) if taken else ("acknowledge", "NAME")
+    return f"tango history decide {alarm}{where} --action {action} --owner {owner}"
 
 
-def _answers(alarm: str, decisions: Sequence[Decision], cell: str, t: Texts) -> list[str]:
+def _answers(alarm: str, decisions: Sequence[Decision], cell: str, t: Texts, taken: str = "") -> list[str]:
+    """alarm, decisions of today, folder of the cell, texts, who has it already → how to answer it, or how it was answered."""
     own = [d for d in decisions if d.alarm == alarm]
+    if not own and taken:
+        return ["  " + t("mail.when_done", command=answer(alarm, cell, taken=taken)), "  " + t("mail.or_when_done")]
     if not own:
         return ["  " + t("mail.to_answer", command=answer(alarm, cell)), "  " + t("mail.or_answer")]
     return [f"  {t('mail.answered', text=decided(d))}" for d in own]
