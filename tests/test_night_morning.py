@@ -440,6 +440,16 @@ def test_the_headline_counts_only_alarms_that_are_still_open() -> None:
     assert said("a-2", action="acknowledge").endswith("more open alarms: 2")
 
 
+def test_the_headline_of_a_crossed_limit_begins_with_what_made_it_and_not_with_what_is_new() -> None:
+    limit = {"what": "volume", "value": 45.2, "unit": "µm", "limit": 40.0, "passed": False}
+    alarm = {"text": "C tilted", "parameter": "EB0C"}
+    behind = {"what": "volume", "parameter": "EY0C", "text": "most of it comes from EY0C"}
+    told = headline(night(verdict="out_of_limits", alarms=[alarm], limits=[limit], behind=[behind]))
+    assert "40 µm are allowed: most of it comes from EY0C; C tilted" in told
+    own = headline(night(verdict="out_of_limits", alarms=[alarm], limits=[limit], behind=[behind | {"parameter": "EB0C"}]))
+    assert "40 µm are allowed: C tilted" in own
+
+
 def test_what_stands_behind_a_limit_is_told_once() -> None:
     about: dict[str, Any] = {
         "text": "it moved",

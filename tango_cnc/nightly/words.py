@@ -75,8 +75,10 @@ def headline(record: Mapping[str, Any]) -> str:
     gap = _gap(record.get("unmeasured") or ())
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
-        stands = [x["text"] for x in record.get("behind") or () if x["what"] == b["what"]]
-        cause = next((joined("", (": ", text)) for text in (*([every(alarms)] if alarms else []), *stands)), "")
+        behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
+        by_alarm = {alarm.get("parameter") for alarm in alarms} & {x.get("parameter") for x in behind}
+        why = [x["text"] for x in behind[:1] if not by_alarm] + ([every(alarms)] if alarms else [])
+        cause = joined("", (": ", joined("; ", why))) if why else ""
         crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
