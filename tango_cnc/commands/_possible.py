@@ -31,7 +31,7 @@ class Machines:
 
 
 def machines(folder: Path, result: Estimate) -> Machines | str:
-    """cell, estimate → machines that its touches leave possible, its budget in them; or why there are none."""
+    """cell, estimate → machines that its touches allow, with the uncertainty that the cell states; or why there are none."""
     try:
         found = seen(result, budget_of(folder, result))
     except TangoError as error:

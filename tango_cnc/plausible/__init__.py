@@ -23,7 +23,7 @@ from .creeps import creeps
 from .data import Remark, coarse, listed, remarks
 from .directions import approaches, turns
 from .either import AGREED as BETTER
-from .either import AS_WELL, either
+from .either import AS_WELL, drift_of, either
 from .few_terms import few_terms
 from .groups import common
 from .halves import halves
@@ -176,8 +176,10 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
     found += _noise(result)
     found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
     if patterns:
-        found += [*lacking(result, AGREED if agrees else LEVEL), *either(result, BETTER if agrees else AS_WELL)]
-        found += creeps(result, BETTER if agrees else AS_WELL)
+        found += lacking(result, AGREED if agrees else LEVEL)
+        if (drift := drift_of(result)) is not None:
+            behind = BETTER if agrees else AS_WELL
+            found += [*either(result, drift, behind), *creeps(result, drift, behind)]
     return [*found, *unseen(result), *learned(result), *stylus(cell, told), *offset(told)]
 
 

@@ -8,7 +8,6 @@ as well as the drift, nobody can tell which it was, and what it would move is no
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -17,30 +16,23 @@ from ..records import Array
 from ..texts import joined, say
 from ..touches import Touches
 from .data import Remark
-from .either import AS_WELL, WORTH, to_white
-from .lacking import LARGEST, MOVED, SHOWN, SPARE, TOUCHED, Left, left_over, steady
+from .either import AS_WELL, WORTH, Drift, to_white
+from .lacking import MOVED, SHOWN, TOUCHED, Left, steady
 from .shapes import TURNED
 from .spindle import PLACE
 
 
-def creeps(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a remark where what was taken for a drift may as well be a stylus that creeps.
+def creeps(result: Estimate, drift: Drift, behind: float = AS_WELL) -> Iterator[Remark]:
+    """estimate, its drift → a remark where what was taken for a drift may as well be a stylus that creeps.
 
     `behind`: by how much the stylus may do worse than the drift.
     """
-    noise, touches = result.noise, result.model.touches
-    if noise is None or noise.columns is None or noise.step is not None or len(touches) > LARGEST:
-        return
+    white, touches = drift.white, result.model.touches
     if np.ptp(touches.axis("S")) <= TURNED:
         return
-    drifting = left_over(result)
-    white = left_over(replace(result, noise=replace(noise, columns=None)))
-    if drifting is None or white is None or drifting.spare < SPARE:
-        return
-    walk = float(white.gaps @ white.gaps - drifting.gaps @ drifting.gaps) - 2 * (white.spare - drifting.spare)
     smooth = max(_gain(touches, white, frame)[0] for frame in (touches.machine_normal, touches.of_table))
     gain, moved = _gain(touches, white, touches.spindle_normal[:, :2])
-    if gain <= max(WORTH, min(walk, smooth) - behind):
+    if gain <= max(WORTH, min(drift.gain, smooth) - behind):
         return
     p = len(result.model.coefficients)
     by = np.abs(to_white(result, white) + moved)[:p] / result.std[:p]

@@ -40,20 +40,33 @@ class Rival:
     moved: Array  # by which it moves every unknown, from where white scatter alone leaves it
 
 
-def either(result: Estimate, behind: float = AS_WELL) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a remark where what was taken for a drift may as well be a pattern that moves more.
+@dataclass(frozen=True)
+class Drift:
+    """A walk or seating that was found, beside which patterns are tried on white scatter."""
 
-    `behind`: by how much that pattern may do worse than the drift.
-    """
-    noise, touches = result.noise, result.model.touches
-    if noise is None or noise.columns is None or noise.step is not None or len(touches) > LARGEST:
-        return
+    white: Left  # what the unknowns leave under white scatter alone
+    gain: float  # of the information criterion of walk and seating over white scatter
+
+
+def drift_of(result: Estimate) -> Drift | None:
+    """estimate by the noise of its residuals → its drift; None where none was found, a step was, or patterns are not tried."""
+    noise = result.noise
+    if noise is None or noise.columns is None or noise.step is not None or len(result.model.touches) > LARGEST:
+        return None
     drifting = left_over(result)
     white = left_over(replace(result, noise=replace(noise, columns=None)))
     if drifting is None or white is None or drifting.spare < SPARE:
-        return
-    square = float(white.gaps @ white.gaps)
-    least = max(WORTH, square - float(drifting.gaps @ drifting.gaps) - 2 * (white.spare - drifting.spare) - behind)
+        return None
+    taken = float(white.gaps @ white.gaps) - float(drifting.gaps @ drifting.gaps)
+    return Drift(white, taken - 2 * (white.spare - drifting.spare))
+
+
+def either(result: Estimate, drift: Drift, behind: float = AS_WELL) -> Iterator[Remark]:
+    """estimate, its drift → a remark where what was taken for a drift may as well be a pattern that moves more.
+
+    `behind`: by how much that pattern may do worse than the drift.
+    """
+    white, touches, least = drift.white, result.model.touches, max(WORTH, drift.gain - behind)
     p = len(result.model.coefficients)
     found = [rival for rival in _rivals(touches, white) if rival.gain > least]
     if not found:

@@ -13,7 +13,7 @@ from ..touches import FAR, Touches
 
 LEADS = (2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 16.0, 20.0, 24.0, 25.0, 30.0, 32.0, 40.0)  # mm: of ball screws, and halves
 SETTLED = 20.0  # s after a turn in which what it shook or heated has faded to a third
-TURNED = math.radians(60)  # rad between positions of S, at least, where stylus and table are told apart
+TURNED = math.radians(60)  # rad that S turns, at least, before touches show whether stylus or table has moved
 SEEN = 0.2  # share of the largest wave below which one is not looked for
 
 

@@ -179,8 +179,9 @@ def context(
 
 
 def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapping[str, Any] | None = None) -> Mapping[str, Any]:
-    """record of the newest night, decisions, last night that measured → kind of the next night and why: a repair since then asks
-    for the full measurement, of which the night itself knew nothing; {} where nothing is known.
+    """record of the newest night, decisions, last night that measured → kind of the next night and why.
+
+    Who repairs the machine after a night asks for the full measurement; the night could not know that. {}: nobody knows.
     """
     measured = record if before is None or record.get("verdict") != "not_measured" else before
     ended_utc = str(measured.get("end_utc") or "")
