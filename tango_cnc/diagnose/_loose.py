@@ -67,8 +67,8 @@ def loose(
         for p in picked:
             seen = outside.T @ (p.kernel.columns * own[:, None])
             covariance += p.tau * seen @ seen.T
-        back = outside @ np.linalg.inv(np.linalg.cholesky(covariance)).T
-        white = np.linalg.solve(np.linalg.cholesky(covariance), y)
+        root = np.linalg.cholesky(covariance)
+        back, white = outside @ np.linalg.inv(root).T, np.linalg.solve(root, y)
         spread = back[on].T
         by_chance = score(white, spread)[0]
         kernels = [scaled(Kernel(form, "shape", form.columns(means.seen))) for form in forms(means.seen, one.key, on)]
