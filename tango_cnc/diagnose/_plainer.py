@@ -16,42 +16,74 @@ import numpy as np
 
 from ..records import Array
 from ..terms._shape import LEGENDRE
+from ._adapted import Adapting
 from ._catalogue import STRONG
 from ._field import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
+TURNS = 2  # of adapting each shape beside the others
 BEFORE = ("way", "path", "since", "pause")
 
 
 def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> tuple[Picked, ...]:
-    """field, data (m,), columns of the names (m, s), what was chosen → the same, each shape with fewer covariates where that does
-    nearly as well, and with the covariates that it may follow instead.
+    """field, data (m,), columns of the names (m, s), what was chosen → the same, each shape with the functions that suit it best,
+    with fewer covariates where that does nearly as well, and with the covariates that it may follow instead.
+
+    What is not worth its price beside the others, now that their functions suit them, is a part of them and left out.
     """
-    found = list(picked)
-    for i, p in enumerate(found):
-        if p.kernel.form is None and "like" not in p.kernel.setting:
-            continue
-        s = _beside(begin(field, y, names), [o for o in found if o is not p])
-        best, at = scores(field, s)
-        rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
-        every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
-        own = next((j for j, k in enumerate(every) if k is p.kernel), None)
-        if own is None:
-            continue
-        worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
-        first = int(np.argmax(worth))  # beside the others, which were not all there when it was chosen
-        order = [int(k) for k in np.argsort(-worth)]
-        less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
-        j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
-        near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
-        wider = [k for k in (first, own) if parts[j] < parts[k]]  # a pair that was chosen, where one of both is told
-        rivals = tuple(dict.fromkeys(every[k].covariate for k in (*wider, *near)))[:TOLD]
-        j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
-        if every[j] is not p.kernel:
-            p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=float(at[rows[j], 0]))
-        found[i] = replace(p, rivals=rivals)
+    found, one_by_one = list(picked), Adapting(field)
+    for _ in range(TURNS):
+        before = len(found)
+        for p in tuple(found):
+            told = _plainer(one_by_one, y, names, p, [o for o in found if o is not p])
+            i = next(k for k, o in enumerate(found) if o is p)
+            found[i : i + 1] = [told] if told is not None or sum(map(_told, found)) == 1 else []
+            found = [p if o is None else o for o in found]
+        if sum(map(_told, found)) < 2 and len(found) == before:
+            break
     return tuple(found)
+
+
+def _told(p: Picked) -> bool:
+    """what was chosen → whether it is a shape that follows something that people are told."""
+    return p.kernel.form is not None or "like" in p.kernel.setting
+
+
+def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequence[Picked]) -> Picked | None:
+    """shapes that are adapted, data (m,), columns of the names (m, s), what was chosen, the others → the same as `plainer` tells it;
+    None where it is not worth its price beside them.
+    """
+    field = adapting.field
+    if not _told(p):
+        return p
+    s = _beside(begin(field, y, names), others)
+    best, at = scores(field, s)
+    rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
+    every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
+    worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
+    taus = [float(at[r, 0]) for r in rows]
+    formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
+    for a in adapting.near(s, best[:, 0], formed):
+        every.append(a.kernel)
+        parts.append(_parts(a.kernel))
+        worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
+        taus.append(a.tau)
+    first = int(np.argmax(worth))  # beside the others, which were not all there when it was chosen
+    if worth[first] < 0:
+        return None
+    order = [int(k) for k in np.argsort(-worth)]
+    less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
+    j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
+    near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
+    own = _parts(p.kernel)
+    wider = [every[first].covariate] if parts[j] < parts[first] else []  # a pair that was chosen, where one of both is told
+    wider += [p.kernel.covariate] if parts[j] < own else []
+    rivals = tuple(dict.fromkeys([*wider, *(every[k].covariate for k in near)]))[:TOLD]
+    j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
+    if every[j] is not p.kernel:
+        p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
+    return replace(p, rivals=rivals)
 
 
 def _richer(one: Kernel, other: Kernel) -> bool:
