@@ -26,7 +26,9 @@ def means() -> Rows:
     return rows(touches, np.zeros(len(touches)))
 
 
-def told(hidden: Callable[[Touches], Array], felt: str, compared: list[tuple[str, str]], seed: int = 3) -> list[tuple[str, str, tuple[str, ...]]]:
+def told(
+    hidden: Callable[[Touches], Array], felt: str, compared: list[tuple[str, str]], seed: int = 3
+) -> list[tuple[str, str, tuple[str, ...]]]:
     """what is hidden (n,), how a touch feels it, shapes that are compared with their frames, all chosen in this order at first →
     covariates, frame and rivals as they are told; the model explains nothing here.
     """
@@ -77,7 +79,9 @@ def test_one_shape_at_least_is_told() -> None:
 def test_functions_are_those_that_a_covariate_can_have() -> None:
     touches = means().seen
     known = values(touches)
-    kinds = {name: {f.kind for f in factors(touches, name, known[name])} for name in ("X", "B", "dX", "probe direction", "time", "pause")}
+    kinds = {
+        name: {f.kind for f in factors(touches, name, known[name])} for name in ("X", "B", "dX", "probe direction", "time", "pause")
+    }
     assert kinds["dX"] == {SIDE}
     assert EVEN in kinds["B"] and EVEN not in kinds["X"]
     assert BEYOND in kinds["X"] and BEYOND not in kinds["pause"]

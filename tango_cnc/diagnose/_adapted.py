@@ -1,4 +1,4 @@
-"""Shapes whose functions are adapted to the touches, so that covariates are compared and not the functions that happened to be tried.
+"""Shapes whose functions are adapted to the touches: covariates are compared, and not the functions that happened to be tried.
 
 Each pair of covariates is compared with a few functions of each, because there are thousands of pairs. Where these functions fit
 one pair better than another one, evidence tells the functions apart and not the covariates: a load that is alike to both sides of

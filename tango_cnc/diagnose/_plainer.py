@@ -51,8 +51,8 @@ def _told(p: Picked) -> bool:
 
 
 def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequence[Picked]) -> Picked | None:
-    """shapes that are adapted, data (m,), columns of the names (m, s), what was chosen, the others → the same as `plainer` tells it;
-    None where it is not worth its price beside them.
+    """what adapts shapes, data (m,), columns of the names (m, s), what was chosen, the others → as `plainer` tells it; None where it
+    is not worth its price beside them.
     """
     field = adapting.field
     if not _told(p):
