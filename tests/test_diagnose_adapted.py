@@ -11,7 +11,7 @@ from support import blind
 
 from tango_cnc.diagnose._adapted import Adapting, factors
 from tango_cnc.diagnose._field import Field, Picked, begin
-from tango_cnc.diagnose._plainer import plainer
+from tango_cnc.diagnose._plainer import _levers, plainer
 from tango_cnc.diagnose._rows import Rows, rows
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.records import Array
@@ -69,6 +69,14 @@ def test_a_part_of_what_another_shape_follows_is_left_out_once_its_functions_sui
     two = [("C", "machine y"), ("B × C", "machine y")]
     found = told(lambda t: 1.0 * ((t.axis("B") > -0.1) & (t.axis("C") > -0.1)), "machine y", two)
     assert [covariate for covariate, _, _ in found] == ["B × C"]
+
+
+def test_a_tilt_that_follows_an_angle_is_listed_as_a_shift_that_follows_a_place_too() -> None:
+    two = [("B", "tilt A of X"), ("B × X", "machine y"), ("time × X", "machine y")]
+    (shape,) = told(lambda t: 1.0 * (t.axis("B") > 0.1), "tilt A of X", two)
+    assert shape == ("B", "tilt A of X", ("Y × B",))
+    touches = means().seen
+    assert [_levers(Kernel(Form((), f"tilt {c} of X"), "shape", np.zeros((1, 1))), touches) for c in "AC"] == [["Y"], []]
 
 
 def test_one_shape_at_least_is_told() -> None:

@@ -15,13 +15,15 @@ from dataclasses import replace
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE
-from ._adapted import Adapting
+from ..terms._shape import LEGENDRE, weights
+from ..touches import Touches
+from ._adapted import Adapting, frames
 from ._catalogue import STRONG
 from ._field import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
+LEVER = 0.75  # of the lever of a tilt that one place makes
 TURNS = 2  # of adapting each shape beside the others
 BEFORE = ("way", "path", "since", "pause")
 
@@ -51,8 +53,9 @@ def _told(p: Picked) -> bool:
 
 
 def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequence[Picked]) -> Picked | None:
-    """what adapts shapes, data (m,), columns of the names (m, s), what was chosen, the others → as `plainer` tells it; None where it
-    is not worth its price beside them.
+    """what adapts shapes, data (m,), columns of the names (m, s), what was chosen, the others → as `plainer` tells it.
+
+    None where it is not worth its price beside them.
     """
     field = adapting.field
     if not _told(p):
@@ -63,27 +66,59 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
     worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
     taus = [float(at[r, 0]) for r in rows]
+    known = len(rows)  # from there on, functions were adapted
     formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
     for a in adapting.near(s, best[:, 0], formed):
         every.append(a.kernel)
         parts.append(_parts(a.kernel))
         worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
         taus.append(a.tau)
-    first = int(np.argmax(worth))  # beside the others, which were not all there when it was chosen
-    if worth[first] < 0:
-        return None
     order = [int(k) for k in np.argsort(-worth)]
+    if worth[order[0]] < 0:
+        return None
+    own = _parts(p.kernel)
+    # Beside the others, which were not all there when it was chosen; what was chosen then stays where it comes near.
+    first = next(k for k in order if parts[k] == own or worth[k] <= worth[order[0]] - STRONG)
+    first = first if worth[first] > worth[order[0]] - STRONG else order[0]
     less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
     j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
     near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
-    own = _parts(p.kernel)
     wider = [every[first].covariate] if parts[j] < parts[first] else []  # a pair that was chosen, where one of both is told
     wider += [p.kernel.covariate] if parts[j] < own else []
-    rivals = tuple(dict.fromkeys([*wider, *(every[k].covariate for k in near)]))[:TOLD]
+    levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
+    levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
+    rivals = tuple(dict.fromkeys([*levers, *wider, *(every[k].covariate for k in near)]))[:TOLD]
+    if j >= known:  # as good as functions that were not adapted
+        j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - STRONG, 0.0)), j)
     j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
     if every[j] is not p.kernel:
         p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
     return replace(p, rivals=rivals)
+
+
+def _levers(kernel: Kernel, touches: Touches) -> list[str]:
+    """shape or a name whose size changes, touches → linear axes whose place is the lever of the tilt that it is.
+
+    A tilt that follows an angle shifts what is touched in proportion to a place, and so reads as a shift that follows both.
+    """
+    name = str(kernel.setting["name"].setting.get("name", "")) if "name" in kernel.setting else ""
+    felt = kernel.form.weight if kernel.form is not None else f"tilt {name[1:2]} of {name[2:3]}"
+    if not felt.startswith("tilt") or felt not in frames(touches):
+        return []
+    normal = touches.machine_normal
+
+    def moved(columns: Array) -> Array:
+        """What a shift of everything does not take."""
+        return np.asarray(columns - normal @ np.linalg.lstsq(normal, columns, rcond=None)[0])
+
+    lever = moved(weights(touches, felt)[:, 0])
+    found = []
+    for axis in touches.machine.linear:
+        arms = moved(normal * touches.axis(axis)[:, None])
+        part = (lever @ arms) ** 2 / np.maximum((lever @ lever) * np.sum(arms**2, axis=0), 1e-300)
+        if part.max() > LEVER:
+            found.append(axis)
+    return found
 
 
 def _richer(one: Kernel, other: Kernel) -> bool:

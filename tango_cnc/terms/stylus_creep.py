@@ -39,8 +39,7 @@ TERM = Cause(
     plainer=("thermal_drift", "table_drift"),  # while the spindle stands as it mostly does, all three read alike
     says="the stylus tip creeps {size} sideways{toward}{course}",
     meaning="a matter of the probe, not of parts; what is measured late is off sideways by this against what is measured early",
-    advice="tighten the stylus and its holder, calibrate the tip before and after, turn the spindle between touches of one facet, "
-    "or keep the term",
+    advice="clean and fix the stylus and its holder, touch one facet at several angles of the spindle, or keep the term",
     refine={"tau": "log"},
     over="time",
     once=True,  # two of them together follow any curve
