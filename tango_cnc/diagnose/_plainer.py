@@ -19,6 +19,7 @@ from ..terms._shape import LEGENDRE, weights
 from ..touches import Touches
 from ._adapted import Adapting, frames
 from ._catalogue import STRONG
+from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import CURVED, Kernel
 
@@ -88,8 +89,8 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
     levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
     rivals = tuple(dict.fromkeys([*levers, *wider, *(every[k].covariate for k in near)]))[:TOLD]
-    if j >= known:  # as good as functions that were not adapted
-        j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - STRONG, 0.0)), j)
+    if j >= known:  # functions that were not adapted know their size better, unless they clearly cannot follow it
+        j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - SURE, 0.0)), j)
     j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
     if every[j] is not p.kernel:
         p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
@@ -101,7 +102,8 @@ def _levers(kernel: Kernel, touches: Touches) -> list[str]:
 
     A tilt that follows an angle shifts what is touched in proportion to a place, and so reads as a shift that follows both.
     """
-    name = str(kernel.setting["name"].setting.get("name", "")) if "name" in kernel.setting else ""
+    like = kernel.setting.get("name")  # None between two names
+    name = "" if like is None else str(like.setting.get("name", ""))
     felt = kernel.form.weight if kernel.form is not None else f"tilt {name[1:2]} of {name[2:3]}"
     if not felt.startswith("tilt") or felt not in frames(touches):
         return []
