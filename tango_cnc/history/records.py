@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from ..records import Array
@@ -109,3 +110,13 @@ class Standing:
     alarms_open: int  # alarms without a decision
     late: bool  # no complete night for longer than asked for
     alarms_held: int = 0  # alarms that somebody has answered without closing them
+
+
+def date_of(stamp: str) -> str:
+    """moment in UTC → its local date."""
+    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d")
+
+
+def stamp_of(moment: datetime) -> str:
+    """moment → 2026-11-23T02:00:00Z."""
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

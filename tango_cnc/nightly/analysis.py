@@ -40,6 +40,7 @@ from .control import Given, InControl, limited
 from .course import ALIKE
 from .doubt import Judged, attempted, believed
 from .drift import as_alarm
+from .goes_on import going_on
 from .lag import lagging
 from .lag import sentence as lag_told
 from .learning import READ, Earlier
@@ -244,6 +245,7 @@ class Nights:
         elif not first:
             alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
+            alarms = going_on(past, machine, known, after, alarms, since(past, machine, day), self.given)
             alarms, ignored = answered.split(past, machine, known, after, alarms, day)
             alarms = again.after_a_repair(past, machine, alarms)
         quiet = judged.believed and not (first or alarm or repaired)
@@ -266,16 +268,17 @@ class Nights:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         found = parameters if judged.believed else {}
-        waiting = standing(past, machine, day, found, kind, self.happened)
+        waiting = standing(past, machine, day, found, kind, self.happened, tuple(a["id"] for a in alarms))
         waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
-            told_of = as_alarm(moving, known)
-            alarms, ignored = answered.split(past, machine, known, after, [told_of], day)
-            alarms = [{**a, "was": parts.was(told_of, parameters, ())} for a in alarms]
+            told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], since(past, machine, day), self.given)
+            alarms, ignored = answered.split(past, machine, known, after, told_of, day)
+            alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
+            waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
         if self.control is not None and not self.control.measured:
