@@ -89,5 +89,7 @@ def test_a_result_of_which_most_is_untrusted_is_no_trustworthy_one(run: Run) -> 
     found = judged(cell, replace(readings, position=readings.position + over * (after.position - readings.position)))
     assert found.verdict == "doubtful" and not found.nothing
     assert found.reasons == ("9 of 17 parameters are not to be trusted",)
-    assert not found.suspicions and status(found, despite=False) == 0, "no mistake is accused of it, and what is trusted may be used"
+    assert not found.suspicions and status(found, despite=False) == 0, (
+        "no mistake is accused of it, and what is trusted may be used"
+    )
     assert judged(cell, readings).verdict == "trustworthy"
