@@ -259,8 +259,8 @@ def _judge(cell: Cell, wish: Wish, source: Path, despite: bool, json_file: str |
     origin = look_up(source)
     if (named := other_machine(origin, cell.folder)) and not despite:
         raise InputError(
-            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, of which the cell and its full "
-            "run are. If it is one machine with a new name: --despite"
+            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, of which the cell and its "
+            "full run are. If it is one machine with a new name: --despite"
         )
     known = traced(Judgement("trustworthy"), origin, cell.folder)
     for line in doubts(known):
