@@ -20,6 +20,7 @@ from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, typed, write_json
+from ._progress import Progress
 from ._stylus import bought
 from ._trust import despite_option, judged, traced, usable
 from ._trust import told as doubts
@@ -290,10 +291,13 @@ def _design(
     if picture is not None:
         drawable(picture)
     aim = wish.goal
-    ready = propose.setting(cell, wish)
-    found = propose.regular(ready) if regular else propose.propose(ready)
-    sees = check.power(found, ready.lever) if aim.word == "check" else None
-    data = told.as_json(ready, found, why, sees, propose.competitors(ready, found) if compare else {})
+    with Progress() as progress:
+        ready = propose.setting(cell, wish, progress.stage)
+        found = propose.regular(ready) if regular else propose.propose(ready)
+        sees = check.power(found, ready.lever) if aim.word == "check" else None
+        others = propose.competitors(ready, found) if compare else {}
+        progress.stage("what it is worth, and no other plan can reach")
+        data = told.as_json(ready, found, why, sees, others)
     if styli:
         data["second_stylus"] = bought(found.plan, wish.terms, wish.degree)
     lines = told.as_text(ready, data)
