@@ -17,6 +17,7 @@ from tango_cnc.files.origin import (
     edited_rows,
     hurried,
     look_up,
+    other_machine,
     read_origin,
     set_aside,
     simulated,
@@ -190,3 +191,25 @@ def test_readings_that_are_all_alike_get_a_sentence(cell: Path, capsys: pytest.C
         assert "no machine repeats every digit" in out + err or "is the same in all touches" in out + err
         best = next(line for line in (out + err).splitlines() if line.startswith("most likely"))
         assert "position of another one" in best or "is the same in all touches" in best
+
+
+def test_readings_of_another_machine_are_doubtful_and_no_check_of_this_one(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = Path(shutil.copytree(cell, tmp_path / "other"))
+    file = other / "machine.yaml"
+    name = read_cell(other).machine.name
+    file.write_text(file.read_text(encoding="utf-8").replace(f"name: {name}", "name: the machine beside it"), encoding="utf-8")
+    assert other_machine(look_up(cell / "simulated.csv"), cell) is None
+    assert other_machine(look_up(cell / "simulated.csv"), other) == (name, "the machine beside it")
+    code, out, _ = called(capsys, "estimate", "-C", other, "--json", "-")
+    data = json.loads(out)
+    assert (code, data["verdict"]) == (0, "doubtful")
+    assert any(f"is of the machine {name!r}, the cell is of 'the machine beside it'" in reason for reason in data["reasons"])
+    full = tmp_path / "full.csv"  # of which nobody knows whose it is
+    shutil.copy(cell / "simulated.csv", full)
+    asked = ["design", "-C", other, "--readings", full, "--judge", cell / "simulated.csv"]
+    code, _, err = called(capsys, *asked)
+    assert code == 2
+    assert f"simulated.csv of the machine {name!r}; allowed: a check of 'the machine beside it'" in err
+    assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]

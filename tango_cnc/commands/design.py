@@ -14,12 +14,16 @@ import numpy as np
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
 from ..files import later, read_cell, read_readings, read_terms, write_text
+from ..files.origin import look_up, other_machine
+from ..judgement import Judgement
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, typed, write_json
+from ._progress import Progress
 from ._stylus import bought
-from ._trust import despite_option, judged, usable
+from ._trust import despite_option, judged, traced, usable
+from ._trust import told as doubts
 from .check import positioning_feed
 
 PLACE = "Plan 10"  # in the list of commands
@@ -253,8 +257,17 @@ def _judge(cell: Cell, wish: Wish, source: Path, despite: bool, json_file: str |
         raise InputError(f"--judge: found --goal {wish.goal.text}; allowed: --goal check, or no --goal")
     ready = propose.setting(cell, wish)
     few = read_readings(source, cell.machine, cell.artefact)
+    origin = look_up(source)
+    if (named := other_machine(origin, cell.folder)) and not despite:
+        raise InputError(
+            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, of which the cell and its "
+            "full run are. If it is one machine with a new name: --despite"
+        )
+    known = traced(Judgement("trustworthy"), origin, cell.folder)
+    for line in doubts(known):
+        click.echo(line, err=True)
     found = changed(ready.problem.choice, ready.lever, wish.before, few)
-    if not write_json(json_file, told.change_json(found)):
+    if not write_json(json_file, told.change_json(found, known)):
         click.echo(told.change_text(found))
     return int(found.changed)
 
@@ -278,10 +291,13 @@ def _design(
     if picture is not None:
         drawable(picture)
     aim = wish.goal
-    ready = propose.setting(cell, wish)
-    found = propose.regular(ready) if regular else propose.propose(ready)
-    sees = check.power(found, ready.lever) if aim.word == "check" else None
-    data = told.as_json(ready, found, why, sees, propose.competitors(ready, found) if compare else {})
+    with Progress() as progress:
+        ready = propose.setting(cell, wish, progress.stage)
+        found = propose.regular(ready) if regular else propose.propose(ready)
+        sees = check.power(found, ready.lever) if aim.word == "check" else None
+        others = propose.competitors(ready, found) if compare else {}
+        progress.stage("what it is worth, and no other plan can reach")
+        data = told.as_json(ready, found, why, sees, others)
     if styli:
         data["second_stylus"] = bought(found.plan, wish.terms, wish.degree)
     lines = told.as_text(ready, data)

@@ -99,6 +99,9 @@ def judge(
     suspicions: tuple[Suspicion, ...] = ()
     if search and verdict != "trustworthy":
         suspicions = _suspicions(cell, readings, found)
+    if result is not None and not nothing and (lost := len(set(result.parameters) & set(untrusted))) > len(result.parameters) / 2:
+        found.append(Remark("doubtful", say("plausible.judge.most_untrusted", count=lost, all=len(result.parameters))))
+        verdict = worst([verdict, "doubtful"])  # no mistake is looked for: why they are untrusted is said already
     return Judgement(
         verdict,
         tuple(r.text for r in found if r.verdict != "trustworthy"),
