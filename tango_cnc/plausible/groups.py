@@ -271,7 +271,7 @@ def _balls(result: Estimate) -> Iterator[Remark]:
             )
 
 
-def _rest_on(result: Estimate, ball: int, mask: NDArray[np.bool_]) -> tuple[str, ...]:
+def _rest_on(result: Estimate, ball: str, mask: NDArray[np.bool_]) -> tuple[str, ...]:
     """estimate, a ball whose touches do not agree, these → what the scale bar tells of the machine, where it is one of its two."""
     model = result.model
     if model.bar is None or ball not in [model.touches.balls[i] for i in model.bar]:
