@@ -74,7 +74,7 @@ def ends_at(made: Plan) -> dict[str, float]:
 
 
 def with_a_hand(name: str, made: Plan, stated: Mapping[str, Any], habits: Mapping[str, Any], **who: Any) -> Ran:
-    """dialect, plan in the air, profile, habits, the hand at the stylus → what came of the program for it, begun where that ends."""
+    """dialect, plan in the air, profile, habits, who is there → what came of the program for a hand, begun at its end."""
     options = profile(name, stated) | {"gate": "none", "positioning_feed": commission.HELD_FEED}
     return ran(name, commission.held(made), options, habits, stands=ends_at(made), **who)
 

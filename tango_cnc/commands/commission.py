@@ -160,7 +160,7 @@ def command(
         seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
         slight = commission.held(made)
-        gentle = {"gate": "none"}  # which would notice the hand by itself
+        gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
         if any(option.name == "positioning_feed" for option in post.options):
             gentle["positioning_feed"] = commission.HELD_FEED
         short = written(cell, folder / FOLDER / "program", post, slight, options | gentle)
