@@ -17,6 +17,7 @@ from tango_cnc.files.origin import (
     edited_rows,
     hurried,
     look_up,
+    origin_file,
     other_machine,
     read_origin,
     set_aside,
@@ -212,4 +213,16 @@ def test_readings_of_another_machine_are_doubtful_and_no_check_of_this_one(
     code, _, err = called(capsys, *asked)
     assert code == 2
     assert f"simulated.csv of the machine {name!r}; allowed: a check of 'the machine beside it'" in err
+    assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]
+
+
+def test_a_check_made_before_its_full_run_is_none_of_it(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    full, few = cell / "simulated.csv", tmp_path / "few.csv"
+    shutil.copy(full, few)
+    known = json.loads(origin_file(full).read_text(encoding="utf-8"))
+    known["run"] = {"start_utc": "2020-02-03T06:00:00Z"}
+    origin_file(few).write_text(json.dumps(known), encoding="utf-8")
+    asked = ["design", "-C", cell, "--readings", full, "--judge", few]
+    code, _, err = called(capsys, *asked)
+    assert code == 2 and "of 2020-02-03 06:00 UTC, before the full run" in err and "allowed: a check made after it" in err
     assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]

@@ -151,7 +151,7 @@ def told(judgement: Judgement) -> list[str]:
         lines.append(_head(judgement))
         lines += [f"  {text}" for text in judgement.reasons]
         lines += suspected(judgement)
-    if judgement.untrusted:
+    if judgement.untrusted and judgement.verdict != "implausible":  # the first line says it of all of them
         lines.append(f"not to be trusted: {', '.join(judgement.untrusted)}")
     return lines + [f"note: {text}" for text in judgement.remarks]
 

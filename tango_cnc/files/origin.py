@@ -187,6 +187,16 @@ def other_machine(origin: Origin, folder: Path) -> tuple[str, str] | None:
     return (then, now) if then and now and then != now else None
 
 
+def made_utc(origin: Origin) -> datetime | None:
+    """origin of readings → when their run began, or where no run did, when they were written; None: nobody knows."""
+    run = origin.known.get("run")
+    stamp = run.get("start_utc") if isinstance(run, dict) else None
+    with suppress(TypeError, ValueError):
+        made = datetime.fromisoformat(stamp or origin.known.get("written_utc"))  # type: ignore[arg-type]
+        return made if made.tzinfo else made.replace(tzinfo=UTC)
+    return None
+
+
 def _machine(texts: Mapping[str, str]) -> str:
     for name, text in texts.items():
         with suppress(InputError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -105,7 +105,7 @@ def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Na
     whole = tonight.statistic / tonight.scale
     if named is None or (named.remains < FAR and named.told < 0.5 * whole):
         return [_unnamed(k, before, ahead, tonight, named)]
-    found = [_named(k, before, one) for one in named.all]
+    found = [of_cause(k, before, one) for one in named.all]
     left = whole - named.told
     plain = bool(named.more) and named.more[0].explained >= 0.5 * (left - tonight.dof)
     if plain or (named.all[-1].remains < FAR and named.told < MOSTLY * whole):
@@ -113,7 +113,8 @@ def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Na
     return found
 
 
-def _named(k: Known, before: Since, named: Named) -> dict[str, Any]:
+def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
+    """what is known, since when, a cause with its size → its alarm."""
     h = named.hypothesis
     size, std, text = said_of(k, before, named)
     alarm = _alarm(before, h.cause, h.parameter, text, named.sigmas) | {"size": size, "std": std, "unit": h.unit}
@@ -259,10 +260,16 @@ def _place(parameter: str) -> str:
 
 
 def standing(
-    past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str, events: Sequence[Event] = ()
+    past: Past,
+    machine: str,
+    day: float,
+    parameters: Mapping[str, Any],
+    kind: str,
+    events: Sequence[Event] = (),
+    tonight: Collection[str] = (),
 ) -> list[dict[str, Any]]:
-    """history, machine, day, what is known tonight, kind of night, what happened to compensations → alarms of other nights that
-    nobody has closed.
+    """history, machine, day, what is known tonight, kind of night, what happened to compensations, ids of alarms that go on tonight
+    → alarms of other nights that nobody has closed, each as the last night that told it.
 
     Unanswered ones come first, and what does more to a part before what does less.
 
@@ -274,8 +281,12 @@ def standing(
     known, when = (parameters, "") if parameters else _known(past, machine)
     found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
+    seen = set(tonight)
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
+            if alarm["id"] in seen:
+                continue
+            seen.add(alarm["id"])
             decision = last.get(alarm["id"])
             if decision is not None and decision.action in ("accept", "repaired"):
                 continue
@@ -318,7 +329,7 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
     found = []
     for stored in past.alarmed(machine, LISTED):
         for a in stored.record["alarms"]:
-            if (d := wanted.get(a["id"])) is None:
+            if (d := wanted.pop(a["id"], None)) is None:  # each as the last night that told it
                 continue
             now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}

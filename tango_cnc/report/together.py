@@ -60,7 +60,8 @@ def together(
         elif (
             own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
         ):
-            first |= _whole(first, own, every, drifts, len(same), u, t, machine)
+            goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
+            first |= _whole(first, own, every, drifts, 1 if goes_on else len(same), u, t, machine)
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
