@@ -284,7 +284,7 @@ def standing(
     seen = set(tonight)
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
-            if alarm["id"] in seen:
+            if alarm["id"] and alarm["id"] in seen:
                 continue
             seen.add(alarm["id"])
             decision = last.get(alarm["id"])

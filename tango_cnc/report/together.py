@@ -135,7 +135,11 @@ def _whole(
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         stands = first.get("stands")
-        on = t("morning.drift_stands", since=day(str(stands), t)) if stands else t("morning.drifts_on")
+        on = (
+            t("morning.drift_stands", since=day(str(stands), t))
+            if stands
+            else t(f"morning.drift{'_slowed' if first.get('slowed') else 's_on'}")
+        )
         whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else on}"
         whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_stood_do" if stands else "morning.drift_do")}
     if first.get("on_part_um") is not None:
