@@ -85,7 +85,7 @@ def test_what_stands_behind_a_limit_counts_from_the_night_of_its_alarm(root: Pat
 
 
 @pytest.mark.long
-def test_a_drift_that_rests_is_not_foretold(root: Path, tmp_path: Path) -> None:
+def test_a_drift_that_rests_is_not_predicted(root: Path, tmp_path: Path) -> None:
     story = Story((Event(10, drift={"EY0C": 0.0012}), Event(18, drift={"EY0C": -0.0012})), wander=0.3)
     records = answered(root, tmp_path / "h.db", story, 24, {}, seed=1, limits={"volume": 90.0})
     own = [next((a for a in r.get("standing", ()) if a["parameter"] == "EY0C"), None) for r in records]
