@@ -49,7 +49,7 @@ OPTIONS = (
         "R700: records go into R700 to R716, or an array of global user data by its name, for OPC UA (docs/link.md)",
         verified=True,
     ),
-    Option("alarm", 65001, "first of six SETAL alarms that stop until reset; 0: the message and M0 only"),
+    Option("alarm", 65001, f"first of {len(STOPS)} SETAL alarms that stop until reset; 0: the message and M0 only"),
     Option("orient", True, "SPOS orients the spindle; false: it is not turned"),
     Option(
         "rotary",

@@ -401,14 +401,19 @@ def test_no_stop_leaves_the_probe_on(post: str) -> None:
 
 @pytest.mark.parametrize(
     ("post", "options", "close"),
-    [("fagor", {}, "#CLOSE"), ("linuxcnc", {}, "(LOGCLOSE)"), ("siemens", {"output": "/dev/ext/1"}, "EXTCLOSE(")],
+    [
+        ("fagor", {}, "#CLOSE"),
+        ("linuxcnc", {}, "(LOGCLOSE)"),
+        ("okuma", {}, "CLOSE C"),
+        ("siemens", {"output": "/dev/ext/1"}, "EXTCLOSE("),
+    ],
 )
 def test_no_stop_leaves_the_file_open(post: str, options: dict[str, Any], close: str) -> None:
     lines = bare(post, golden(), **options)
     at = [i for i, line in enumerate(lines) if line.startswith(close)]
     assert len(at) > 4
-    del lines[at[-1] if post == "siemens" else at[0]]
-    assert refused(lines, post, **options)
+    for i in at[1:] if post in ("okuma", "siemens") else at[:1]:  # the first one there is the good end
+        assert refused(lines[:i] + lines[i + 1 :], post, **options)
 
 
 @pytest.mark.parametrize("post", READ)
