@@ -161,10 +161,8 @@ class RealControl:
             said, advice = say("preflight.world.no_commissioning_yaml"), say("preflight.world.run_tango_commission_with_person")
             return Finding("commissioned", False, said, advice)
         if not self.simulated and (wrong := disproven_of(self.cell, dialect(self.cell)) if there else []):
-            (found, advice), *_ = wrong
-            return Finding(
-                "commissioned", False, say("preflight.world.not_so", found=found), say("preflight.world.mend", do=advice)
-            )
+            (found, do), *_ = wrong
+            return Finding("commissioned", False, say("preflight.world.not_so", found=found), say("preflight.world.mend", do=do))
         return Finding("commissioned", True, "commissioning.yaml") if self.settings.commissioned else None
 
     def _program(self, kind: str, touches: Sequence[int]) -> Finding:
