@@ -20,6 +20,7 @@ from support.controls import golden
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission.experiments.records import coarse
 from tango_cnc.commission.timing import expected
 from tango_cnc.files.commissioning import read_commissioning
 from tango_cnc.records import Plan
@@ -103,6 +104,20 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
         place = dict(zip(names, touch.end, strict=True))
         found[touch.number] = (0, {n: round(v / step) * step if step and n in made.machine.linear else v for n, v in place.items()})
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
+
+
+@pytest.mark.parametrize("places", [3, 4])
+def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int) -> None:
+    """Three moves from a place that is no round number, as where three beliefs are left to prove."""
+    made, rng = air(), np.random.default_rng(places)
+    linear = [made.machine.column(n) for n in made.machine.linear]
+    for _ in range(200):
+        start = np.array(made.touches[0].end)
+        start[linear] = rng.uniform(-300, 300, 3)
+        ends = [start + 5.0 * (np.arange(len(start)) == column) for column in linear]
+        few = replace(made, touches=tuple(replace(t, end=tuple(e)) for t, e in zip(made.touches, ends, strict=False)))
+        found = {t.number: (0, dict(zip(made.machine.names, np.round(t.end, places), strict=True))) for t in few.touches}
+        assert coarse(commission.Seen(few, found, True, True)) is None
 
 
 def test_moves_that_took_no_time_prove_no_pace() -> None:

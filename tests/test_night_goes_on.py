@@ -10,6 +10,7 @@ from support.answers import answered
 
 from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
+from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import same_pace
 from tango_cnc.nightly.words import message
 from tango_cnc.report.faults import faults, unclosed
@@ -93,6 +94,34 @@ def test_an_answer_ends_an_alarm_and_who_has_it_keeps_it(root: Path, tmp_path: P
             assert "--action repaired" in message(records[12], (), ())[1]  # she is not asked to take it again
         else:
             assert after["decision"] is None and after["id"].startswith(records[12]["night"])
+
+
+@pytest.mark.parametrize(
+    ("total", "tonight", "rate", "knocks"),
+    [(0.035, 0.015, None, True), (0.041, 0.015, None, False), (0.035, 0.015, 0.001, False), (None, 0.015, None, False)],
+)
+def test_two_steps_between_which_it_stood_still_are_two_knocks(
+    total: float | None, tonight: float, rate: float | None, knocks: bool
+) -> None:
+    like = {"cause": "axis_location", "parameter": "EY0C", "rate_per_day": None}
+    older = {**like, "size": 0.02, "total": total, "rate_per_day": rate, "now": ""}
+    do = step_by_step({**like, "size": tonight, "do": "ask"}, [older], {"EY0C": {"value": 0.0}})["do"]
+    assert (do == "ask") == knocks and ("what goes on" in do) != knocks
+
+
+@pytest.mark.long
+def test_two_knocks_with_a_quiet_night_between_are_both_told(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.020}), Event(10, {"EY0C": 0.015})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {})
+    first, other = records[7]["alarms"][0], records[9]["alarms"][0]
+    assert first["id"] != other["id"] and other["size"] == pytest.approx(0.015, abs=0.001)
+    assert "what goes on" not in other["do"] and other["do"] == first["do"]
+    assert "in the night of 2026-10-10)" in records[10]["headline"] and "µm now; +14." in records[10]["headline"]
+    with opened(tmp_path / "h.db") as history:
+        found, decisions = unclosed(history, "trunnion", records[10]["night"])
+    (fault,) = faults(records[10], found, decisions, Units(), texts())
+    assert "Two steps, and it stood still between them: +20 µm in the night of Thu 8 Oct 2026, +15 µm in" in fault["text"]
+    assert not fault["drifts"] and fault["todo"].startswith("Ask who was at the machine") and len(fault["ids"]) == 2
 
 
 @pytest.mark.long

@@ -68,3 +68,27 @@ def test_what_is_told_of_a_curve_is_its_last_steady_drift() -> None:
     assert drift_told({5: [steady | {"rate_per_day": None}]}, entries, nights, "EX0C") is None
     assert drift_told({5: [steady]}, entries, nights, "EY0C") is None
     assert drift_told({5: [steady | {"since": "2026-09-01"}]}, entries, nights, "EX0C") is None  # before the curve begins
+
+
+@pytest.mark.long
+def test_what_stands_behind_a_limit_counts_from_the_night_of_its_alarm(root: Path, tmp_path: Path) -> None:
+    """And so does the trend of a drift that goes on after its alarm: a page has one date for one movement."""
+    story = Story((Event(10, drift={"EY0C": 0.0012}),), wander=1.0)
+    records = answered(root, tmp_path / "h.db", story, 24, {}, seed=3, limits={"volume": 53.0})
+    compared = 0
+    for r in records:
+        alarms = {a["parameter"]: a["since"] for a in (*r["alarms"], *r.get("standing", ()))}
+        for told in (*r.get("behind", ()), *([r["trend"]] if r.get("trend") else ())):
+            compared += told["parameter"] in alarms
+            assert alarms.get(told["parameter"], told["since"]) == told["since"]
+    assert compared > 10
+
+
+@pytest.mark.long
+def test_a_drift_that_rests_is_not_predicted(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(10, drift={"EY0C": 0.0012}), Event(18, drift={"EY0C": -0.0012})), wander=0.3)
+    records = answered(root, tmp_path / "h.db", story, 24, {}, seed=1, limits={"volume": 90.0})
+    own = [next((a for a in r.get("standing", ()) if a["parameter"] == "EY0C"), None) for r in records]
+    assert all(a is None or a.get("ahead") for a in own[14:17]) and own[16] is not None  # while it goes on
+    assert not any(a.get("ahead") for a in own[17:] if a) and all(a.get("slowed") or a.get("stands") for a in own[17:] if a)
+    assert all(a["stands"] for a in own[20:] if a)

@@ -22,7 +22,7 @@ from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
 from ..state.naming import SCALES
-from ..texts import instead, joined, say
+from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, is_gone, on_part, value
 
@@ -284,7 +284,7 @@ def standing(
     seen = set(tonight)
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
-            if alarm["id"] in seen:
+            if alarm["id"] and alarm["id"] in seen:
                 continue
             seen.add(alarm["id"])
             decision = last.get(alarm["id"])
@@ -300,7 +300,7 @@ def standing(
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
             told |= {key: alarm[key] for key in ("compensation", "ignored", "again") if alarm.get(key)}
-            told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
+            told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
             told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
@@ -312,7 +312,25 @@ def standing(
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
-    return sorted(found, key=_urgency)
+    return sorted((_with_later(a, found) for a in found), key=_urgency)
+
+
+def _first_night(alarm: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    """alarm, the last night that told it → date of the first one: an id begins with it."""
+    return str(alarm["id"])[:10] if alarm.get("goes_on") else str(record["night"])
+
+
+def _with_later(alarm: dict[str, Any], every: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """alarm of another night, all of them → the same; with what it is now is said what later alarms of its parameter have added."""
+    same = [a for a in every if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
+    later = [a for a in same if a["night"] > alarm["night"] and a["size"] and not a["rate_per_day"]]
+    if not later or not isinstance(alarm["now"], Said) or alarm["now"].key != "night.alarms.now":
+        return alarm
+    came = [
+        say("night.alarms.came", size=value(a["size"], a["unit"], a["std"]), night=a["night"])
+        for a in sorted(later, key=lambda a: str(a["night"]))
+    ]
+    return alarm | {"now": joined("; ", (alarm["now"], *came))}
 
 
 def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
@@ -335,7 +353,7 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
             text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
             told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
-            found.append({"alarm": a["id"], "night": stored.record["night"], "owner": d.owner, "until": d.until} | told)
+            found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
 
 

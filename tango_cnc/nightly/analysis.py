@@ -44,6 +44,7 @@ from .goes_on import going_on
 from .lag import lagging
 from .lag import sentence as lag_told
 from .learning import READ, Earlier
+from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
@@ -259,9 +260,6 @@ class Nights:
         parameters = parts.parameters(self.followed, ahead, after, None if first else slopes(recent))
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
-        if moving is not None:
-            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
-                parameters[name]["rate_per_day"] = moving.rate_per_day
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
@@ -273,6 +271,10 @@ class Nights:
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
+        moving = as_alarmed(known, moving, waiting, recent, after)
+        if moving is not None:
+            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
+                parameters[name]["rate_per_day"] = moving.rate_per_day
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
             told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], since(past, machine, day), self.given)
@@ -280,7 +282,9 @@ class Nights:
             alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
             waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
-        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
+        since_then = begun([*alarms, *waiting], moving)
+        behind_ = (behind(known, recent, after, limit, gone, since_then) for limit in (beyond if judged.believed else ()))
+        causes = [cause for cause in behind_ if cause is not None]
         if self.control is not None and not self.control.measured:
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]

@@ -57,7 +57,7 @@ def faults(
         if str(a.get("id")) in standing:
             a = {
                 **a,
-                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands")},
+                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands", "slowed")},
                 "confirmed": _confirmed(standing[str(a["id"])], known),
             }
         if not before_tonight:
