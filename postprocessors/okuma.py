@@ -47,6 +47,7 @@ STOPS = {
     "NS9": "MIRROR OR SCALED",
 }  # at most 16 characters each: more are not shown
 DEFLECTED, MET, DEAD, STALE, TURNED, RESTARTED, SHIFTED, UNTOUCHED, OTHERWISE = STOPS
+UNOPENED = (RESTARTED, SHIFTED)  # stops before the file of the records is open
 NO_FACET = "NO FACET FELT"
 
 OPTIONS = (
@@ -261,12 +262,21 @@ def _record(job: Job) -> Iterator[str]:
 
 
 def _stops(job: Job, *labels: str) -> Iterator[str]:
-    """A stop says its text again and again: an alarm that is cancelled does not let the program go on."""
-    for label in labels:
+    """A stop says its text again and again: an alarm that is cancelled does not let the program go on.
+
+    The file is closed once, before that: closed again, or not open yet, it may be an alarm of its own, which hides the text.
+    """
+    for stop in labels:
+        label = stop
         yield label
         yield from filter(None, [job.options["probe_off"]])
-        yield f"VUACM[1]='{NO_FACET if label == UNTOUCHED and job.options['gate'] == 'facet' else STOPS[label]}'"
-        yield f"VDOUT[{job.options['alarm']}]={label[2:]}"
+        if stop not in UNOPENED:
+            yield "CLOSE C"
+            label = f"NR{stop[2:]}"
+            yield label
+        text = NO_FACET if stop == UNTOUCHED and job.options["gate"] == "facet" else STOPS[stop]
+        yield f"VUACM[1]='{text}'"
+        yield f"VDOUT[{job.options['alarm']}]={stop[2:]}"
         yield f"GOTO {label}"
 
 

@@ -22,6 +22,7 @@ from ._remedies import SIEMENS
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
 ARRIVED = 0.01  # deg
+CLEARED = "MSG()"  # takes the text off the screen, which would stand there to the end of the program
 LAG = 1.0  # mm that the axes may have run on between the edge and their stop
 STOPS = (
     "PROBE IS DEFLECTED",
@@ -49,7 +50,7 @@ OPTIONS = (
         "R700: records go into R700 to R716, or an array of global user data by its name, for OPC UA (docs/link.md)",
         verified=True,
     ),
-    Option("alarm", 65001, "first of six SETAL alarms that stop until reset; 0: the message and M0 only"),
+    Option("alarm", 65001, f"first of {len(STOPS)} SETAL alarms that stop until reset; 0: the message and M0 only"),
     Option("orient", True, "SPOS orients the spindle; false: it is not turned"),
     Option(
         "rotary",
@@ -176,10 +177,12 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
     yield from _stop_if("TG_FLAG==0", UNTOUCHED)
     if leg.kind == "prove":
         yield _off(job, leg)
+        yield CLEARED
         return
     yield f'MSG("{common.LETTING_GO}")'
     yield f"G4 F{common.RELEASE}"
     yield from move(job, replace(leg, to=leg.came))
+    yield CLEARED
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

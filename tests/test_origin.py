@@ -17,6 +17,8 @@ from tango_cnc.files.origin import (
     edited_rows,
     hurried,
     look_up,
+    origin_file,
+    other_machine,
     read_origin,
     set_aside,
     simulated,
@@ -190,3 +192,37 @@ def test_readings_that_are_all_alike_get_a_sentence(cell: Path, capsys: pytest.C
         assert "no machine repeats every digit" in out + err or "is the same in all touches" in out + err
         best = next(line for line in (out + err).splitlines() if line.startswith("most likely"))
         assert "position of another one" in best or "is the same in all touches" in best
+
+
+def test_readings_of_another_machine_are_doubtful_and_no_check_of_this_one(
+    cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = Path(shutil.copytree(cell, tmp_path / "other"))
+    file = other / "machine.yaml"
+    name = read_cell(other).machine.name
+    file.write_text(file.read_text(encoding="utf-8").replace(f"name: {name}", "name: the machine beside it"), encoding="utf-8")
+    assert other_machine(look_up(cell / "simulated.csv"), cell) is None
+    assert other_machine(look_up(cell / "simulated.csv"), other) == (name, "the machine beside it")
+    code, out, _ = called(capsys, "estimate", "-C", other, "--json", "-")
+    data = json.loads(out)
+    assert (code, data["verdict"]) == (0, "doubtful")
+    assert any(f"is of the machine {name!r}, the cell is of 'the machine beside it'" in reason for reason in data["reasons"])
+    full = tmp_path / "full.csv"  # of which nobody knows whose it is
+    shutil.copy(cell / "simulated.csv", full)
+    asked = ["design", "-C", other, "--readings", full, "--judge", cell / "simulated.csv"]
+    code, _, err = called(capsys, *asked)
+    assert code == 2
+    assert f"simulated.csv of the machine {name!r}; allowed: a check of 'the machine beside it'" in err
+    assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]
+
+
+def test_a_check_made_before_its_full_run_is_none_of_it(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    full, few = cell / "simulated.csv", tmp_path / "few.csv"
+    shutil.copy(full, few)
+    known = json.loads(origin_file(full).read_text(encoding="utf-8"))
+    known["run"] = {"start_utc": "2020-02-03T06:00:00Z"}
+    origin_file(few).write_text(json.dumps(known), encoding="utf-8")
+    asked = ["design", "-C", cell, "--readings", full, "--judge", few]
+    code, _, err = called(capsys, *asked)
+    assert code == 2 and "of 2020-02-03 06:00 UTC, before the full run" in err and "allowed: a check made after it" in err
+    assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]

@@ -78,3 +78,18 @@ def test_a_drift_that_is_one_is_left_in_peace(what: str, root: Path) -> None:
     cell, world = read_cell(root / "examples" / "hu40t"), read_world(root / "examples/hu40t/world.yaml")
     found = [judged(cell, measured(cell, world, what, seed)) for seed in range(801, 809)]
     assert sum("something else" in reason for judgement in found for reason in judgement.reasons) <= 1
+
+
+@pytest.mark.long
+def test_a_result_of_which_most_is_untrusted_is_no_trustworthy_one(run: Run) -> None:
+    cell, world, readings = run
+    elsewhere = replace(world, stylus={**world.stylus, "EYt": world.stylus.get("EYt", 0.0) + 0.003})
+    after = simulate(cell.machine, cell.artefact, cell.strategy, elsewhere, seed=21)
+    over = np.linspace(0, 1, len(readings))[:, None]
+    found = judged(cell, replace(readings, position=readings.position + over * (after.position - readings.position)))
+    assert found.verdict == "doubtful" and not found.nothing
+    assert found.reasons == ("9 of 17 parameters are not to be trusted",)
+    assert not found.suspicions and status(found, despite=False) == 0, (
+        "no mistake is accused of it, and what is trusted may be used"
+    )
+    assert judged(cell, readings).verdict == "trustworthy"

@@ -170,3 +170,16 @@ def test_a_chip_on_two_touches_is_a_note_and_on_three_a_reason_to_look(cell: Cel
     assert judged(cell, pushed(cell, readings, wrong)).verdict == "trustworthy"
     wrong[150] = 0.4
     assert judged(cell, pushed(cell, readings, wrong)).verdict == "doubtful"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4, 5, 6])
+def test_gains_that_rest_on_balls_whose_touches_do_not_agree_are_untrusted(root: Path, seed: int) -> None:
+    cell, world = read_cell(root / "examples" / "trunnion"), read_world(root / "examples/trunnion/world.yaml")
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, world, seed=seed)
+    wrong = replace(
+        cell, machine=replace(cell.machine, probe=replace(cell.machine.probe, tip_radius=cell.machine.probe.tip_radius + 0.004))
+    )
+    found = judged(wrong, readings)
+    assert found.verdict == "doubtful" and "touches on ball 1 do not fit the others" in " ".join(found.reasons)
+    assert {"EXX1", "EYY1", "EZZ1"} <= set(found.untrusted), "which of these touches is right decides the length of the bar"

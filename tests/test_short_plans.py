@@ -193,8 +193,12 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(
 
 @pytest.mark.long
 def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
     ready = designed("three_axis_calibrated", "locations", None, 200.0)  # mm/min of protected moves
+    ready = replace(ready, problem=replace(ready.problem, say=said.append))
     found = propose.propose(ready)
+    assert "a plan of 5.0 min: a first one" in said, "somebody sits before a screen that stands still"
+    assert said[-1].endswith("the order of its touches") and f"a plan of {found.problem.seconds / 60:.1f} min" in said[-1]
     assert found.seconds > 300 and to_spare(found) >= SPARE
     monkeypatch.setattr(how_long, "needed", lambda *_: 20.0)  # looked for above
     with pytest.raises(InputError, match="--minutes: found 5"):
@@ -233,5 +237,5 @@ def test_the_shortest_plan_for_limits_takes_a_handful_of_searches(begin: float, 
     monkeypatch.setattr(shortest, "promised", lambda found: found.value)
     monkeypatch.setattr(shortest, "believed", lambda found: found.spare >= SPARE)
     monkeypatch.setattr(choose, "chosen", searched)
-    found = shortest.shortest(SimpleNamespace(of_time=lambda s: SimpleNamespace(seconds=s)))  # type: ignore[arg-type]
+    found = shortest.shortest(SimpleNamespace(say=print, of_time=lambda s: SimpleNamespace(seconds=s)))  # type: ignore[arg-type]
     assert 97.5 <= found.seconds <= 97.5 * 1.1 and len(tried) <= shortest.TRIES, tried

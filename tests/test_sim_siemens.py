@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -68,6 +69,14 @@ def test_records_in_a_file_of_the_control_are_the_same_lines(made: Plan) -> None
 def test_a_surface_that_is_not_there_is_a_miss_and_one_that_comes_too_soon_is_early(made: Plan) -> None:
     assert run(lines_of(made), made, shifted(made, "4", -8.0)).flags(made) == [1, 1, 1, 1, 1, 0]
     assert run(lines_of(made), made, shifted(made, "4", 7.0)).flags(made) == [1, 1, 1, 1, 1, 2]
+
+
+def test_the_header_counts_the_alarms_that_the_program_has(made: Plan) -> None:
+    lines = lines_of(made)
+    alarms = [int(found[1]) for line in lines if (found := re.fullmatch(r"SETAL\((\d+)\)", line))]
+    assert alarms == [*range(alarms[0], alarms[0] + len(alarms))]
+    said = next(line for line in lines if "SETAL ALARMS" in line)
+    assert f" {alarms[0]} FIRST OF {len(alarms)} SETAL ALARMS" in said, said
 
 
 @pytest.mark.parametrize("alarm", [65001, 0])

@@ -15,7 +15,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
-from tango_cnc.nightly import analysis
+from tango_cnc.nightly import learning
 from tango_cnc.records import Cell, Readings, World
 from tango_cnc.state import charts, rates
 from tango_cnc.state.filter import as_numbers, matched, restored
@@ -382,10 +382,10 @@ def test_what_no_touch_of_tonight_sees_is_no_story(cell: Cell, truth: World, kno
 def test_rates_are_learned_anew_after_so_many_nights_and_not_every_night(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cell, truth = read_cell(root / "examples" / "hu40t"), read_world(root / "examples" / "hu40t" / "world.yaml")
     few = replace(cell, strategy=replace(cell.strategy, indexations=cell.strategy.indexations[::8]))
-    monkeypatch.setattr(analysis, "LEARNED_EVERY", 4)
-    monkeypatch.setattr(analysis, "LEARNED_FROM", 4)  # full from the fifth night on
+    monkeypatch.setattr(learning, "LEARNED_EVERY", 4)
+    monkeypatch.setattr(learning, "LEARNED_FROM", 4)  # full from the fifth night on
     nothing = lambda followed, begin, nights, opened: rates.Learned(begin.rates, np.full(len(nights), np.nan))  # noqa: E731
-    monkeypatch.setattr(analysis, "learn", nothing)
+    monkeypatch.setattr(learning, "learn", nothing)
     with opened("sqlite://") as history:
         records = [r for r, _ in nights(few, truth, history, 10, 0, Story(), Nightly(diagnose=False))]
     assert [i for i, r in enumerate(records, 1) if r["state"]["since_learned"] == 0 and i > 1] == [5, 9]

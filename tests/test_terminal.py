@@ -210,6 +210,17 @@ def test_status_and_fleet_say_late_in_the_same_minute(tmp_path: Path, hours: flo
     assert ("LATE" in fleet) == ("LATE" in status) == (hours > 36)
 
 
+@pytest.mark.parametrize(("verdict", "status"), [("good", 0), ("changed", 0), ("out_of_limits", 1), ("doubtful", 1)])
+def test_status_and_fleet_end_alike_after_the_same_night(tmp_path: Path, verdict: str, status: int) -> None:
+    """No alarm is open: a timer that looks at the exit status of either hears of a last night that is not in order."""
+    assert called("init", str(tmp_path / "m"), "--example", "trunnion").exit_code == 0
+    ago = (datetime.now(UTC) - timedelta(hours=5)).strftime("%Y-%m-%dT%H:%M:%SZ")
+    with opened(tmp_path / "m" / "history.db") as history:
+        history.add_night(night("trunnion", 1, verdict, start_utc=ago, end_utc=ago), "touch\n1\n")
+    for words in (["fleet", str(tmp_path / "m")], ["nightly", "-C", str(tmp_path / "m"), "--status"]):
+        assert CliRunner().invoke(tango, words, standalone_mode=False).return_value == status
+
+
 def test_bars_of_uncertainty_have_zero_in_the_middle() -> None:
     assert bar(0, 1, 2, 21)[10] == "●" and bar(2, 0, 2, 21).endswith("●") and bar(-2, 0, 2, 21).startswith("●")
     assert len(bar(1, 1, 2, 4)) == 7

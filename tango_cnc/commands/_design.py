@@ -27,6 +27,7 @@ from ..design.shortest import touches_hold
 from ..duration import spoken
 from ..files.learned import FIELDS
 from ..files.write import dump
+from ..judgement import Judgement
 from ..records import Array, Strategy, TermItem
 from ..report.drawn import Drawn
 from ..report.texts import texts
@@ -233,8 +234,8 @@ def _stylus(size: float) -> str:
     return f"this takes it that the stylus comes back to the spindle within {size:g} µm (one standard deviation; --stylus-within)"
 
 
-def change_json(found: Change) -> dict[str, Any]:
-    """what a check says → plain data of the format tango-change/1."""
+def change_json(found: Change, known: Judgement) -> dict[str, Any]:
+    """what a check says, where its readings come from → plain data of the format tango-change/1."""
     return {
         "format": "tango-change/1",
         "changed": found.changed,
@@ -246,6 +247,8 @@ def change_json(found: Change) -> dict[str, Any]:
         "parameters": {
             name: {"change": change, "std": std, "unit": found.units[name]} for name, (change, std) in found.parameters.items()
         },
+        "reasons": list(known.reasons),
+        "remarks": list(known.remarks),
     }
 
 

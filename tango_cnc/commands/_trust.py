@@ -13,7 +13,7 @@ import numpy as np
 
 from ..asked import as_run
 from ..estimate import Estimate, estimate
-from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up
+from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows, hurried, look_up, other_machine
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
@@ -93,6 +93,12 @@ def traced(judgement: Judgement, origin: Origin, folder: Path) -> Judgement:
         reasons.append(f"{source.name}: {len(lines)} rows are not as they were written (lines {listed}): somebody edited them")
     if gone:
         reasons.append(f"{source.name}: {gone} rows that were written are not there any more")
+    if named := other_machine(origin, folder):
+        then, now = named
+        reasons.append(
+            f"{source.name} is of the machine {then!r}, the cell is of {now!r}: take the cell of {then!r}; "
+            "if it is one machine with a new name, this is no fault"
+        )
     if made_by := said_of_origin(origin):
         remarks.append(made_by)
     if wall := hurried(origin):
@@ -145,7 +151,7 @@ def told(judgement: Judgement) -> list[str]:
         lines.append(_head(judgement))
         lines += [f"  {text}" for text in judgement.reasons]
         lines += suspected(judgement)
-    if judgement.untrusted:
+    if judgement.untrusted and judgement.verdict != "implausible":  # the first line says it of all of them
         lines.append(f"not to be trusted: {', '.join(judgement.untrusted)}")
     return lines + [f"note: {text}" for text in judgement.remarks]
 

@@ -14,12 +14,16 @@ import numpy as np
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
 from ..files import later, read_cell, read_readings, read_terms, write_text
+from ..files.origin import look_up, made_utc, other_machine
+from ..judgement import Judgement
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, typed, write_json
+from ._progress import Progress
 from ._stylus import bought
-from ._trust import despite_option, judged, usable
+from ._trust import despite_option, judged, traced, usable
+from ._trust import told as doubts
 from .check import positioning_feed
 
 PLACE = "Plan 10"  # in the list of commands
@@ -136,6 +140,8 @@ def command(
         if not write_json(json_file, as_json(found)):
             click.echo(as_text(found))
         return 0
+    if judge is not None and readings is None:
+        raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
     before = None if readings is None else _before(cell, readings, despite)
     asked = _wish(
         cell,
@@ -151,8 +157,8 @@ def command(
     )
     if again:
         asked = _also(cell, asked[0], again), asked[1]
-    if judge is not None:
-        return _judge(cell, asked[0], judge, despite, json_file)
+    if judge is not None and readings is not None:
+        return _judge(cell, asked[0], readings, judge, despite, json_file)
     return _design(cell, *asked, regular=regular, compare=compare, styli=styli, output=output, picture=picture, json_file=json_file)
 
 
@@ -241,20 +247,34 @@ def gate_of(cell: Cell) -> str:
     return str(posts.settings(dialect(cell), cell.controller.options).get("gate", "none"))
 
 
-def _judge(cell: Cell, wish: Wish, source: Path, despite: bool, json_file: str | None) -> int:
+def _judge(cell: Cell, wish: Wish, full: Path, source: Path, despite: bool, json_file: str | None) -> int:
     """Says whether the machine has changed → exit status, 1 when it has."""
     from ..design import propose
     from ..design.changed import changed
     from . import _design as told
 
-    if wish.before is None:
-        raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
     if wish.goal.word != "check":
         raise InputError(f"--judge: found --goal {wish.goal.text}; allowed: --goal check, or no --goal")
     ready = propose.setting(cell, wish)
     few = read_readings(source, cell.machine, cell.artefact)
+    origin = look_up(source)
+    if (named := other_machine(origin, cell.folder)) and not despite:
+        raise InputError(
+            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, of which the cell and its "
+            "full run are. If it is one machine with a new name: --despite"
+        )
+    began, full_began = made_utc(origin), made_utc(look_up(full))
+    if began and full_began and began < full_began and not despite:
+        raise InputError(
+            f"--judge: found {source} of {began:%Y-%m-%d %H:%M} UTC, before the full run ({full}, {full_began:%Y-%m-%d %H:%M} UTC)"
+            "; allowed: a check made after it. --despite compares them all the same: what it says has changed is then reversed"
+        )
+    known = traced(Judgement("trustworthy"), origin, cell.folder)
+    for line in doubts(known):
+        click.echo(line, err=True)
+    assert wish.before is not None  # full
     found = changed(ready.problem.choice, ready.lever, wish.before, few)
-    if not write_json(json_file, told.change_json(found)):
+    if not write_json(json_file, told.change_json(found, known)):
         click.echo(told.change_text(found))
     return int(found.changed)
 
@@ -278,10 +298,13 @@ def _design(
     if picture is not None:
         drawable(picture)
     aim = wish.goal
-    ready = propose.setting(cell, wish)
-    found = propose.regular(ready) if regular else propose.propose(ready)
-    sees = check.power(found, ready.lever) if aim.word == "check" else None
-    data = told.as_json(ready, found, why, sees, propose.competitors(ready, found) if compare else {})
+    with Progress() as progress:
+        ready = propose.setting(cell, wish, progress.stage)
+        found = propose.regular(ready) if regular else propose.propose(ready)
+        sees = check.power(found, ready.lever) if aim.word == "check" else None
+        others = propose.competitors(ready, found) if compare else {}
+        progress.stage("what it is worth, and no other plan can reach")
+        data = told.as_json(ready, found, why, sees, others)
     if styli:
         data["second_stylus"] = bought(found.plan, wish.terms, wish.degree)
     lines = told.as_text(ready, data)

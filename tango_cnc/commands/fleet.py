@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
 NIGHTS = 14  # of the sparkline of the tool tip
-NOT_IN_ORDER = ("out_of_limits", "doubtful", "not_measured")  # a change is in order once its alarm is answered
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class _Row:
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return self.standing.alarms_open > 0 if self.former else wants_somebody(self.standing)
+        return self.standing.alarms_open > 0 if self.former else self.standing.wants_somebody
 
 
 @click.command()
@@ -149,12 +148,6 @@ def command(
     for folder, why in trouble.items():
         click.echo(t("cli.fleet.unreadable", cell=folder, why=why), err=True)
     return 1 if trouble or any(row.wants_somebody for row in found) else 0
-
-
-def wants_somebody(standing: Standing) -> bool:
-    """machine of a fleet → whether somebody has to look: it is late, an alarm has no answer, or its last night is not in order."""
-    last = standing.last
-    return last is None or standing.late or standing.alarms_open > 0 or last.verdict in NOT_IN_ORDER
 
 
 def _former(history: History, place: str | Path, own: _Known, known: Sequence[_Known], new: bool) -> list[_Row]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import textwrap
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -22,15 +21,14 @@ from ..report.repeated import shortened
 from ..report.units import shown
 from ..texts import say
 from ._common import json_option, on_terminal, table, write_json
+from ._many_nights import followed, heads, lines
 from ._shop import headlines, here, note_simulated
 
 if TYPE_CHECKING:
-    from ..history import Compensation, History, Trend
+    from ..history import Compensation, History
     from ..report.texts import Texts
 
 PLACE = "Keep 20"
-INTERVAL = 1.96  # standard deviations of a 95 % interval
-DATED = ("season", "wear")  # causes with a date
 
 
 @click.group()
@@ -124,7 +122,7 @@ def list_(history: History, machine: str, last: int | None, since: str | None, j
     for e in events:
         rows.append((e.utc, e.entry, ["", _at(e.utc), t("cli.history.compensation"), e.event, "", "", _said(e, t)]))
     rows.sort(key=lambda row: row[:2], reverse=True)
-    head = _head(t, "entry", "date", "", "kind", "status", "verdict", "", "what")
+    head = heads(t, "entry", "date", "", "kind", "status", "verdict", "", "what")
     head[2], head[6] = t("cli.history.begun", zone=datetime.now().astimezone().strftime("%Z")), "µm"
     note_simulated(history, machine, t)
     click.echo(table([head, *([str(entry), *row] for _, entry, row in rows)], "><<<<<><", on_terminal()))
@@ -133,11 +131,6 @@ def list_(history: History, machine: str, last: int | None, since: str | None, j
 def _at(utc: str) -> str:
     """moment (UTC) → 2026-11-23 03:00 by the clock of this computer: nights and compensations stand in the order of this one."""
     return datetime.fromisoformat(utc).astimezone().strftime("%Y-%m-%d %H:%M")
-
-
-def _head(t: Texts, *names: str) -> list[str]:
-    """texts, names of columns → their heads; of one without a name nothing."""
-    return [t(f"cli.history.{name}") if name else "" for name in names]
 
 
 def _said(event: Compensation, t: Texts) -> str:
@@ -167,7 +160,7 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
     t = here()
     click.echo("\n".join(message(record, (), (), None, history.decisions(machine), t)))
-    rows = [_head(t, "parameter", "value", "std", "change", "")]
+    rows = [heads(t, "parameter", "value", "std", "change", "")]
     for name, p in (record.get("parameters") or {}).items():
         factor, unit = shown(p["unit"])
         change = "" if p.get("change") is None else f"{p['change'] * factor:+.2f}"
@@ -200,7 +193,7 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
         raise InputError(
             say(f"cli.history.{key}", night="" if without is None else without["night"], one=a["night"], other=b["night"])
         )
-    rows = [_head(here(), "parameter", "change", "std", "", "sigmas")]
+    rows = [heads(here(), "parameter", "change", "std", "", "sigmas")]
     for name, f in sorted(found.items(), key=lambda item: -abs(item[1]["sigmas"])):
         factor, unit = shown(f["unit"])
         rows.append([name, f"{f['change'] * factor:+.2f}", f"{f['std'] * factor:.2f}", unit, f"{f['sigmas']:+.1f}"])
@@ -227,25 +220,12 @@ def plot(history: History, machine: str, parameter: tuple[str, ...], output: Pat
         if chart != "none":
             raise InputError("--chart: found no -o FILE; allowed: a chart in a file")
         note_simulated(history, machine, here())
-        click.echo(_lines(trends, {n.start_utc for n in history.nights(machine) if n.alarms}))
+        click.echo(lines(trends, {n.start_utc for n in history.nights(machine) if n.alarms}))
         return
     from ..history.picture import picture
 
     picture(history, machine, trends, output, None if chart == "none" else chart)
     click.echo(f"{', '.join(names)} → {output}")
-
-
-def _lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:
-    """→ one line a parameter: its nights as a sparkline from lowest to highest, first and last value; alarms marked below."""
-    from ..report.characters import Course, courses, told, width
-
-    found = []
-    for trend in trends:
-        factor, unit = shown(trend.unit)
-        half, values = INTERVAL * float(trend.std[-1]) * factor, (trend.value * factor).tolist()
-        found.append(Course(trend.name, values, half, unit, [start in alarmed for start in trend.start_utc]))
-    text = courses(found, width())
-    return "\n".join([text, *textwrap.wrap(here()(f"cli.history.drawn_{told(found, width())}"), width())]) if text else text
 
 
 def _moved(history: History, machine: str) -> list[str]:
@@ -266,19 +246,9 @@ def causes(history: History, machine: str, json_file: str | None) -> None:
     found = looked_back(history, machine)
     if write_json(json_file, {"format": "tango-history-causes/1", "machine": machine, "causes": [vars(f) for f in found]}):
         return
-    rows, t = [], here()
+    t = here()
     note_simulated(history, machine, t)
-    for f in found:
-        factor, unit = shown(f.unit)
-        size = f"{f.size * factor:+.3g} ± {f.std * factor:.1g} {unit}"
-        size = size.lstrip("+") if f.cause == "season" else size
-        said = t(f"cli.history.{f.cause}", **({"size": size, "date": f.since} if f.cause in DATED else {"size": size}))
-        cause = t(f"cause_name.{f.cause}") if f"cause_name.{f.cause}" in t else f.cause
-        rows.append([f.parameter, cause, said, f"{f.p_value:.1g}", ", ".join(f.instead)])
-    if rows:
-        click.echo(table([_head(t, "parameter", "follows", "by", "by_chance", "as_well"), *rows], "<<<<<", on_terminal()))
-    else:
-        click.echo(t("cli.history.wander"))
+    click.echo(followed(found, t))
     click.echo(t("cli.history.one_of", count=round(1 / RARE)))
 
 

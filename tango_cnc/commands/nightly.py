@@ -288,7 +288,8 @@ def _status(
         coming = next_night(record, history.decisions(name), before) if nights else {}
         said = headlines(history, nights)
         standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
-        late = next((s.late for s in standings if s.machine == name), True)  # as in the list of all machines
+        standing = next((s for s in standings if s.machine == name), None)  # as in the list of all machines
+        late = standing is None or standing.late
         if json_file is None:
             note_simulated(history, name, t)
     data = {
@@ -325,4 +326,5 @@ def _status(
             click.echo("  " + t("cli.nightly.begun", stamp=stamp))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
-    return 1 if late or alarms or wrong is not None or any(f.alarms for f in renamed) else 0
+    wanted = standing is None or standing.wants_somebody
+    return 1 if wanted or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

@@ -26,7 +26,7 @@ from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
-from ..report.course import jumps_of
+from ..report.course import drift_told, jumps_of
 from ..report.days import local_day
 from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
@@ -335,6 +335,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
                     "events": placed(events, first, date.fromisoformat(dates[-1])),
                     "limit": allowed.get(name),
                     "jumps": jumps_of(alarms, entries, name, factor),
+                    "drift": drift_told(alarms, entries, dates, name),
                 }
             )
     return {"series": found} if found else None

@@ -91,16 +91,20 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
     again = order.again(problem.choice.cell, problem.feed)
     # The first choice, a quick one, says what touches and turns cost.
     _hopeless(problem)
+    what = f"a plan of {problem.seconds / 60:.1f} min"
+    problem.say(f"{what}: a first one")
     first, relaxed = _first(problem)
     costs = costs_of(first)
     if early and not serves(problem, first.information) and in_vain(problem, costs, relaxed):
         raise Undetermined(first)
     rows, relaxed = _in_a_row(problem, costs, again, relaxed)
     best = first, relaxed
+    problem.say(f"{what}: touches and indexations that say most")
     with suppress(NoWay):
         found, last = _tried(rows, (costs[0] + (rows.times - 1) * again, *costs[1:]), SHAKES, relaxed)
         best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
         with suppress(NoTime):  # the turns of that plan say what turns cost
+            problem.say(f"{what}: the same by what its moves take")
             for _ in range(OFTEN if problem.choice.twice else 1):
                 found, last = _tried(rows, costs_of(found), SHAKES, last)
                 best = min(best, (on_the_way(found, again), last), key=lambda each: each[0].value)
@@ -108,6 +112,7 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
             found, last = _tried(problem, costs, SHAKES, None)
             best = min((on_the_way(found, again), last), best, key=lambda each: each[0].value)
     made, relaxed = best
+    problem.say(f"{what}: the order of its touches")
     made = on_the_way(made, again) if made is first else made
     return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
 

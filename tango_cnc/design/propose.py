@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -74,8 +74,12 @@ def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
     return ("S3", *more)
 
 
-def setting(cell: Cell, wish: Wish) -> Setting:
-    """cell, wish → problem. Raises InputError for a goal that these terms do not have, and where nothing can be touched."""
+def setting(cell: Cell, wish: Wish, say: Callable[[str], None] = lambda text: None) -> Setting:
+    """cell, wish, who is told what is being done → problem.
+
+    Raises InputError for a goal that these terms do not have, and where nothing can be touched.
+    """
+    say("what can be touched")
     terms = ("S4",) if wish.goal.word == "check" else wish.terms
     also = _visited(cell, wish.before) if wish.goal.word == "check" else ()
     choice = candidates.candidates(cell, terms, wish.approach, wish.degree, also=also)
@@ -101,7 +105,7 @@ def setting(cell: Cell, wish: Wish) -> Setting:
         reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
         limits = wish.goal.limits or goals.usual_limits(model, reach)
         criterion = goals.of_limits(choice, limits, seen=True)
-    problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate)
+    problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate, say=say)
     return Setting(wish, problem.of_time(seconds), lever, where, full)
 
 
@@ -236,6 +240,7 @@ def std_of(ready: Setting, information: Array, widens: float = 1.0) -> dict[str,
 
 def competitors(ready: Setting, found: Chosen) -> dict[str, float]:
     """setting, plan → φ of the regular plan of its time, and of the best of 100 random ones of as many touches and turns."""
+    ready.problem.say("100 random plans, and the regular one")
     others = {"best of 100 random": float(plain.at_random(found).min())}
     with suppress(InputError):  # none fits into the time
         others["regular"] = plain.regular(

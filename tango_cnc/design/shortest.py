@@ -29,6 +29,7 @@ LATER = 4.0  # times as many seconds as before are looked at, at most
 
 def shortest(problem: Problem) -> Chosen:
     """problem with limits → the shortest plan that was found to keep them. Raises InputError where none does."""
+    problem.say("how long it takes to keep the limits, by quick plans")
     seconds = _begin(problem)
     short, best, last = 0.0, None, None
     since = 0

@@ -177,6 +177,35 @@ def changed_keys(origin: Origin, folder: Path) -> dict[str, list[str]]:
     return found
 
 
+def other_machine(origin: Origin, folder: Path) -> tuple[str, str] | None:
+    """origin, folder of a cell → the names of the machine of the readings and of that of the cell; None where they are one.
+
+    None, too, where nobody knows of which machine the readings are.
+    """
+    texts = origin.known.get("cell")
+    then, now = (_machine(each) for each in (texts if isinstance(texts, dict) else {}, _texts(folder)))
+    return (then, now) if then and now and then != now else None
+
+
+def made_utc(origin: Origin) -> datetime | None:
+    """origin of readings → when their run began, or where no run did, when they were written; None: nobody knows."""
+    run = origin.known.get("run")
+    stamp = run.get("start_utc") if isinstance(run, dict) else None
+    with suppress(TypeError, ValueError):
+        made = datetime.fromisoformat(stamp or origin.known.get("written_utc"))  # type: ignore[arg-type]
+        return made if made.tzinfo else made.replace(tzinfo=UTC)
+    return None
+
+
+def _machine(texts: Mapping[str, str]) -> str:
+    for name, text in texts.items():
+        with suppress(InputError):
+            data = parse(Path(name), text).plain()
+            if isinstance(data, dict) and "topology" in data:
+                return str(data.get("name", ""))
+    return ""
+
+
 def _texts(folder: Path) -> dict[str, str]:
     found = {}
     with suppress(InputError, OSError, KeyError):

@@ -15,8 +15,9 @@ from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..records import InputError
 from ..texts import revived
+from . import _asked as asked
 from . import _tables as t
-from .records import Knowledge
+from .records import Knowledge, Night
 
 NONE = frozenset({type(None)})
 LONGEST = 64 << 20  # bytes of readings or numbers, unpacked: no night has a hundredth of it
@@ -134,3 +135,8 @@ def _unpacked(packed: bytes) -> bytes:
     if not machine.eof:
         raise ValueError("cut off, or longer than any night")
     return data
+
+
+def night(row: Row[Any]) -> Night:
+    """row of a night → the night as it is listed."""
+    return Night(row.entry_id, row.name, *(getattr(row, key) for key in asked.COLUMNS))

@@ -67,7 +67,9 @@ def formers(
             continue
         last = {d.alarm: d for d in history.decisions(other)}
         last = {key: d for key, d in last.items() if not over(d, today)}
-        alarms = [a for s in history.alarmed(other) for a in s.record["alarms"]]
+        told = reversed(history.alarmed(other))
+        each = {a["id"]: a for s in told for a in s.record["alarms"]}  # one that goes on is told by several nights
+        alarms = list(reversed(each.values()))
         open_ = tuple(a for a in alarms if a["id"] not in last)
         held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)
         nights = history.nights(other)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any
 
 from ..records import Array
@@ -99,6 +100,9 @@ class Compensation:
     measured_um: float | None
 
 
+NOT_IN_ORDER = ("out_of_limits", "doubtful", "not_measured")  # a change is in order once its alarm is answered
+
+
 @dataclass(frozen=True)
 class Standing:
     """One machine of a fleet: its last night, and what is late."""
@@ -109,3 +113,18 @@ class Standing:
     alarms_open: int  # alarms without a decision
     late: bool  # no complete night for longer than asked for
     alarms_held: int = 0  # alarms that somebody has answered without closing them
+
+    @property
+    def wants_somebody(self) -> bool:
+        """→ whether somebody has to look: it is late, an alarm has no answer, or its last night is not in order."""
+        return self.last is None or self.late or self.alarms_open > 0 or self.last.verdict in NOT_IN_ORDER
+
+
+def date_of(stamp: str) -> str:
+    """moment in UTC → its local date."""
+    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d")
+
+
+def stamp_of(moment: datetime) -> str:
+    """moment → 2026-11-23T02:00:00Z."""
+    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -12,28 +12,26 @@ from __future__ import annotations
 import json
 import unicodedata
 import zlib
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, Engine, Row, Select, func, insert, select
+from sqlalchemy import Connection, Engine, Row, Select, insert, select
 from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
 from ..nearest import printable
 from ..records import InputError, LinkError
 from . import _asked as asked
-from . import _chain, _whole
+from . import _chain, _fleet, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, HELD, Decision, Knowledge, Night, Standing, Stored, Trend, over
+from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, over, stamp_of
 
 FORMAT = "tango-night/1"
-MANY = 500  # records that are read at once
 REFUSED = 8  # nights that others at work may have refused, one after the other
 _NIGHT = asked.COLUMNS
 
@@ -96,7 +94,7 @@ class History:
                 f"decision: found {decision.action} with until {decision.until}; allowed: until a date with ignore only"
             )
         if decision.until is not None:
-            today = _date_of(decision.utc or _stamp(datetime.now(UTC)))
+            today = date_of(decision.utc or stamp_of(datetime.now(UTC)))
             if _date(decision.until) < today:
                 raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
         if not decision.owner.strip():
@@ -109,7 +107,7 @@ class History:
         if decision.alarm not in known:
             raise InputError(f"decision: found no alarm {decision.alarm!r} of {machine}; allowed: {_listed(sorted(known)[-5:])}")
         row = {key: getattr(decision, key) for key in ("alarm", "action", "until", "owner", "note")}
-        row["utc"] = decision.utc or _stamp(datetime.now(UTC))
+        row["utc"] = decision.utc or stamp_of(datetime.now(UTC))
         with self._writing() as connection:
             number, entry = self._linked(connection, machine, "", "decision", row["utc"], _chain.content_of_decision(row))
             connection.execute(insert(t.decision), {"entry_id": entry, "machine_id": number, **row})
@@ -178,7 +176,7 @@ class History:
         row = found[0]
         text = None if row.csv is None else _whole.readings(row.csv)
         known = None if row.names is None else _whole.knowledge(row.names, row.numbers)
-        return Stored(_night(row), _whole.record(row.json, row.entry_id), text, known)
+        return Stored(_whole.night(row), _whole.record(row.json, row.entry_id), text, known)
 
     def records_of(self, entries: Sequence[int]) -> dict[int, Mapping[str, Any]]:
         """numbers of entries → {number: record of that night}, without readings and estimate; what is no night is left out."""
@@ -204,7 +202,7 @@ class History:
         if not self.knows(machine):
             return None
         row = self._rows(asked.KNOWLEDGE, {"machine": self._machine(machine)})
-        return (_night(row[0]), _whole.knowledge(row[0].names, row[0].numbers)) if row else None
+        return (_whole.night(row[0]), _whole.knowledge(row[0].names, row[0].numbers)) if row else None
 
     def records(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
         """machine, how many → tango-night/1 of its nights, newest first."""
@@ -237,7 +235,7 @@ class History:
         """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""
         given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
         rows = self._rows(asked.alarmed(frozenset(given)), given)
-        return tuple(Stored(_night(row), _whole.record(row.json, row.entry_id), None, None) for row in rows)
+        return tuple(Stored(_whole.night(row), _whole.record(row.json, row.entry_id), None, None) for row in rows)
 
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""
@@ -246,61 +244,17 @@ class History:
 
     def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
         """moment, hours after which a machine is late → how every machine is doing, those that need somebody first."""
-        limit = _stamp(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
-        # The last one is the one that ended last: a night that was refused began after the one at work, and tells less.
-        newest = (
-            select(t.night.c.machine_id, func.max(t.night.c.end_utc).label("end"), func.count().label("nights"))
-            .group_by(t.night.c.machine_id)
-            .subquery()
-        )
-        counts = {
-            row.name: (row.nights, row.complete)
-            for row in self._rows(
-                select(
-                    t.machine.c.name,
-                    func.count().label("nights"),
-                    func.max(t.night.c.start_utc).filter(t.night.c.status == "complete").label("complete"),
-                )
-                .join(t.night, t.night.c.machine_id == t.machine.c.id)
-                .group_by(t.machine.c.name)
-            )
-        }
-        rows = self._rows(
-            select(t.machine.c.name, t.night)
-            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .join(newest, (newest.c.machine_id == t.night.c.machine_id) & (newest.c.end == t.night.c.end_utc))
-            .order_by(t.night.c.entry_id)
-        )
-        last = {row.name: _night(row) for row in rows}
-        alarmed = self._rows(
-            select(t.machine.c.name, t.night.c.entry_id)
-            .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-            .where(t.night.c.alarms > 0)
-        )
-        new = [row.entry_id for row in alarmed if row.entry_id not in self._alarms]
-        for at in range(0, len(new), MANY):
-            for entry, record in self.records_of(new[at : at + MANY]).items():
-                self._alarms[entry] = tuple(str(alarm["id"]) for alarm in record["alarms"])
-        answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action, t.decision.c.until)
-        answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
-        last_ones, today = {(x.name, x.alarm): x for x in self._rows(answered)}, _date_of(now_utc)
-        decided = {key: x.action for key, x in last_ones.items() if not over(x, today)}
-        held = Counter(name for (name, _), action in decided.items() if action in HELD)
-        waiting: Counter[str] = Counter()
-        for row in alarmed:
-            waiting[row.name] += sum((row.name, alarm) not in decided for alarm in self._alarms.get(row.entry_id, ()))
-        found = []
-        for name in self.machines():
-            nights, complete = counts.get(name, (0, None))
-            late = complete is None or complete < limit
-            found.append(Standing(name, last.get(name), nights, waiting[name], late, held[name]))
-        return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))
+        return _fleet.standings(self, now_utc, late_hours, self._alarms)
 
     def open_alarms(self, machine: str, last: int | None = None, today: str = "") -> tuple[Mapping[str, Any], ...]:
-        """machine, how many of its nights with an alarm (None: all), local date ('': none is over) → alarms without an answer."""
+        """machine, how many of its nights with an alarm (None: all), local date ('': none is over) → alarms without an answer, each
+        as the last night that told it.
+        """
         decided = {key for key, d in {d.alarm: d for d in self.decisions(machine)}.items() if not over(d, today)}
-        alarms = (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"])
-        return tuple(alarm for alarm in alarms if alarm["id"] not in decided)
+        newest: dict[str, Mapping[str, Any]] = {}
+        for alarm in (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]):
+            newest.setdefault(alarm["id"], alarm)  # one that goes on is told by several nights
+        return tuple(alarm for key, alarm in newest.items() if key not in decided)
 
     # Trusting -------------------------------------------------------------------------------------------------------
 
@@ -425,10 +379,6 @@ def _listed(names: Sequence[str]) -> str:
     return printable(", ".join(names)) or "none yet"
 
 
-def _night(row: Row[Any]) -> Night:
-    return Night(row.entry_id, row.name, *(getattr(row, key) for key in _NIGHT))
-
-
 def _packed(knowledge: Knowledge) -> bytes:
     p = len(knowledge.names)
     lower = np.asarray(knowledge.covariance)[np.tril_indices(p)]
@@ -440,11 +390,3 @@ def _date(text: str) -> str:
         return datetime.strptime(text, "%Y-%m-%d").strftime("%Y-%m-%d")
     except ValueError:
         raise InputError(f"date: found {text!r}; allowed: year-month-day, e.g. 2026-11-23") from None
-
-
-def _date_of(stamp: str) -> str:
-    return datetime.fromisoformat(stamp).astimezone().strftime("%Y-%m-%d")
-
-
-def _stamp(moment: datetime) -> str:
-    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -13,6 +13,8 @@ from .moved import found_by
 from .ports import Past
 from .words import is_gone
 
+STOOD = 0.25  # of the smaller of two steps, by which it may have moved between them
+
 
 def after_a_repair(past: Past, machine: str, alarms: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """history, machine, alarms of tonight → the same; what moves again as it did before its last repair says so (`again`)."""
@@ -40,15 +42,24 @@ def _again(alarm: dict[str, Any], older: Sequence[tuple[Decision, Mapping[str, A
     }
 
 
+def _stood(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
+    """alarm of an earlier night, alarm of tonight → whether both came at once, and it stood still between them: two knocks."""
+    total = older.get("total")
+    if total is None or older.get("rate_per_day") or alarm.get("rate_per_day"):
+        return False
+    return abs(float(total) - float(alarm["size"]) - float(older["size"])) < STOOD * min(abs(older["size"]), abs(alarm["size"]))
+
+
 def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]) -> dict[str, Any]:
     """alarm of tonight, those of earlier nights that nobody has closed, what is known → the same.
 
     Where an older one of its parameter went the same way and is still there, what to do is what is to be done about a drift: a
-    new location would be wrong tomorrow.
+    new location would be wrong tomorrow. Two knocks between which it stood still are two knocks.
     """
     same = [a for a in older if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"]) and not is_gone(a["now"])]
     if own_of(parameters, alarm["parameter"]) is None or alarm.get("repair"):  # a length has no way
         return alarm
-    if not any(float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0 for a in same):
+    onward = [a for a in same if float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0]
+    if not onward or (len(same) == 1 and _stood(onward[0], alarm)):
         return alarm
     return alarm | {"do": texts()("night.drift_do", name=alarm["parameter"])}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -22,7 +22,7 @@ from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
 from ..state.naming import SCALES
-from ..texts import instead, joined, say
+from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, is_gone, on_part, value
 
@@ -105,7 +105,7 @@ def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Na
     whole = tonight.statistic / tonight.scale
     if named is None or (named.remains < FAR and named.told < 0.5 * whole):
         return [_unnamed(k, before, ahead, tonight, named)]
-    found = [_named(k, before, one) for one in named.all]
+    found = [of_cause(k, before, one) for one in named.all]
     left = whole - named.told
     plain = bool(named.more) and named.more[0].explained >= 0.5 * (left - tonight.dof)
     if plain or (named.all[-1].remains < FAR and named.told < MOSTLY * whole):
@@ -113,7 +113,8 @@ def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Na
     return found
 
 
-def _named(k: Known, before: Since, named: Named) -> dict[str, Any]:
+def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
+    """what is known, since when, a cause with its size → its alarm."""
     h = named.hypothesis
     size, std, text = said_of(k, before, named)
     alarm = _alarm(before, h.cause, h.parameter, text, named.sigmas) | {"size": size, "std": std, "unit": h.unit}
@@ -259,10 +260,16 @@ def _place(parameter: str) -> str:
 
 
 def standing(
-    past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str, events: Sequence[Event] = ()
+    past: Past,
+    machine: str,
+    day: float,
+    parameters: Mapping[str, Any],
+    kind: str,
+    events: Sequence[Event] = (),
+    tonight: Collection[str] = (),
 ) -> list[dict[str, Any]]:
-    """history, machine, day, what is known tonight, kind of night, what happened to compensations → alarms of other nights that
-    nobody has closed.
+    """history, machine, day, what is known tonight, kind of night, what happened to compensations, ids of alarms that go on tonight
+    → alarms of other nights that nobody has closed, each as the last night that told it.
 
     Unanswered ones come first, and what does more to a part before what does less.
 
@@ -274,8 +281,12 @@ def standing(
     known, when = (parameters, "") if parameters else _known(past, machine)
     found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
+    seen = set(tonight)
     for stored in past.alarmed(machine, LISTED):
         for alarm in stored.record["alarms"]:
+            if alarm["id"] and alarm["id"] in seen:
+                continue
+            seen.add(alarm["id"])
             decision = last.get(alarm["id"])
             if decision is not None and decision.action in ("accept", "repaired"):
                 continue
@@ -289,7 +300,7 @@ def standing(
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
             told |= {key: alarm[key] for key in ("compensation", "ignored", "again") if alarm.get(key)}
-            told |= {"night": stored.record["night"], "decision": "acknowledge" if answered else None}
+            told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
             told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
@@ -301,7 +312,25 @@ def standing(
             if answered and decision is not None:
                 told["owner"] = decision.owner
             found.append(told)
-    return sorted(found, key=_urgency)
+    return sorted((_with_later(a, found) for a in found), key=_urgency)
+
+
+def _first_night(alarm: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    """alarm, the last night that told it → date of the first one: an id begins with it."""
+    return str(alarm["id"])[:10] if alarm.get("goes_on") else str(record["night"])
+
+
+def _with_later(alarm: dict[str, Any], every: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """alarm of another night, all of them → the same; with what it is now is said what later alarms of its parameter have added."""
+    same = [a for a in every if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
+    later = [a for a in same if a["night"] > alarm["night"] and a["size"] and not a["rate_per_day"]]
+    if not later or not isinstance(alarm["now"], Said) or alarm["now"].key != "night.alarms.now":
+        return alarm
+    came = [
+        say("night.alarms.came", size=value(a["size"], a["unit"], a["std"]), night=a["night"])
+        for a in sorted(later, key=lambda a: str(a["night"]))
+    ]
+    return alarm | {"now": joined("; ", (alarm["now"], *came))}
 
 
 def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
@@ -318,13 +347,13 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
     found = []
     for stored in past.alarmed(machine, LISTED):
         for a in stored.record["alarms"]:
-            if (d := wanted.get(a["id"])) is None:
+            if (d := wanted.pop(a["id"], None)) is None:  # each as the last night that told it
                 continue
             now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
             text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
             told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
-            found.append({"alarm": a["id"], "night": stored.record["night"], "owner": d.owner, "until": d.until} | told)
+            found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
 
 

@@ -19,19 +19,17 @@ from ..loaded import Event
 from ..records import Array, Cell, Readings
 from ..state import (
     Frame,
-    Seen,
     State,
     choose,
     hypotheses,
     judge,
-    learn,
     name_change,
     predicted,
     seen,
     start,
     updated,
 )
-from ..state.filter import as_numbers, matched, restored, sigma_of
+from ..state.filter import as_numbers
 from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
@@ -42,19 +40,18 @@ from .control import Given, InControl, limited
 from .course import ALIKE
 from .doubt import Judged, attempted, believed
 from .drift import as_alarm
-from .lag import Lag, followed_anew, lagging
+from .goes_on import going_on
+from .lag import lagging
 from .lag import sentence as lag_told
+from .learning import READ, Earlier
+from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .words import is_gone
 
-LEARNED_FROM = 60  # nights
-LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 RECENT = 40  # nights that are looked at first: nearly always as many as are needed
 SET_APART = 7  # nights looked back over for one that measured
-NEAR = {"mm": 0.05, "": 1e-4}  # mm, rad …: a machine that has moved less is linear to a few nm
-READ = Callable[[str], Readings]
 
 
 def _full(night: Night) -> bool:
@@ -116,6 +113,11 @@ class Nights:
         return rows
 
     @cached_property
+    def earlier(self) -> Earlier:
+        """→ what the nights before teach."""
+        return Earlier(self.cell.machine.name, self.followed, self.read, self.settings.sensor)
+
+    @cached_property
     def known(self) -> Known:
         """→ what alarms are told by."""
         return Known(self.cell, self.followed, self.lever)
@@ -130,17 +132,8 @@ class Nights:
             return None
         last, knowledge = found
         if not self._newest or self._newest[-1][0] is not knowledge:
-            self._newest[:] = [(knowledge, self._restored(knowledge, past.records_of([last.entry])[last.entry]))]
+            self._newest[:] = [(knowledge, self.earlier.restored(knowledge, past.records_of([last.entry])[last.entry]))]
         return self._newest[-1][1]
-
-    def _restored(self, knowledge: Knowledge, record: Mapping[str, Any]) -> State | None:
-        if "state" not in record:
-            return None
-        try:
-            state = restored(knowledge.names, knowledge.values, knowledge.covariance, record["state"])
-        except (ValueError, KeyError, np.linalg.LinAlgError):
-            return None
-        return matched(state, self.followed)
 
     @cached_property
     def _newest(self) -> list[tuple[Knowledge, State | None]]:
@@ -233,11 +226,11 @@ class Nights:
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
         if measured.text is not None:  # learning asks for them again, in this program or in a later one
-            self._keep(measured.text, ahead, what)
+            self.earlier.keep(measured.text, ahead, what)
         lag = None if alarm or first or repaired else lagging(self.followed, recent, ahead, after)
         if lag is not None:
-            after = self._anew(past, lag, recent, after, what.without(tonight.outliers))
-        after, learned, since_learned = self._learned(past, recent, after)
+            after = self.earlier.anew(past, lag, recent, after, what.without(tonight.outliers))
+        after, learned, since_learned = self.earlier.learned(past, recent, after)
         result = None if self.judged is None and self.written is None else parts.estimated(self.followed, readings, after, tonight)
         judged = Judged("trustworthy")
         if self.judged is not None and result is not None:
@@ -253,6 +246,7 @@ class Nights:
         elif not first:
             alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
+            alarms = going_on(past, machine, known, after, alarms, since(past, machine, day), self.given)
             alarms, ignored = answered.split(past, machine, known, after, alarms, day)
             alarms = again.after_a_repair(past, machine, alarms)
         quiet = judged.believed and not (first or alarm or repaired)
@@ -266,27 +260,31 @@ class Nights:
         parameters = parts.parameters(self.followed, ahead, after, None if first else slopes(recent))
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
-        if moving is not None:
-            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
-                parameters[name]["rate_per_day"] = moving.rate_per_day
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
             anew = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
         found = parameters if judged.believed else {}
-        waiting = standing(past, machine, day, found, kind, self.happened)
+        waiting = standing(past, machine, day, found, kind, self.happened, tuple(a["id"] for a in alarms))
         waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
+        moving = as_alarmed(known, moving, waiting, recent, after)
+        if moving is not None:
+            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
+                parameters[name]["rate_per_day"] = moving.rate_per_day
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
-            told_of = as_alarm(moving, known)
-            alarms, ignored = answered.split(past, machine, known, after, [told_of], day)
-            alarms = [{**a, "was": parts.was(told_of, parameters, ())} for a in alarms]
+            told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], since(past, machine, day), self.given)
+            alarms, ignored = answered.split(past, machine, known, after, told_of, day)
+            alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
+            waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
-        causes = [cause for limit in beyond if judged.believed and (cause := behind(known, recent, after, limit, gone)) is not None]
+        since_then = begun([*alarms, *waiting], moving)
+        behind_ = (behind(known, recent, after, limit, gone, since_then) for limit in (beyond if judged.believed else ()))
+        causes = [cause for cause in behind_ if cause is not None]
         if self.control is not None and not self.control.measured:
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
@@ -375,76 +373,3 @@ class Nights:
         if std > self.settings.volume_std_um:
             return {"kind": "full", "why": say("night.analysis.volume_will_only_be_known", std=f"{std:.1f}")}
         return {"kind": "check", "why": say("night.analysis.nothing_too_uncertain")}
-
-    def _learned(self, past: Past, recent: Sequence[Mapping[str, Any]], after: State) -> tuple[State, int, int]:
-        """state → the same with rates learned from its history, how many nights they come from, measured nights since then."""
-        machine = self.cell.machine.name
-        if not past.knows(machine):
-            return after, 0, 0
-        last: Mapping[str, Any] = next((r["state"] for r in recent if "state" in r), {})
-        before, waited = last.get("learned", 0), last.get("since_learned", LEARNED_EVERY) + 1
-        if waited < LEARNED_EVERY:
-            return after, before, waited
-        nights = [n for n in past.nights(machine, last=LEARNED_FROM) if n.status == "complete" and n.touches]
-        nights.reverse()
-        readings, records = past.readings_of([n.entry for n in nights]), past.records_of([n.entry for n in nights])
-        nights = [n for n in nights if n.entry in readings and records[n.entry].get("state")]
-        if len(nights) < LEARNED_EVERY or (knowledge := past.night(nights[0].entry).knowledge) is None:
-            return after, before, waited
-        begin = matched(restored(*parts.three(knowledge), records[nights[0].entry]["state"]), self.followed)
-        begin = replace(begin, sigma=sigma_of(after), noise=(0.0, 0.0), agreement=(0.0, 0.0), rates=after.rates.copy())
-        seen_then: list[tuple[float, Seen]] = []
-        noise, opened = [], []
-        for place, night in enumerate(nights[1:]):
-            record = records[night.entry]
-            what = self._then(readings[night.entry], after)
-            seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
-            rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
-            noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
-            if night.alarms or record.get("ignored") or record.get("repaired"):
-                opened.append(place)
-        found = learn(self.followed, begin, seen_then, opened)
-        agreement = found.agreement([len(what.value) for _, what in seen_then], noise) or after.agreement
-        return replace(after, rates=found.rates, agreement=agreement), len(nights), 0
-
-    def _anew(self, past: Past, lag: Lag, recent: Sequence[Mapping[str, Any]], after: State, what: Seen) -> State:
-        """history, what the state lags behind, records newest first, state after tonight, tonight's touches → the state followed
-        once more from before that on; as it was where the history lacks one of these nights.
-        """
-        entries = {n.start_utc: n.entry for n in past.nights(self.cell.machine.name, last=lag.back + SET_APART)}
-        wanted = [entries.get(r["start_utc"], 0) for r in recent[: lag.back + 1]]
-        readings = past.readings_of(wanted)
-        if not all(entry in readings for entry in wanted[:-1]) or (known := past.night(wanted[-1]).knowledge) is None:
-            return after
-        if (begin := self._restored(known, recent[lag.back])) is None:
-            return after
-        back = [(r, self._then(readings[entry], after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
-        nights = [(float(r["state"]["day"]), then.without(r.get("outliers", ()))) for r, then in reversed(back)]
-        return followed_anew(begin, lag, [*nights, (after.day, what)], after)
-
-    def _then(self, readings: str, after: State) -> Seen:
-        """text of the readings of an earlier night, state of tonight → what those touches say.
-
-        Their rows are those of a machine near this one (`NEAR`), so many nights in one process linearise each of them once.
-        """
-        kept = self._kept.get(readings)
-        if kept is None or kept[1] != after.reference or np.any(np.abs(kept[0] - after.mean) > self._near):
-            what = seen(self.followed, self.read(readings), after.mean, after.reference, self.settings.sensor)
-            self._keep(readings, after, what)
-            return what
-        return kept[2]
-
-    def _keep(self, readings: str, state: State, what: Seen) -> None:
-        """text of the readings of a night, state that they were linearised at, what they say → kept for the next time."""
-        self._kept.pop(readings, None)
-        if len(self._kept) >= LEARNED_FROM + LEARNED_EVERY:
-            self._kept.pop(next(iter(self._kept)))
-        self._kept[readings] = (state.mean, state.reference, what)
-
-    @cached_property
-    def _kept(self) -> dict[str, tuple[Array, float | None, Seen]]:
-        return {}
-
-    @cached_property
-    def _near(self) -> Array:
-        return np.array([NEAR.get(unit, NEAR[""]) for unit in self.followed.units])

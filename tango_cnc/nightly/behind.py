@@ -13,17 +13,24 @@ from ..state import State
 from .alarms import Known, effect_of
 from .course import cause_of, only
 from .drift import drift_of
+from .one_date import night_of
 from .words import value
 
 MONTH = 30  # nights that what stands behind a limit is looked for over
 
 
 def behind(
-    k: Known, records: Sequence[Mapping[str, Any]], after: State, limit: Mapping[str, Any], gone: Array | None = None
+    k: Known,
+    records: Sequence[Mapping[str, Any]],
+    after: State,
+    limit: Mapping[str, Any],
+    gone: Array | None = None,
+    dates: Mapping[str, tuple[str, float]] | None = None,
 ) -> dict[str, Any] | None:
     """what is known, records newest first, state after tonight, limit that is crossed → the parameter that stands behind it.
 
-    `gone`: (p,) what the control takes away from parts, so that it does not stand behind anything.
+    `gone`: (p,) what the control takes away from parts, so that it does not stand behind anything. `dates`: {parameter: date since
+    which its open alarm or its trend says that it has moved, and which way}: that date counts.
 
     Against the first of the last `MONTH` nights that kept the limit: what has moved most since, by what it does to the volume, and
     the last night on which it had not. Where no night kept it, the parameter that does most, and no date.
@@ -56,7 +63,9 @@ def behind(
     still = [
         r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
     ]
-    found = drift_of(k, i, still[0], float(after.mean[i]) - still[0]["parameters"][name]["value"], std, after, 0.0, 0.0, known)
+    own = night_of(dates or {}, name, size, records)
+    since = own if own is not None and name in own["parameters"] else still[0]
+    found = drift_of(k, i, since, float(after.mean[i]) - since["parameters"][name]["value"], std, after, 0.0, 0.0, records)
     later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
     again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
     return told | {

@@ -2,7 +2,8 @@
 
     value of a night = level + steps at its alarms + causes + what it wanders + what the night does not know
 
-A cause is the season, the temperature, wear since the last alarm, or a drift. How fast the parameter wanders is estimated with
+A cause is the season, the temperature, wear since the last alarm, a drift over all nights, or one that a night has told: from the
+night that it was told from, to the night on which it came to rest. How fast the parameter wanders is estimated with
 and without it (maximum likelihood), so that a machine that wanders is not taken for one that drifts; the price of all tries is
 paid (Bonferroni). What a night has by itself is taken out of the state of that night first: the states of two nights share what
 both know.
@@ -35,6 +36,8 @@ AFTER = 8  # nights since an alarm before wear is tried
 RARE = 0.01  # chance that a history without any cause gets one named, all tries together
 TWICE = 3.0  # of the logarithm of the likelihood: what is nearer than that fits nearly as well
 ALIKE = "scales"  # the linear scales together
+CHOSEN = 2  # numbers of a told drift that the nights have chosen beside its size: its first night and its last
+RESTS = 2.0  # of the logarithm of the likelihood, by which a drift that came to rest has to fit better than one that goes on
 FAINT = 0.02  # of the variance: a night that took out less knows nothing by itself
 
 
@@ -48,8 +51,21 @@ class Followed:
     std: float
     unit: str
     p_value: float
-    since: str = ""  # wear: date of the alarm; season: date of the largest value
+    since: str = ""  # wear: date of the alarm; season: date of the largest value; drift: of the night before it, '' for all nights
     instead: tuple[str, ...] = ()
+    until: str = ""  # drift: date of the night on which it came to rest; '' for one that goes on
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A cause: (n, k) what it would do, numbers that were chosen by the nights beside its size, from when to when."""
+
+    cause: str
+    columns: Array
+    chosen: int = 0
+    since: str = ""
+    until: str = ""
+    wandered: float = 0.0  # standard deviation of its size by what the parameter wanders in this time
 
 
 @dataclass(frozen=True)
@@ -69,20 +85,23 @@ def looked_back(history: History, machine: str) -> tuple[Followed, ...]:
     rates = _rates(history, machine, records[-1])
     day = np.array([float(r["state"]["day"]) for r in records])
     warmth = _temperature(records)
-    alarms = [day[i] for i, r in enumerate(records) if r["alarms"]]
+    alarms = [day[i] for i, r in enumerate(records) if any(_at_once(a) for a in r["alarms"])]
     found: list[Followed] = []
     together = (ALIKE,) if set(SCALES) <= set(names) else ()
     series = {name: s for name in (*names, *together) if (s := _series(records, day, name, rates)) is not None}
-    causes = {name: _causes(s.day, _at(s.day, day, warmth), alarms) for name, s in series.items()}
+    causes = {
+        name: _causes(s.day, _at(s.day, day, warmth), alarms) | _told(s, records, day, name, list(rates))
+        for name, s in series.items()
+    }
     tries = sum(len(own) for own in causes.values())
     for name, s in series.items():
         unit = next(own["unit"] for r in records if (own := own_of(r["parameters"], name)) is not None)
-        found += _explained(name, unit, s, causes[name], RARE / max(tries, 1), alarms)
+        found += _explained(name, unit, s, causes[name], RARE / max(tries, 1))
     return tuple(sorted(_one_or_alike(found, series, causes), key=lambda f: f.p_value))
 
 
 def _one_or_alike(
-    found: Sequence[Followed], series: Mapping[str, _Series], causes: Mapping[str, Mapping[str, Array]]
+    found: Sequence[Followed], series: Mapping[str, _Series], causes: Mapping[str, Mapping[str, _Tried]]
 ) -> list[Followed]:
     """what is followed, nights of each parameter, causes that they can tell → the same; where the linear scales follow a cause
     together and each of them as much, that is one story, and else none of them together.
@@ -90,7 +109,7 @@ def _one_or_alike(
     whole = [f for f in found if f.parameter == ALIKE]
     kept = [f for f in found if f.parameter != ALIKE]
     for f in whole:
-        own = [_size(series[n], causes[n][f.cause]) for n in SCALES if n in series and f.cause in causes[n]]
+        own = [_size(series[n], causes[n][f.cause].columns) for n in SCALES if n in series and f.cause in causes[n]]
         if len(own) == len(SCALES) and all(abs(size - f.size) < 3 * np.hypot(std, f.std) for size, std in own):
             kept = [f, *(x for x in kept if (x.parameter, x.cause) not in {(n, f.cause) for n in SCALES})]
     return kept
@@ -176,10 +195,7 @@ def _at(some: Array, day: Array, warmth: Array | None) -> Array | None:
 
 def _series(records: Sequence[Mapping[str, Any]], day: Array, name: str, rates: Mapping[str, float]) -> _Series | None:
     """→ what each night by itself says of a parameter; None for one that too few nights have seen."""
-    raw = _raw(name, list(rates))
-    rate = rates.get(raw, 0.0) if raw else 0.0
-    if name == ALIKE:
-        rate = float(np.mean([rates.get(n, 0.0) for n in SCALES]))
+    rate = _rate(name, rates)
     rows: list[tuple[float, float, float]] = []
     stepped: list[float] = []
     before: tuple[float, float, float] | None = None
@@ -188,10 +204,9 @@ def _series(records: Sequence[Mapping[str, Any]], day: Array, name: str, rates: 
         if told is None:
             continue
         value, variance = float(told["value"]), float(told["std"]) ** 2
-        moved = any(a["parameter"] == name for a in record["alarms"])
-        if moved:
+        if any(a["parameter"] == name and _at_once(a) for a in record["alarms"]):
             stepped.append(when)
-        if before is None or record["alarms"]:  # a state that was opened has forgotten
+        if before is None or any(record.get(key) for key in ("alarms", "opened")):  # a state that was opened has forgotten
             rows.append((when, value, variance))
         else:
             ahead = before[2] + rate * max(when - before[0], 0.0)
@@ -205,62 +220,95 @@ def _series(records: Sequence[Mapping[str, Any]], day: Array, name: str, rates: 
     return _Series(days, values, variances, np.column_stack([np.zeros((len(days), 0)), *((days >= s) * 1.0 for s in stepped)]))
 
 
-def _causes(day: Array, warmth: Array | None, alarms: Sequence[float]) -> dict[str, Array]:
-    """→ {cause: (n, k) what it would do}, of those that these nights can tell."""
-    found = {"drift": (day - day.mean())[:, None]}
+def _rate(name: str, rates: Mapping[str, float]) -> float:
+    """parameter, {unknown: variance a day} → its variance a day."""
+    if name == ALIKE:
+        return float(np.mean([rates.get(n, 0.0) for n in SCALES]))
+    return rates.get(_raw(name, list(rates)) or "", 0.0)
+
+
+def _at_once(alarm: Mapping[str, Any]) -> bool:
+    """alarm → whether one night made it: a step, and no drift."""
+    return not alarm.get("rate_per_day") or not alarm.get("steady", True)
+
+
+def _causes(day: Array, warmth: Array | None, alarms: Sequence[float]) -> dict[str, _Tried]:
+    """→ {cause: what it would do}, of those that these nights can tell."""
+    found = {"drift": _Tried("drift", (day - day.mean())[:, None])}
     if np.ptp(day) >= SEASON:
         turn = 2 * np.pi * day / YEAR
-        found["season"] = np.column_stack([np.cos(turn), np.sin(turn)])
+        found["season"] = _Tried("season", np.column_stack([np.cos(turn), np.sin(turn)]))
     if warmth is not None and float(np.std(warmth)) > STIRRED:
-        found["temperature"] = (warmth - warmth.mean())[:, None]
+        found["temperature"] = _Tried("temperature", (warmth - warmth.mean())[:, None])
     last = max(alarms, default=None)
     if last is not None and int(np.sum(day > last)) >= AFTER and int(np.sum(day < last)) >= 3:
-        found["wear"] = np.maximum(day - last, 0.0)[:, None]
+        found["wear"] = _Tried("wear", np.maximum(day - last, 0.0)[:, None], since=_date(last))
     return found
 
 
-def _explained(
-    name: str, unit: str, s: _Series, causes: Mapping[str, Array], rare: float, alarms: Sequence[float]
-) -> list[Followed]:
+def _told(s: _Series, records: Sequence[Mapping[str, Any]], day: Array, name: str, unknowns: Sequence[str]) -> dict[str, _Tried]:
+    """nights of a parameter, records oldest first, their days, unknowns → {name of a cause: a drift that the nights have told}.
+
+    Where it came to rest is looked for from the night on that told it: the best of all nights since.
+    """
+    begun: dict[str, float] = {}
+    for when, record in zip(day, records, strict=True):
+        for a in (*record["alarms"], *([record["trend"]] if record.get("trend") else ())):
+            if a["parameter"] == name and not _at_once(a):
+                begun.setdefault(str(a["since"]), when)
+    dates = {str(r["night"]): when for when, r in zip(day, records, strict=True)}
+    base, found = np.column_stack([np.ones(len(s.day)), s.steps]), {}
+    for since, said in begun.items():
+        if since not in dates:
+            continue
+        ends = [when for when in s.day if when >= said]
+        ways = [np.clip(s.day, dates[since], end)[:, None] - dates[since] for end in ends]
+        fits = [_fitted(s, np.column_stack([base, way]))[0] for way in ways]
+        if fits:
+            best = int(np.argmax(fits))
+            until = "" if best == len(fits) - 1 or fits[best] - fits[-1] < RESTS else _night(records, day, ends[best])
+            own = ways[best] if until else ways[-1]
+            before = next(r for r in records if str(r["night"]) == since)
+            wandered = np.sqrt(_rate(name, dict(zip(unknowns, before["state"]["rates"], strict=False))) / float(own.max()))
+            found[f"drift since {since}"] = _Tried("drift", own, CHOSEN, since, until, float(wandered))
+    return found
+
+
+def _night(records: Sequence[Mapping[str, Any]], day: Array, when: float) -> str:
+    """records, their days, one of these → the date of its night."""
+    return str(records[int(np.flatnonzero(day == when)[0])]["night"])
+
+
+def _explained(name: str, unit: str, s: _Series, causes: Mapping[str, _Tried], rare: float) -> list[Followed]:
     """→ causes that the nights of a parameter need, one after the other."""
     base = np.column_stack([np.ones(len(s.day)), s.steps])
     left, found = dict(causes), []
     now = _fitted(s, base)[0]
     while left:
-        tried = {cause: _fitted(s, np.column_stack([base, columns])) for cause, columns in left.items()}
-        gains = {cause: tried[cause][0] - now - 0.5 * (left[cause].shape[1] - 1) for cause in tried}
-        best = max(gains, key=lambda cause: gains[cause])
-        p = float(special.chdtrc(left[best].shape[1], max(2 * (tried[best][0] - now), 0.0)))
+        tried = {key: _fitted(s, np.column_stack([base, one.columns])) for key, one in left.items()}
+        gains = {key: tried[key][0] - now - 0.5 * (left[key].columns.shape[1] - 1 + left[key].chosen) for key in tried}
+        best = max(gains, key=lambda key: gains[key])
+        one, (_, size, spread) = left[best], tried[best]
+        width = one.columns.shape[1]
+        p = float(special.chdtrc(width + one.chosen, max(2 * (tried[best][0] - now), 0.0)))
         if p >= rare:
             break
-        width, (_, size, spread) = left[best].shape[1], tried[best]
         own, std = size[-width:], np.sqrt(np.diag(spread)[-width:])
-        near = tuple(cause for cause in left if cause != best and gains[best] - gains[cause] < TWICE)
-        found.append(
-            Followed(
-                name,
-                best,
-                float(own[0]) if width == 1 else float(np.hypot(*own)),
-                float(std.max()),
-                unit,
-                p,
-                _since(best, own, s.day, alarms),
-                near,
-            )
-        )
-        base, now = np.column_stack([base, left.pop(best)]), tried[best][0]
-        for cause in near:  # the sentence of the best cause names those that fit nearly as well; they get no sentence of their own
-            left.pop(cause, None)
+        near = [key for key in left if key != best and gains[best] - gains[key] < TWICE]
+        amount = float(own[0]) if width == 1 else float(np.hypot(*own))
+        since = _largest(own, s.day) if one.cause == "season" else one.since
+        also = tuple(dict.fromkeys(left[key].cause for key in near if left[key].cause != one.cause))
+        found.append(Followed(name, one.cause, amount, max(float(std.max()), one.wandered), unit, p, since, also, one.until))
+        base, now = np.column_stack([base, left.pop(best).columns]), tried[best][0]
+        for key in near:  # the sentence of the best cause names those that fit nearly as well; they get no sentence of their own
+            left.pop(key, None)
     return found
 
 
-def _since(cause: str, own: Array, day: Array, alarms: Sequence[float]) -> str:
-    if cause == "wear":
-        return _date(max(alarms))
-    if cause == "season":
-        largest = float(np.arctan2(own[1], own[0])) / (2 * np.pi) * YEAR
-        return _date(largest + YEAR * np.floor((day[-1] - largest) / YEAR))
-    return ""
+def _largest(own: Array, day: Array) -> str:
+    """(2,) cosine and sine of a year, days of the nights → date of its last largest value."""
+    largest = float(np.arctan2(own[1], own[0])) / (2 * np.pi) * YEAR
+    return _date(largest + YEAR * np.floor((day[-1] - largest) / YEAR))
 
 
 def _date(day: float) -> str:

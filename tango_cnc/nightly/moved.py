@@ -66,10 +66,11 @@ class Moved:
 
 
 def found_by(past: Past, machine: str, wanted: Sequence[str]) -> dict[str, tuple[Any, dict[str, Any]]]:
-    """history, machine, ids of alarms → {id: the night that found it, the alarm}."""
+    """history, machine, ids of alarms → {id: the last night that told it, the alarm as it told it}."""
     if not wanted:
         return {}
-    return {a["id"]: (s, a) for s in past.alarmed(machine) for a in s.record["alarms"] if a["id"] in wanted}
+    told = reversed(past.alarmed(machine))  # one that goes on is told by several nights
+    return {a["id"]: (s, a) for s in told for a in s.record["alarms"] if a["id"] in wanted}
 
 
 def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: Mapping[str, Any]) -> Moved | None:
@@ -93,8 +94,17 @@ def moved(past: Past, machine: str, k: Known, after: State, stored: Any, alarm: 
         now = onto @ (after.mean[: len(names)] - was)
     p = len(names)
     std, std_then = (np.sqrt(np.diag(onto @ (var_was + var) @ onto.T)) for var in (after.covariance[:p, :p], var_then))
-    wander = np.sqrt(onto**2 @ after.rates[:p] * max(after.day - day, 0.0))
+    wander = np.sqrt(onto**2 @ _sound(stored.record, after, p) * max(after.day - day, 0.0))
     return Moved(changed_, now, std, std_then, wander, h)
+
+
+def _sound(record: Mapping[str, Any], after: State, p: int) -> Array:
+    """record of the night of an alarm, state after tonight, number of unknowns → (p,) variance a day of a sound machine.
+
+    What moves faster than it was learned to is followed with a rate of its own (lag.py). That is no wander of a sound machine.
+    """
+    then = np.array((record.get("state") or {}).get("rates") or (), dtype=float)
+    return np.minimum(then[:p], after.rates[:p]) if len(then) == len(after.rates) else after.rates[:p]
 
 
 def hypothesis_of(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:

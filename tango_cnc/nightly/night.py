@@ -274,7 +274,8 @@ def _kept(
     started = datetime.fromisoformat(record["start_utc"])
     record |= {"end_utc": stamp_of(ended), "duration_s": round(max((ended - started).total_seconds(), 0.0), 1)}
     for number, alarm in enumerate(record["alarms"], 1):
-        alarm |= {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
+        own = {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
+        alarm |= own if not alarm.get("goes_on") else {key: alarm.get(key) or own[key] for key in own}
     if record["verdict"] == "not_measured" and record["status"] != "refused":
         with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
             waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)

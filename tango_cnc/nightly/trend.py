@@ -96,7 +96,7 @@ def looking_ahead(
 ) -> dict[str, Any]:
     """what is known, alarm of another night, records newest first, state after tonight, limits, what the control takes away → the
     same; of a drift that still goes on with `ahead`: when it reaches which limit, from where it is tonight, at its rate of late;
-    of one that has come to rest with `stands`: since which night.
+    of one that has come to rest with `stands`: since which night; of one that has hardly moved of late with `slowed`.
     """
     place = next((i for i in followed(k) if name_of(k, i) == alarm["parameter"]), None)
     rate = alarm["rate_per_day"] if alarm.get("steady", True) else None
@@ -106,6 +106,8 @@ def looking_ahead(
     if (still := _still(k, place, float(rate), since, after)) and not is_gone(alarm["now"]):
         text = say("night.words.stands", since=still)
         return alarm | {"now": joined("; ", (alarm["now"], text)), "stands": still}
+    if _slowed(k, place, float(rate), since, after):  # that it goes on so is not what these nights show
+        return alarm | {"slowed": True}
     size, std = moved_since(k, place, since[-1], after)
     days = after.day - float(since[-1]["state"]["day"])
     if (
@@ -131,9 +133,21 @@ def _still(k: Known, place: Place, rate: float, since: Sequence[Mapping[str, Any
             break
         size, std = moved_since(k, place, record, after)
         due = abs(rate) * (after.day - float(record["state"]["day"]))
-        if abs(size) < std and abs(size) < due / 4 and due > TOLD * std:
+        if abs(size) < min(max(std, due / 8), due / 4) and due > TOLD * std:
             found = str(record["night"])
     return found
+
+
+def _slowed(k: Known, place: Place, rate: float, since: Sequence[Mapping[str, Any]], after: State) -> bool:
+    """as `_still` → whether over the last nights that can tell it the parameter has gone less than half of what its rate makes."""
+    for record in since:
+        if on_record(k, place, record, after) is None:
+            return False
+        size, std = moved_since(k, place, record, after)
+        due = rate * (after.day - float(record["state"]["day"]))
+        if abs(due) > TOLD * std:
+            return size * np.sign(due) < abs(due) / 2
+    return False
 
 
 def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale: float) -> Drift | None:

@@ -163,9 +163,10 @@ def _beside_unheard(told: str | None, silent: Sequence[Mapping[str, Any]], trend
 
 def every(alarms: Sequence[Mapping[str, Any]]) -> str:
     """alarms of a night, one at least → all of them in one sentence."""
-    text = alarms[0]["text"]
-    for other in alarms[1:]:
-        text = say("changed.besides", text=text, other=other["text"])
+    texts_ = [joined("; ", (a["text"], (a.get("goes_on") or {}).get("text"))) if a.get("goes_on") else a["text"] for a in alarms]
+    text = texts_[0]
+    for other in texts_[1:]:
+        text = say("changed.besides", text=text, other=other)
     return str(text)
 
 
@@ -211,7 +212,10 @@ def message(
     for alarm in record["alarms"]:
         since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")
         lines += [f"* {t.of(alarm['text'])}", f"  {since}"]
-        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t), *_answers(alarm["id"], decisions, record["cell"], t), ""]
+        lines += [f"  {t.of(alarm['goes_on']['text'])}"] if alarm.get("goes_on") else []
+        taken = alarm["owner"] if alarm.get("decision") else ""
+        lines += _about(alarm, alarm["owner"] or t("mail.nobody"), t)
+        lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
         who, taken = _who(alarm, decisions, t), alarm["owner"] if alarm["decision"] else ""

@@ -74,6 +74,7 @@ def judge(
     touches = from_readings(cell.machine, cell.artefact, readings)
     found = [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
     untrusted: list[str] = []
+    labels: list[str] = []
     nothing = False
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -99,6 +100,11 @@ def judge(
     suspicions: tuple[Suspicion, ...] = ()
     if search and verdict != "trustworthy":
         suspicions = _suspicions(cell, readings, found)
+    if result is not None and not nothing and (lost := len(set(result.parameters) & set(untrusted))) > len(result.parameters) / 2:
+        found.append(Remark("doubtful", say("plausible.judge.most_untrusted", count=lost, all=len(result.parameters))))
+        verdict = worst([verdict, "doubtful"])  # no mistake is looked for: why they are untrusted is said already
+    if verdict == "implausible" and result is not None:  # whoever reads the names alone takes none of them
+        untrusted, nothing = labels, bool(result.parameters)
     return Judgement(
         verdict,
         tuple(r.text for r in found if r.verdict != "trustworthy"),

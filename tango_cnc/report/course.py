@@ -1,8 +1,8 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
-A jump is an alarm of a night. What has moved since the last one counts from twice and a half what the two ends are known to. Where
-the last fortnight goes another way than all since then, the sentence is of the fortnight. No forecast reaches farther ahead
-than its nights reach back.
+A jump is an alarm of a night. A drift that an alarm told is told here as there, from the night before it on. What has moved since
+the last one counts from twice and a half what the two ends are known to. Where the last fortnight goes another way than all since
+then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ from .units import inches
 LEAST = 3  # nights since the last jump before anything is said of how it goes on
 SURE = 2.58  # standard deviations of the difference of the ends (99 %)
 OTHER = 2.0  # times the rate of the whole stretch at which the sentence takes that of the last fortnight
+SEEN = 3.5  # standard deviations that a drift would have moved by, before it can be said to rest
 Jump = tuple[int, float]  # place in the series, size in its unit
+Told = tuple[int, int] | None  # places of the night before a drift, and of the first night that told it
 
 
 def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], name: str, factor: float) -> list[Jump]:
@@ -58,12 +60,65 @@ def jumps_of_tip(
     return found
 
 
+def drift_told(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], nights: Sequence[str], name: str) -> Told:
+    """{entry: alarms of that night}, entries and dates of a series, parameter → places of the night before its last drift, and of
+    the first night that told it; None for no drift.
+    """
+    found = None
+    for place, entry in enumerate(entries):
+        for a in alarms.get(entry, ()):
+            begun = str(a.get("since"))
+            if a.get("parameter") == name and a.get("rate_per_day") and a.get("steady", True) and begun in nights:
+                before = list(nights).index(begun)
+                found = found if found is not None and found[0] == before else (before, place)
+    return found
+
+
+def _drifted(first: date, days: Array, value: Array, std: Array, told: tuple[int, int], unit: str, t: Texts) -> tuple[str, float]:
+    """as `course`, with the places of a drift → its sentence, and its rate a week; of one that has come to rest 0."""
+    begin, said = told
+    a_day = float((value[said] - value[begin]) / max(days[said] - days[begin], 1e-3))
+    end = _rests(days, value, std, said, a_day)
+    there = len(value) - 1 if end is None else end
+    words = {"first": day(first + timedelta(days=float(days[begin])), t)}
+    words["date"] = day(first + timedelta(days=float(days[there])), t)
+    if end is not None:
+        return t("course.drifted", size=_short(float(value[there] - value[begin]), unit, signed=True), **words), 0.0
+    rate = float(np.polyfit(days[begin:] / 7, value[begin:], 1)[0])
+    return t(f"course.drift_{'rises' if rate > 0 else 'falls'}", rate=_short(abs(rate), unit), **words), rate
+
+
+def _rests(days: Array, value: Array, std: Array, said: int, a_day: float) -> int | None:
+    """(n,) days, values, standard deviations, first night that told a drift, its rate a day → place of the night since which it has
+    not moved, though at its rate that would have been seen; None while it may go on.
+    """
+    for place in range(said, len(value) - 1):
+        due = abs(a_day) * float(days[-1] - days[place])
+        if due > SEEN * float(np.hypot(std[place], std[-1])) and abs(float(value[-1] - value[place])) < due / 4:
+            return place
+    return None
+
+
 def course(
-    first: date, days: Array, value: Array, std: Array, jumps: Sequence[Jump], limit: float | None, unit: str, t: Texts
+    first: date,
+    days: Array,
+    value: Array,
+    std: Array,
+    jumps: Sequence[Jump],
+    limit: float | None,
+    unit: str,
+    t: Texts,
+    drift: Told = None,
 ) -> str:
-    """first day, (n,) days from it, (n,) values, (n,) standard deviations, jumps, limit or None, unit, texts → sentence."""
+    """first day, (n,) days from it, (n,) values, (n,) standard deviations, jumps, limit or None, unit, texts, places of a drift
+    that an alarm told → sentence.
+    """
     if len(value) < 2:
         return ""
+    if drift is not None and drift[0] >= (jumps[-1][0] if jumps else 0):  # the page says of it what its alarm says
+        told, rate = _drifted(first, days, value, std, drift, unit, t)
+        seen = float(days[-1] - days[drift[0]]) / 7
+        return f"{told} {_of_limit(first, days, value, std, (rate, seen), limit, unit, t)}".strip()
     start = jumps[-1][0] if jumps else 0
     weeks = float(days[-1] - days[start]) / 7
     moved = float(value[-1] - value[start])

@@ -57,7 +57,7 @@ def faults(
         if str(a.get("id")) in standing:
             a = {
                 **a,
-                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands")},
+                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands", "slowed")},
                 "confirmed": _confirmed(standing[str(a["id"])], known),
             }
         if not before_tonight:
@@ -130,14 +130,18 @@ def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 
 def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """history, machine, date → its alarms that nobody has closed, newest first, and the last decision about each alarm.
+    """history, machine, date → its alarms that nobody has closed, newest first, each as the last night that told it, and the last
+    decision about each alarm.
 
     What was ignored until a date counts as unanswered after that day.
     """
     last = {d.alarm: d for d in history.decisions(machine)}
     last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
-    every = [dated(a, stored.record) for stored in history.alarmed(machine) for a in stored.record["alarms"]]
-    return [a for a in every if a["id"] not in last or last[a["id"]].action not in CLOSED], last
+    newest: dict[str, dict[str, Any]] = {}
+    for stored in history.alarmed(machine):
+        for a in stored.record["alarms"]:
+            newest.setdefault(a["id"], dated(a, stored.record))  # one that goes on is told by several nights
+    return [a for a in newest.values() if a["id"] not in last or last[a["id"]].action not in CLOSED], last
 
 
 def _entered(a: Mapping[str, Any]) -> bool:

@@ -325,7 +325,7 @@ def _trend(f: Facts, t: Texts) -> list[dict[str, Any]]:
         points["limit"] = None if series.get("limit") is None else float(series["limit"]) * factor
         jumps = [(place, size * factor) for place, size in series.get("jumps") or ()]
         days, std = np.array(series["days"], dtype=float), points["half"] / INTERVAL
-        said = course(series["first"], days, points["value"], std, jumps, points["limit"], unit, t)
+        said = course(series["first"], days, points["value"], std, jumps, points["limit"], unit, t, series.get("drift"))
         drawn.append({"picture": _safe(charts.trend(points, unit, t)), "said": f"{points['title']}: {said}"})
     return drawn
 

@@ -9,7 +9,7 @@ from ..records import Machine
 from ..texts import Said
 from .alarm import sentence, since_when, whole_sentence
 from .compensated import born, broken, last_written
-from .days import day
+from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
 from .units import Units, shown
@@ -49,7 +49,8 @@ def together(
         if first.get("total") is not None and not knocked:
             knocks = groups.get((parameter, settled, True), ())
             every = float(first["total"]) - sum(float(a["size"]) for a in knocks if _moment(a) > _moment(first))
-        drifts = any(a.get("rate_per_day") for a in same) or _one_way(same, events, repaired)
+        knocks_told = _knocks(same, u, t) if spoken(parameter) != parameter else ""
+        drifts = any(a.get("rate_per_day") for a in same) or (not knocks_told and _one_way(same, events, repaired))
         open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
         first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
@@ -60,7 +61,9 @@ def together(
         elif (
             own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
         ):
-            first |= _whole(first, own, every, drifts, len(same), u, t, machine)
+            goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
+            first |= _whole(first, own, every, drifts, 1 if goes_on else len(same), u, t, machine)
+            first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif first["older"] and first.get("now"):
@@ -124,6 +127,23 @@ def _one_way(same: Sequence[Mapping[str, Any]], events: Sequence[Any], repaired:
     return not broken(events, repaired, _moment(steps[0]), _moment(steps[-1]))
 
 
+def _knocks(same: Sequence[Mapping[str, Any]], u: Units, t: Texts) -> str:
+    """alarms of a parameter, oldest first → a sentence of two knocks, where it stood still between them; '' for any other story.
+
+    What a parameter was before the second one says that: it was where the first had left it.
+    """
+    if len(same) != 2 or any(a.get("rate_per_day") or a.get("was") is None or not a.get("size") for a in same):
+        return ""
+    one, other = same
+    left = float(other["was"]) - float(one["was"]) - float(one["size"])
+    if abs(left) > SAME * min(abs(float(a["size"])) for a in same) or days_between(one["first"], other["first"]) < 2:
+        return ""
+    factor, unit = shown(str(one.get("unit") or "mm"))
+    words = {"date": day(one["first"], t), "other_date": day(other["first"], t)}
+    words |= {"size": signed(float(one["size"]) * factor, unit, u, t), "other": signed(float(other["size"]) * factor, unit, u, t)}
+    return t("morning.knocks", **words)
+
+
 def _whole(
     first: Mapping[str, Any], own: float, every: float, drifts: bool, steps: int, u: Units, t: Texts, machine: Machine | None
 ) -> dict[str, Any]:
@@ -134,7 +154,11 @@ def _whole(
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         stands = first.get("stands")
-        on = t("morning.drift_stands", since=day(str(stands), t)) if stands else t("morning.drifts_on")
+        on = (
+            t("morning.drift_stands", since=day(str(stands), t))
+            if stands
+            else t(f"morning.drift{'_slowed' if first.get('slowed') else 's_on'}")
+        )
         whole["text"] += f" {t('morning.drifts', steps=steps) if steps > 1 else on}"
         whole |= {} if first["cause_key"] in WARMED else {"todo": t("morning.drift_stood_do" if stands else "morning.drift_do")}
     if first.get("on_part_um") is not None:

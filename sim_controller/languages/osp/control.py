@@ -109,10 +109,20 @@ class Control:
         self._axes.settle()
         try:
             self._execute(next(iter(programs.values())), {}, 0)
+        except Alarm:
+            self._leaves()
+            raise
         except MotionStop as stop:
+            self._leaves()
             raise as_alarm(stop, alarm) from None
         except Mistake as mistake:
+            self._leaves()
             raise alarm(mistake.kind, str(mistake)) from None
+
+    def _leaves(self) -> None:
+        """An alarm closes nothing: the file stays open until RESET."""
+        if self._file:
+            self._note("left open", what=self._file)
 
     def _execute(self, program: Program, local: dict[str, Value], depth: int) -> bool:
         """→ whether M02 or M30 ended everything."""

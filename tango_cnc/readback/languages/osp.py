@@ -40,6 +40,7 @@ END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
 WORD = re.compile(r"[A-Z]\w*")
 OPERATORS = {"ABS", "SQRT", "FIX", "EQ", "NE", "GT", "GE", "LT", "LE", "AND", "OR"}
 FRAME = {"G10", "G170", "G53"}  # no rotation, no tool centre point, no tool length: what the first has, the third is G49 elsewhere
+CLOSE = "CLOSE C"
 NOT_AGAIN = "IF[VRSTT EQ 128]"
 LOST = "IF[VACOD NE 0]"
 STALE = 66666.0  # in the contact variable after a move that met nothing: a real one may keep what it held before
@@ -66,16 +67,22 @@ class _Part:
     lines: list[str] = field(default_factory=list)
     names: dict[str, int] = field(default_factory=dict)
 
-    def stops(self, name: str, off: str) -> bool:
-        """sequence name, words that switch the probe off → whether nothing comes out: these, a text, the alarm, and back."""
+    def stops(self, name: str, off: str, opened: bool) -> bool:
+        """sequence name, words that switch the probe off, file is open → whether nothing comes out, and all is left in order:
+
+        the probe off, the file closed once where it is open, a text, the alarm, and back to the text.
+        """
         at = self.names.get(name)
         if at is None:
             return False
-        if off and self.lines[at : at + 1] != [off]:
-            return False
-        at += bool(off)
+        for word in (*filter(None, [off]), *([CLOSE] if opened else [])):
+            if self.lines[at : at + 1] != [word]:
+                return False
+            at += 1
         text, stop, again = [*self.lines[at : at + 3], "", "", ""][:3]
-        return bool(TEXT.fullmatch(text) and STOP.fullmatch(stop)) and again == f"GOTO {name}"
+        back = GOTO.fullmatch(again)
+        circles = back is not None and self.names.get(back[1]) == (at if opened else self.names[name])
+        return bool(TEXT.fullmatch(text) and STOP.fullmatch(stop)) and circles
 
 
 def _behind(lines: Iterable[str]) -> dict[str, _Part]:
@@ -215,8 +222,8 @@ class _Program:
 
     def _ask(self, condition: str, name: str) -> None:
         """A question in the main program, whose answer is a stop."""
-        if not self._parts[""].stops(name, self._options.get("probe_off", "")):
-            raise InputError(f"{name} is no place where this program stops for good")
+        if not self._parts[""].stops(name, self._options.get("probe_off", ""), self._opened):
+            raise InputError(f"{name} is no place where this program stops for good{self._tidy()}")
         question = f"IF[{condition}]"
         if question in (NOT_AGAIN, LOST):
             if question == LOST and self._moving:
@@ -239,6 +246,11 @@ class _Program:
             twin.stopped = bool(self._machine.value(twin, self._spelt(condition)))
 
         self._machine.does(does)
+
+    def _tidy(self) -> str:
+        """→ what a stop has to do first here, for the error."""
+        wanted = [*filter(None, [self._options.get("probe_off", "")]), *([CLOSE] if self._opened else [])]
+        return f", with {' and '.join(wanted)} first and once" if wanted else ""
 
     def _state_in(self, condition: str) -> bool:
         return bool(self._state) and self._state in condition
@@ -283,7 +295,7 @@ class _Program:
             else:
                 raise InputError(f"in {name}, {code!r}: no line that a program of this kind may have here")
             if target is not None:
-                if part.stops(target, self._options.get("probe_off", "")):
+                if part.stops(target, self._options.get("probe_off", ""), self._opened):
                     twin.stopped = True
                     twin.local.pop()
                     return
@@ -331,7 +343,7 @@ class _Program:
     def _print(self, code: str) -> None:
         if OPEN.fullmatch(code) and not self._opened:
             self._opened = True
-        elif code == "CLOSE C" and self._opened and self._put is None:
+        elif code == CLOSE and self._opened and self._put is None:
             self._closed = True
         elif (match := PUT.fullmatch(code)) and self._put is None and self._opened and not self._closed:
             self._put = match[1]

@@ -55,7 +55,8 @@ def _read(state: State) -> dict[str, Any]:
             card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
             waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
         newest = list(enumerate(history.decisions(name)))[-20:]
-        texts = {a["id"]: a["text"] for stored in history.alarmed(name) for a in earlier(stored.record["alarms"])} if newest else {}
+        told = reversed(history.alarmed(name)) if newest else ()
+        texts = {a["id"]: a["text"] for stored in told for a in earlier(stored.record["alarms"])}
         place = state.places.geometry(row.machine)
         for number, d in newest:
             what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)

@@ -15,7 +15,7 @@ from starlette.routing import Route
 from ...history import Trend
 from ...report.charts import trend as drawn
 from ...report.compensated import placed
-from ...report.course import course, jumps_of
+from ...report.course import course, drift_told, jumps_of
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
@@ -65,6 +65,7 @@ def trends(request: Request) -> Response:
             points["limit"],
             unit,
             state.texts,
+            drift_told(marks, series.entries, series.nights, name),
         )
         charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes], said))
     return page(

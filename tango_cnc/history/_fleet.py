@@ -1,0 +1,72 @@
+"""How every machine of a history is doing: its last night, what waits for an answer, and whether it is late."""
+
+from __future__ import annotations
+
+from collections import Counter
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING
+
+from sqlalchemy import func, select
+
+from . import _tables as t
+from . import _whole
+from .records import HELD, Standing, date_of, over, stamp_of
+
+if TYPE_CHECKING:
+    from .store import History
+
+MANY = 500  # records that are read at once
+
+
+def standings(history: History, now_utc: str, late_hours: float, told: dict[int, tuple[str, ...]]) -> tuple[Standing, ...]:
+    """history, moment, hours after which a machine is late → how every machine is doing, those that need
+    somebody first. `told`: {entry: ids of its alarms} as far as they are known; those of new entries are added.
+    """
+    limit = stamp_of(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
+    # The last one is the one that ended last: a night that was refused began after the one at work, and tells less.
+    newest = (
+        select(t.night.c.machine_id, func.max(t.night.c.end_utc).label("end"), func.count().label("nights"))
+        .group_by(t.night.c.machine_id)
+        .subquery()
+    )
+    counts = {
+        row.name: (row.nights, row.complete)
+        for row in history._rows(
+            select(
+                t.machine.c.name,
+                func.count().label("nights"),
+                func.max(t.night.c.start_utc).filter(t.night.c.status == "complete").label("complete"),
+            )
+            .join(t.night, t.night.c.machine_id == t.machine.c.id)
+            .group_by(t.machine.c.name)
+        )
+    }
+    rows = history._rows(
+        select(t.machine.c.name, t.night)
+        .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+        .join(newest, (newest.c.machine_id == t.night.c.machine_id) & (newest.c.end == t.night.c.end_utc))
+        .order_by(t.night.c.entry_id)
+    )
+    last = {row.name: _whole.night(row) for row in rows}
+    alarmed = history._rows(
+        select(t.machine.c.name, t.night.c.entry_id)
+        .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+        .where(t.night.c.alarms > 0)
+    )
+    new = [row.entry_id for row in alarmed if row.entry_id not in told]
+    for at in range(0, len(new), MANY):
+        for entry, record in history.records_of(new[at : at + MANY]).items():
+            told[entry] = tuple(str(alarm["id"]) for alarm in record["alarms"])
+    answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action, t.decision.c.until)
+    answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
+    last_ones, today = {(x.name, x.alarm): x for x in history._rows(answered)}, date_of(now_utc)
+    decided = {key: x.action for key, x in last_ones.items() if not over(x, today)}
+    held = Counter(name for (name, _), action in decided.items() if action in HELD)
+    every = {(row.name, alarm) for row in alarmed for alarm in told.get(row.entry_id, ())}  # one that goes on counts once
+    waiting = Counter(name for name, alarm in every if (name, alarm) not in decided)
+    found = []
+    for name in history.machines():
+        nights, complete = counts.get(name, (0, None))
+        late = complete is None or complete < limit
+        found.append(Standing(name, last.get(name), nights, waiting[name], late, held[name]))
+    return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))

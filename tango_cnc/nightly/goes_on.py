@@ -1,0 +1,143 @@
+"""An alarm that goes on: what moves the same way night after night is one alarm with one id, until somebody decides about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+from typing import Any
+
+from ..history import Decision
+from ..report.texts import texts
+from ..state import Named, State
+from ..texts import say
+from .alarms import LISTED, Known, Since, date_of, of_cause, own_of
+from .answered import BY_SIZE, WITHOUT_SIZE
+from .control import Given
+from .course import ALIKE, AT_ONCE
+from .moved import SURE, Moved, moved
+from .ports import Past
+from .words import value
+
+ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm
+GREW = 0.25  # of its size, by which an alarm has grown by the last night where it goes on without a further alarm
+FASTER = 2.0  # times what it made a day, from which tonight's step is a knock on top of it
+
+
+def going_on(
+    past: Past,
+    machine: str,
+    k: Known,
+    after: State,
+    alarms: Sequence[dict[str, Any]],
+    before: Since,
+    given: Sequence[Given] = (),
+) -> list[dict[str, Any]]:
+    """history, machine, what is known, state after tonight, alarms of tonight, since when, what the control got or lost → the same;
+    one that goes on has the id of the alarm that it goes on from, and is told since then.
+    """
+    if not alarms or not past.knows(machine):
+        return list(alarms)
+    last = {d.alarm: d for d in past.decisions(machine)}
+    newest = newest_of(past, machine)
+    return [_going_on(past, machine, k, after, a, before, newest, last, given) for a in alarms]
+
+
+def newest_of(past: Past, machine: str) -> dict[str, tuple[Any, Mapping[str, Any]]]:
+    """history, machine → {id: the newest night that told this alarm, the alarm as it told it}, newest first."""
+    found: dict[str, tuple[Any, Mapping[str, Any]]] = {}
+    for stored in past.alarmed(machine, LISTED):
+        for a in stored.record["alarms"]:
+            found.setdefault(a["id"], (stored, a))
+    return found
+
+
+def same_pace(older: Mapping[str, Any], tonight: Mapping[str, Any], days: float) -> bool:
+    """alarm of an earlier night, alarm of tonight, days between their nights → whether tonight's step is as the ones before it."""
+    step, made = abs(float(tonight["size"])), abs(float(older["rate_per_day"] or older["size"]))
+    return step <= FASTER * made * max(days, 1.0) + SURE * float(tonight["std"])
+
+
+def _going_on(
+    past: Past,
+    machine: str,
+    k: Known,
+    after: State,
+    alarm: dict[str, Any],
+    before: Since,
+    newest: Mapping[str, tuple[Any, Mapping[str, Any]]],
+    last: Mapping[str, Decision],
+    given: Sequence[Given],
+) -> dict[str, Any]:
+    if alarm["cause"] in (*WITHOUT_SIZE, *BY_SIZE) or alarm.get("repair") or alarm.get("undoes"):
+        return alarm
+    for key, (stored, older) in newest.items():
+        answer = last.get(key)
+        if (older["cause"], older["parameter"]) != (alarm["cause"], alarm["parameter"]) or _over(answer, date_of(after.day)):
+            continue
+        if any(g.utc >= stored.night.start_utc for g in given) or not _moved_last(past, machine, stored, older, alarm):
+            return alarm
+        days = after.day - float(stored.record["state"]["day"])
+        m = moved(past, machine, k, after, stored, older)
+        if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
+            return alarm
+        return _told(k, after, alarm, stored, older, m, before, answer)
+    return alarm
+
+
+def _over(answer: Decision | None, today: str) -> bool:
+    """last answer to an alarm, date → whether what goes on after it is another alarm."""
+    if answer is None or answer.action not in ENDS:
+        return False
+    return answer.action != "ignore" or (answer.until or "") >= today
+
+
+def _moved_last(past: Past, machine: str, stored: Any, older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
+    """→ whether it moved until the last night that was believed: between two knocks with a quiet night nothing goes on."""
+    if alarm.get("rate_per_day"):  # nights together have told it
+        return bool(older.get("ignored"))
+    known = past.latest_knowledge(machine)
+    if known is None or stored.night.entry == known[0].entry:
+        return known is not None
+    waiting = past.records_of([known[0].entry])[known[0].entry].get("standing") or ()
+    last_told = next((x for x in waiting if x["id"] == older["id"]), None)
+    if last_told is None or last_told.get("stands"):
+        return False
+    size, total = float(older["size"]), last_told.get("total")
+    grew = total is not None and float(total) * size > 0 and abs(float(total)) > (1 + GREW) * abs(size)
+    return grew or bool(older.get("rate_per_day") and older.get("steady", True))
+
+
+def _onward(m: Moved, alarm: Mapping[str, Any]) -> bool:
+    """how far it has moved, alarm of tonight → whether tonight's step takes it farther the same way."""
+    then, now, std = m.along()
+    if len(m.now) == 1:
+        return float(alarm["size"]) * then > 0 and now * then > 0
+    return now - then > max(SURE * std, 0.5 * float(alarm["size"]))
+
+
+def _told(
+    k: Known,
+    after: State,
+    alarm: dict[str, Any],
+    stored: Any,
+    older: Mapping[str, Any],
+    m: Moved,
+    before: Since,
+    answer: Decision | None,
+) -> dict[str, Any]:
+    """→ the alarm of tonight as the older one that goes on, with all that has come since that one began."""
+    since, unit = str(older["since"]), str(alarm["unit"])
+    sigmas = abs(m.along()[1]) / max(m.least() / SURE, 1e-15)
+    whole = of_cause(k, Since(since, since), Named(m.what, m.now, m.std, sigmas**2, 0.0, 0.0, ()))
+    size, step = float(whole["size"]), float(alarm["size"])
+    days = (date.fromisoformat(date_of(after.day)) - date.fromisoformat(since)).days
+    rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size)
+    if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
+        whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))
+        whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
+    told = value(step, unit, float(alarm["std"]))
+    told = told if len(m.now) == 1 else told.removeprefix("+")
+    text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
+    whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}
+    held = {"owner": answer.owner, "decision": "acknowledge"} if answer is not None and answer.action == "acknowledge" else {}
+    return alarm | whole | held | {"goes_on": {"step": step, "std": float(alarm["std"]), "text": text}}

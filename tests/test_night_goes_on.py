@@ -1,0 +1,134 @@
+"""What goes on night after night is one alarm with one id until somebody decides; a knock on top of it is another one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.answers import answered
+
+from tango_cnc.commands._simulated_nights import Event, Story
+from tango_cnc.history import opened
+from tango_cnc.nightly.again import step_by_step
+from tango_cnc.nightly.goes_on import same_pace
+from tango_cnc.nightly.words import message
+from tango_cnc.report.faults import faults, unclosed
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+
+GROWS = tuple(Event(n, {"EY0C": 0.005}) for n in range(10, 16))
+
+
+def told(a: dict[str, Any]) -> dict[str, Any]:
+    return {"size": 0.005, "std": 0.0003, "unit": "mm", "rate_per_day": None} | a
+
+
+@pytest.mark.parametrize(
+    ("older", "tonight", "days", "same"),
+    [
+        (told({}), told({}), 1.0, True),
+        (told({}), told({"size": 0.0098}), 1.0, True),
+        (told({}), told({"size": 0.02}), 1.0, False),  # a knock on top of it
+        (told({"size": 0.030, "rate_per_day": 0.005}), told({"size": 0.006}), 1.0, True),
+        (told({"size": 0.030, "rate_per_day": 0.005}), told({"size": 0.030}), 1.0, False),
+        (told({"size": 0.030, "rate_per_day": 0.005}), told({"size": 0.015}), 3.0, True),  # two nights were not measured
+    ],
+)
+def test_what_goes_on_at_its_pace_is_the_same_alarm(
+    older: dict[str, Any], tonight: dict[str, Any], days: float, same: bool
+) -> None:
+    assert same_pace(older, tonight, days) == same
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4])
+def test_growth_beyond_an_ignored_size_is_one_alarm_until_somebody_decides(root: Path, tmp_path: Path, seed: int) -> None:
+    file = tmp_path / "h.db"
+    records = answered(root, file, Story((Event(8, {"EY0C": 0.012}), *GROWS), wander=0.5), 18, {8: "ignore"}, seed)
+    grown = [a for r in records[9:15] for a in r["alarms"]]
+    assert len(grown) == 6 and len({a["id"] for a in grown}) == 1 and grown[0]["id"].startswith(records[9]["night"])
+    for n, a in enumerate(grown, 1):
+        assert abs(a["size"] - 0.005 * n) < 4 * a["std"] + 0.001 and a["since"] == records[8]["night"]
+        assert "that Ann ignores until" in a["text"] and a["ignored"]["total"] == pytest.approx(0.012 + 0.005 * n, abs=0.002)
+    last = records[14]
+    assert last["verdict"] == "changed" and not last.get("standing")
+    assert message(last, (), ())[1].count("to answer") == 1
+    (waiting,) = records[17]["standing"]
+    assert waiting["id"] == grown[0]["id"] and waiting["size"] == grown[-1]["size"]
+    assert waiting["total"] == pytest.approx(0.030, abs=0.002) and "goes on" not in waiting["text"]
+    with opened(file) as history:
+        assert [a["id"] for a in history.open_alarms("trunnion")] == [grown[0]["id"]]
+        assert history.fleet(records[-1]["end_utc"])[0].alarms_open == 1
+        found, decisions = unclosed(history, "trunnion", records[-1]["night"])
+    assert [a["id"] for a in found if a["id"] not in decisions] == [grown[0]["id"]]
+    grows = [f for f in faults(records[-1], found, decisions, Units(), texts()) if grown[0]["id"] in f["ids"]]
+    assert len(grows) == 1 and grows[0]["total"] == pytest.approx(0.042, abs=0.002)
+
+
+@pytest.mark.long
+def test_what_nobody_has_answered_goes_on_under_its_id_and_a_knock_has_its_own(root: Path, tmp_path: Path) -> None:
+    story = Story((*GROWS[:5], Event(15, {"EY0C": 0.030})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 16, {})
+    grown = [a for r in records[9:14] for a in r["alarms"]]
+    assert len(grown) == 5 and len({a["id"] for a in grown}) == 1
+    assert grown[-1]["rate_per_day"] == pytest.approx(0.005, abs=0.0005) and "night after night" in grown[-1]["text"]
+    assert "the alarm of 2026-10-10 goes on" in records[13]["headline"] and "what goes on" in grown[-1]["do"]
+    assert message(records[13], (), ())[1].count("the alarm of 2026-10-10 goes on") == 2  # the headline and the alarm
+    (knock,) = records[14]["alarms"]
+    assert knock["id"] != grown[0]["id"] and knock["size"] == pytest.approx(0.030, abs=0.001)
+
+
+@pytest.mark.long
+def test_an_answer_ends_an_alarm_and_who_has_it_keeps_it(root: Path, tmp_path: Path) -> None:
+    """Whoever acknowledged it sees it go on; what is accepted and goes on is another alarm; a drift is ignored at its rate."""
+    for action, ids in (("acknowledge", 1), ("ignore", 1), ("accept", 2)):
+        records = answered(root, tmp_path / f"{action}.db", Story(GROWS, wander=0.5), 15, {12: action})
+        assert len({a["id"] for r in records for a in r["alarms"]}) == ids
+        if action == "ignore":
+            assert not any(r["alarms"] for r in records[12:]) and "as Ann ignores it" in records[12]["headline"]
+            continue
+        (after,) = records[12]["alarms"]
+        if action == "acknowledge":
+            assert after["decision"] == "acknowledge" and after["owner"] == "Ann"
+            assert "--action repaired" in message(records[12], (), ())[1]  # she is not asked to take it again
+        else:
+            assert after["decision"] is None and after["id"].startswith(records[12]["night"])
+
+
+@pytest.mark.parametrize(
+    ("total", "tonight", "rate", "knocks"),
+    [(0.035, 0.015, None, True), (0.041, 0.015, None, False), (0.035, 0.015, 0.001, False), (None, 0.015, None, False)],
+)
+def test_two_steps_between_which_it_stood_still_are_two_knocks(
+    total: float | None, tonight: float, rate: float | None, knocks: bool
+) -> None:
+    like = {"cause": "axis_location", "parameter": "EY0C", "rate_per_day": None}
+    older = {**like, "size": 0.02, "total": total, "rate_per_day": rate, "now": ""}
+    do = step_by_step({**like, "size": tonight, "do": "ask"}, [older], {"EY0C": {"value": 0.0}})["do"]
+    assert (do == "ask") == knocks and ("what goes on" in do) != knocks
+
+
+@pytest.mark.long
+def test_two_knocks_with_a_quiet_night_between_are_both_told(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, {"EY0C": 0.020}), Event(10, {"EY0C": 0.015})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {})
+    first, other = records[7]["alarms"][0], records[9]["alarms"][0]
+    assert first["id"] != other["id"] and other["size"] == pytest.approx(0.015, abs=0.001)
+    assert "what goes on" not in other["do"] and other["do"] == first["do"]
+    assert "in the night of 2026-10-10)" in records[10]["headline"] and "µm now; +14." in records[10]["headline"]
+    with opened(tmp_path / "h.db") as history:
+        found, decisions = unclosed(history, "trunnion", records[10]["night"])
+    (fault,) = faults(records[10], found, decisions, Units(), texts())
+    assert "Two steps, and it stood still between them: +20 µm in the night of Thu 8 Oct 2026, +15 µm in" in fault["text"]
+    assert not fault["drifts"] and fault["todo"].startswith("Ask who was at the machine") and len(fault["ids"]) == 2
+
+
+@pytest.mark.long
+def test_a_stylus_that_creeps_is_one_alarm_as_well(root: Path, tmp_path: Path) -> None:
+    """It has no way, but a length."""
+    story = Story(tuple(Event(n, stylus={"EXt": 0.004, "EYt": 0.003}) for n in range(9, 13)), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 13, {})
+    grown = [a for r in records[8:12] for a in r["alarms"]]
+    assert {a["cause"] for a in grown} == {"stylus"} and len({a["id"] for a in grown}) == 1
+    assert grown[-1]["size"] == pytest.approx(0.020, abs=0.0015)
