@@ -40,9 +40,8 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
         before = len(found)
         for p in tuple(found):
             told = _plainer(one_by_one, y, names, p, [o for o in found if o is not p])
-            i = next(k for k, o in enumerate(found) if o is p)
-            found[i : i + 1] = [told] if told is not None or sum(map(_told, found)) == 1 else []
-            found = [p if o is None else o for o in found]
+            if told is not None or sum(map(_told, found)) > 1:
+                found = [o for one in found for o in ([one] if one is not p else [] if told is None else [told])]
         if sum(map(_told, found)) < 2 and len(found) == before:
             break
     return tuple(found)
