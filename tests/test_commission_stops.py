@@ -205,6 +205,23 @@ def test_at_a_control_that_stops_early_only_what_was_seen_is_asked(
 
 
 @pytest.mark.long
+def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_failed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The person says that the stylus is held, and the control does not notice it: the program comes to its end."""
+    cell, ledger = cell_of(tmp_path / "cell"), tmp_path / "ledger"
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
+    with simulated(cell, "--ledger", ledger) as port:
+        assert call("commission", "-C", cell, "--port", port, "--timeout", "4", "--no-dial") == 1
+    said = capsys.readouterr()
+    assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
+    assert "at most 1 mm" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
+    last = (cell / "commissioning" / "program").glob("O7700*")
+    text = next(last).read_text()
+    assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
+
+
+@pytest.mark.long
 def test_locate_asks_before_anything_moves_and_says_what_is_not_proven(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
