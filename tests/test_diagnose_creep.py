@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from support import blind
 
 from sim_controller.simulate import simulate
+from tango_cnc import terms
 from tango_cnc.diagnose import Diagnosis, diagnose
 from tango_cnc.diagnose.words import as_text
 
@@ -27,6 +29,13 @@ def honest(d: Diagnosis, cause: str, other: str) -> bool:
         return True
     listed = {name for f in d.findings for name, _, _ in f.alternatives}
     return named == [other] and cause in listed and d.verdict == "unexplained"
+
+
+def test_its_two_numbers_are_one_direction_across_the_spindle() -> None:
+    setting = {"shape": "linear", "tau": 3600.0}
+    (effect,) = terms.effects("stylus_creep", blind.bench().cell.machine, setting, np.array([3e-3, -4e-3]))
+    assert (effect["cause"], effect["amplitude"]) == ("stylus_creep", pytest.approx(5e-3))
+    assert effect["direction"] == pytest.approx([0.6, -0.8, 0.0])
 
 
 @pytest.mark.long
