@@ -62,7 +62,7 @@ AREAS = {
 }
 ASKED = "(few or not long) and not campaign"  # of what the default run has a few, all
 LONGEST = 60  # s for one test: what takes longer hangs, which somebody notices
-BUDGET = 30.0  # s of tests are asked about a mistake, the quick ones first; as many again when none of them notices
+BUDGET = 120.0  # s of tests, as they took with coverage, are asked about a mistake, the quick ones first; then as many others
 OPERATORS = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
 COMPARED = {
     ast.Lt: "<=",

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 
 Remedies = Mapping[str, tuple[str, str]]
 UNCONFIRMED = "unconfirmed: remembered"
+OWN = "docs/dialects.md; unconfirmed that nothing else ends it"
+SOURCES = "sources of gnea/grbl 1.1h and grblHAL"
 OWN_FILE = (
     "the end mark is the last line that the program writes: a file that ends before it was copied too early, or its disk is full"
 )
@@ -94,7 +96,7 @@ CENTROID: Remedies = {
         "operator's manual",
     ),
     "override": ("feed hold of the operator panel: the PLC program has to let it act on M115 and M125", UNCONFIRMED),
-    "end": (OWN_FILE, "own"),
+    "end": (OWN_FILE, OWN),
 }
 FAGOR: Remedies = {
     "miss": (
@@ -106,23 +108,23 @@ FAGOR: Remedies = {
     "records": ("conversion: the letter after % of a number with a point; #WRITE prints a point", UNCONFIRMED),
     "widths": ("none is known: #WRITE prints a number whole; look at what copies the file", UNCONFIRMED),
     "override": ("feed hold: the PLC mark _FEEDHOL has to act on G100 too", UNCONFIRMED),
-    "end": (OWN_FILE, "own"),
+    "end": (OWN_FILE, OWN),
 }
 GRBL: Remedies = {
-    "mirror": ("G50 takes the scaling of G51 off; $G names it while it is on, and nothing is sent until it is off", "sources"),
+    "mirror": ("G50 takes the scaling of G51 off; $G names it while it is on, and nothing is sent until it is off", SOURCES),
     "alive": (
         "the probe is at the probe pins of the board; $6 turns its polarity round, and ? shows Pn:P while it is touched",
-        "sources",
+        SOURCES,
     ),
     "miss": (
         "the probe pin: a filter or a shielded cable, as it flickers at the end of a move; $6, $19",
-        "sources; the cause inferred",
+        f"{SOURCES}; unconfirmed: the cause",
     ),
     "orientation": (
         "a plugin that knows M19 R; else orient: '' with one angle in strategy.yaml, and no orient=m19 in the port's URL",
-        "sources",
+        SOURCES,
     ),
-    "override": ("feed hold is !, and the button of it has to be at the feed hold pin: $14 turns its polarity round", "sources"),
+    "override": ("feed hold is !, and the button of it has to be at the feed hold pin: $14 turns its polarity round", SOURCES),
 }
 HEIDENHAIN: Remedies = {
     "alive": (
@@ -142,7 +144,7 @@ HEIDENHAIN: Remedies = {
     "widths": ("none is known: TOCHAR makes a number whole; look at what copies the file", UNCONFIRMED),
     "orientation": ("the builder's cycle 13 or M19 (CfgSpindle): else orient: false with one angle in strategy.yaml", UNCONFIRMED),
     "override": ("NC stop of the panel: it acts on touches unless the PLC program locks it", UNCONFIRMED),
-    "end": ("the mask ends with M_CLOSE; fetch the file after the program has ended", "own; M_CLOSE unconfirmed"),
+    "end": ("the mask ends with M_CLOSE; fetch the file after the program has ended", "docs/dialects.md; M_CLOSE unconfirmed"),
 }
 LINUXCNC: Remedies = {
     "alive": ("net probe-in => motion.probe-input in HAL: the pin of the card that the probe is wired to", "g-code.adoc"),
@@ -151,11 +153,11 @@ LINUXCNC: Remedies = {
         "G38.3 goes on after a miss; an alarm comes from a remap of G38 in the ini file: REMAP under [RS274NGC]",
         "remap.adoc",
     ),
-    "records": ("LANG and LC_NUMERIC of whoever starts LinuxCNC: C or en_US.UTF-8", "inferred, not tried"),
+    "records": ("LANG and LC_NUMERIC of whoever starts LinuxCNC: C or en_US.UTF-8", "unconfirmed: inferred, not tried"),
     "widths": ("none is known: (LOG,…) prints a number whole; look at what copies the file", "tried on 2.9"),
     "orientation": ("spindle.0.orient in HAL; else orient: false with one angle in strategy.yaml", "motion(9)"),
     "override": ("halui.program.pause or the pause button; motion.feed-hold acts unless M53 P0 has locked it", "g-code.adoc"),
-    "end": (OWN_FILE, "own"),
+    "end": (OWN_FILE, OWN),
 }
 MACH3: Remedies = {
     "alive": (
@@ -168,7 +170,7 @@ MACH3: Remedies = {
     "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
     "widths": ("none is known: Format has room for all digits; look at what copies the file", UNCONFIRMED),
     "override": ("the plugin of the motion board: feed hold has to act on G31", UNCONFIRMED),
-    "end": (OWN_FILE, "own"),
+    "end": (OWN_FILE, OWN),
 }
 MACH4: Remedies = {
     "alive": ("Configure, Control, Input Signals: Probe (G31) is mapped to the input of its cable", UNCONFIRMED),
@@ -181,7 +183,7 @@ MACH4: Remedies = {
     "records": ("region of Windows: decimal symbol is the point", UNCONFIRMED),
     "widths": ("none is known: the script prints a number whole; look at what copies the file", UNCONFIRMED),
     "override": ("the plugin of the motion board: feed hold has to act on G31", UNCONFIRMED),
-    "end": (OWN_FILE, "own"),
+    "end": (OWN_FILE, OWN),
 }
 OKUMA: Remedies = {
     "mirror": (
@@ -200,7 +202,7 @@ OKUMA: Remedies = {
     ),
     "records": ("PUT prints a point where the unit system is 1 mm, by an optional parameter; its number is not known", UNCONFIRMED),
     "override": ("slide hold of the panel: it acts on G31 unless the builder has locked it", UNCONFIRMED),
-    "end": ("CLOSE C ends the file; fetch it after the program has ended", "programs of users"),
+    "end": ("CLOSE C ends the file; fetch it after the program has ended", "unconfirmed: programs of users"),
 }
 SIEMENS: Remedies = {
     "miss": (

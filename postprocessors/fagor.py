@@ -30,6 +30,7 @@ FILE = re.compile(r"[A-Z]:(\\[A-Z0-9_-]{1,20}){1,5}\.[A-Z]{3}")
 ARRIVED = 0.000087  # sine of half of 0.01 deg: the names of rounding functions differ between the controls
 ON_ITS_WAY = "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE"
 CHANGED = 0.005  # mm; the sum of three differences of positions that may come rounded to 0.001
+MEASURES = '#MSG ["TANGO MEASURES"]'  # the next text takes the one before off the screen; a word that clears it is not known
 LAG = 1.0  # mm that the axes may have run on between the contact and their stop
 FRAME = {"X": "P1", "Y": "P2", "Z": "P3"}
 FOUND = ("P6", "P7", "P8", "P9", "P10", "P11")
@@ -193,10 +194,12 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
     yield from _stop_if(job, f"{FLAG}==0", common.unproven(job))
     if leg.kind == "prove":
         yield _off(job, leg)
+        yield MEASURES
         return
     yield f'#MSG ["{common.LETTING_GO}"]'
     yield f"G4 K{common.RELEASE}."
     yield from move(job, replace(leg, to=leg.came))
+    yield MEASURES
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:
@@ -209,6 +212,8 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program."""
+    if job.options["gate"] != "none":
+        yield '#MSG ["TANGO HAS ENDED"]'
     yield f'#WRITE ["TANGO END {job.mark} {len(job.plan.touches)}"]'
     yield "#CLOSE"
     yield "M30"

@@ -37,7 +37,7 @@ WORDS = Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", look=f"M{LOOK
 FAMILY = steps(WORDS)
 OPTIONS = (
     *with_defaults(
-        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers", "probe_state")),
+        tuple(o for o in FAMILY_OPTIONS if o.name not in (*FIXED, "axis_numbers", "probe_state", "show")),
         reset="G15 G17 G40 G49 G50 G69 G80 G90 G94 M5",
     ),
     Option(

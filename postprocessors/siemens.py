@@ -22,6 +22,7 @@ from ._remedies import SIEMENS
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
 ARRIVED = 0.01  # deg
+CLEARED = "MSG()"  # takes the text off the screen, which would stand there to the end of the program
 LAG = 1.0  # mm that the axes may have run on between the edge and their stop
 STOPS = (
     "PROBE IS DEFLECTED",
@@ -176,10 +177,12 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
     yield from _stop_if("TG_FLAG==0", UNTOUCHED)
     if leg.kind == "prove":
         yield _off(job, leg)
+        yield CLEARED
         return
     yield f'MSG("{common.LETTING_GO}")'
     yield f"G4 F{common.RELEASE}"
     yield from move(job, replace(leg, to=leg.came))
+    yield CLEARED
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -103,6 +103,25 @@ def test_a_part_is_told_by_machines_that_are_possible(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+def test_a_feature_that_temperature_withholds_says_so(tmp_path: Path) -> None:
+    """It blamed the touches, and named the feature a second time."""
+    cell, _ = example("trunnion")
+    file, setup = tmp_path / "f.yaml", Setup(cell.machine, ZERO, LENGTH)
+    file.write_text(checks(), encoding="utf-8")
+    wanted, (_, _, sheet) = features.read(file), machine(100)
+    unsure = replace(sheet, thermal=Thermal(Known(20.0, 8.0), Known(20.0, 8.0), USUAL, USUAL))
+    why = {}
+    for name, one in (("sure", sheet), ("unsure", unsure)):
+        found = of_part(wanted, setup, known_of(one, setup), {}, one)
+        why[name] = {f.name: "" if f.interval else f.text for f in found}
+    assert why["sure"]["distance P1 P2"] == "" and why["sure"]["squareness P2 P1 P2 P3"] == ""
+    assert why["unsure"]["distance P1 P2"].startswith("the touches decide it, and the temperatures do not")
+    assert "temperature.yaml with smaller uncertainties" in why["unsure"]["distance P1 P2"]
+    assert why["unsure"]["squareness P2 P1 P2 P3"] == ""  # which feels no scale
+    assert why["unsure"]["distance P1 Q1"].startswith("these touches do not decide it")
+
+
+@pytest.mark.long
 def test_features_of_ten_parts_lie_within_their_intervals(tmp_path: Path) -> None:
     within, stated, withheld = covered(range(100, 110), tmp_path / "f.yaml")
     print(f"{within} of {stated} within 95 %, {withheld} withheld")
@@ -187,7 +206,7 @@ def test_the_page_has_them_beside_the_other_figures(cell: Path, capsys: pytest.C
     by_name = {f["name"]: f for f in data["figures"]}
     assert by_name["parameter EY0C"]["unit"] == "µm"
     assert math.isclose(by_name["parameter EY0C"]["value"], 24.0, abs_tol=1.0)
-    assert by_name["part width"]["value"] is None
+    assert by_name["part width"]["value"] is None and "width" not in by_name["part width"]["why"]
     assert "fitted terms" in data["iso_17025_7_8"]["other: parameters"]
     assert {f["verdict"] for f in data["figures"]} == {"not stated"}  # simulated readings
 

@@ -14,8 +14,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from support.controls import GOLDEN, golden
+from support.controls import GOLDEN, Ran, golden
 from support.dialects import EVERY
 from support.gates import NEAR, ran
 from support.wrongcontrols import Case, cases, sees, table, turned_round
@@ -59,9 +60,46 @@ def profile(name: str, stated: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def stops_when_held(name: str, made: Plan, stated: Mapping[str, Any], habits: Mapping[str, Any], ignored: bool) -> bool:
-    """dialect, plan, profile, habits, whether skip moves ignore a deflected probe → whether a program without gate stops."""
-    found = ran(name, made, profile(name, stated) | {"gate": "none"}, habits, probe="inverted", begins_deflected=ignored)
-    return not any(line.lstrip().startswith("P") for line in found.out.decode("ascii", "replace").splitlines())
+    """dialect, plan, profile, habits, whether skip moves ignore a deflected probe → whether the program for a held stylus stops."""
+    found = with_a_hand(name, made, stated, habits, probe="inverted", begins_deflected=ignored)
+    return "TANGO END" not in found.out.decode("ascii", "replace")
+
+
+def ends_at(made: Plan) -> dict[str, float]:
+    """plan → {axis: mm or rad} where the machine stands at its end."""
+    at: dict[str, float] = {}
+    for move in made.moves:
+        at.update(move.target)
+    return at
+
+
+def with_a_hand(name: str, made: Plan, stated: Mapping[str, Any], habits: Mapping[str, Any], **who: Any) -> Ran:
+    """dialect, plan in the air, profile, habits, who is there → what came of the program for a hand, begun at its end."""
+    options = profile(name, stated) | {"gate": "none", "positioning_feed": commission.HELD_FEED}
+    return ran(name, commission.held(made), options, habits, stands=ends_at(made), **who)
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("name", sorted(EVERY))
+@pytest.mark.parametrize("ignored", [False, True])
+def test_beside_a_hand_nothing_moves_more_than_a_millimetre_or_turns_or_moves_fast(name: str, ignored: bool) -> None:
+    """On the control that it looks for, which goes on with a deflected probe, it is the hand that would be met."""
+    made, options = air(), profile(name, {}) | {"gate": "none", "positioning_feed": commission.HELD_FEED}
+    post, slight = load(name), commission.held(made)
+    lines = list(program(post, slight, options, plan_hash(slight))[2]())
+    readback.check(
+        lambda: iter(lines), slight, settings_of(post, options), companions(post, slight, options), written_in=post.language
+    )
+    assert plan_hash(slight) not in (plan_hash(made), plan_hash(replace(slight, only=None)))
+    found = with_a_hand(name, made, {}, {}, probe="inverted" if ignored else "alive", begins_deflected=ignored)
+    begun = ends_at(made)
+    moved = [abs(place[n] - begun[n]) for place in found.places for n in made.machine.linear]
+    assert max(moved, default=0.0) < 1.0, moved
+    turned = [
+        math.remainder(place[n] - math.degrees(begun[n]), 360.0) for place in found.places for n in (*made.machine.rotary, "S")
+    ]
+    assert not np.any(np.abs(turned) > 0.01), turned  # grbl: its driver says an angle anew
+    assert ignored or ("TANGO END" in found.out.decode() and moved and found.clock() > 0.4), found.why
 
 
 def seen(

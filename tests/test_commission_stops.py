@@ -20,6 +20,7 @@ from support.controls import golden
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission.experiments.records import coarse
 from tango_cnc.commission.timing import expected
 from tango_cnc.files.commissioning import read_commissioning
 from tango_cnc.records import Plan
@@ -105,6 +106,20 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
 
 
+@pytest.mark.parametrize("places", [3, 4])
+def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int) -> None:
+    """Three moves from a place that is no round number, as where three beliefs are left to prove."""
+    made, rng = air(), np.random.default_rng(places)
+    linear = [made.machine.column(n) for n in made.machine.linear]
+    for _ in range(200):
+        start = np.array(made.touches[0].end)
+        start[linear] = rng.uniform(-300, 300, 3)
+        ends = [start + 5.0 * (np.arange(len(start)) == column) for column in linear]
+        few = replace(made, touches=tuple(replace(t, end=tuple(e)) for t, e in zip(made.touches, ends, strict=False)))
+        found = {t.number: (0, dict(zip(made.machine.names, np.round(t.end, places), strict=True))) for t in few.touches}
+        assert coarse(commission.Seen(few, found, True, True)) is None
+
+
 def test_moves_that_took_no_time_prove_no_pace() -> None:
     made = air()
     found = {t.number: (0, dict(zip(made.machine.names, t.end, strict=True))) for t in made.touches}
@@ -187,6 +202,23 @@ def test_at_a_control_that_stops_early_only_what_was_seen_is_asked(
     assert code in (1, 3), out
     last = {proof.belief: proof.verdict for proof in read_commissioning(cell)}
     assert last["sense"] != "PASS" and last["orientation"] == "OPEN" and last["end"] == "OPEN", (last, out)
+
+
+@pytest.mark.long
+def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_failed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The person says that the stylus is held, and the control does not notice it: the program comes to its end."""
+    cell, ledger = cell_of(tmp_path / "cell"), tmp_path / "ledger"
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
+    with simulated(cell, "--ledger", ledger) as port:
+        assert call("commission", "-C", cell, "--port", port, "--timeout", "4", "--no-dial") == 1
+    said = capsys.readouterr()
+    assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
+    assert "at most 1 mm" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
+    last = (cell / "commissioning" / "program").glob("O7700*")
+    text = next(last).read_text()
+    assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
 
 
 @pytest.mark.long

@@ -96,6 +96,40 @@ def test_every_dialect_has_its_page_and_every_row_its_source() -> None:
     assert {file.stem for file in PAGES.glob("*.md")} == set(EVERY)
 
 
+NOBODY_CAN_LOOK_UP = re.compile(r"\bown\b|\d+ %|not noted|remembered|\blists?\b|of users|inferred|memory|^sources$")
+
+
+def rows_of(text: str) -> list[list[str]]:
+    """page → its rows: what, fact, source."""
+    return [cells for row in re.findall(r"(?m)^\| (.*) \|$", text) if len(cells := re.split(r" \| ", row)) == 3]
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_row_whose_source_nobody_can_look_up_says_that_it_is_unconfirmed(name: str) -> None:
+    rows = [row for row in rows_of(page(name)) if row[2] != "source"]
+    told = [row for row in rows if NOBODY_CAN_LOOK_UP.search(row[2]) and "unconfirmed" not in row[2]]
+    assert not told, f"docs/controls/{name}.md: name a source that others can look up, or say unconfirmed on the row itself: {told}"
+    assert all(re.search(r"[a-zA-Z]{4}|\d", row[2]) for row in rows), name
+
+
+NEEDED = {  # what a person has to know before the first record arrives
+    "cable and connector": r"[Cc]onnector|cable",
+    "network": r"[Nn]etwork|share|FTP|Ethernet",
+    "where records arrive": r"[Rr]ecords",
+    "skip input": r"skip|probe input|input of the probe|probe.{0,40}input",
+}
+
+
+@pytest.mark.parametrize("name", ["fagor", "haas", "mazak", "okuma"])
+def test_a_page_without_cable_network_destination_and_input_says_whom_to_ask(name: str) -> None:
+    """What is not known is one bullet: unconfirmed, ask the builder for it."""
+    cabinet = page(name).partition("## In the cabinet")[2].partition("## What is known")[0]
+    bullets = [" ".join(bullet.split()) for bullet in cabinet.split("\n* ")[1:]]
+    (asked,) = [bullet for bullet in bullets if bullet.lower().startswith("unconfirmed: ask the builder for")]
+    for what, words in NEEDED.items():
+        assert re.search(words, asked), f"docs/controls/{name}.md: {what}"
+
+
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_a_page_is_linked_and_has_no_empty_table(name: str, root: Path) -> None:
     links = (root / "docs" / "commissioning.md").read_text(encoding="utf-8")

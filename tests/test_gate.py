@@ -209,3 +209,30 @@ def test_in_random_plans_a_bad_probe_is_stopped_before_it_hits_anything() -> Non
 @pytest.mark.campaign
 def test_in_a_thousand_random_plans_a_bad_probe_is_stopped_before_it_hits_anything() -> None:
     assert random_plans_with_a_bad_probe(12, 1000) > 14_000
+
+
+@pytest.mark.parametrize("name", ["fagor", "siemens"])
+def test_the_text_does_not_stand_on_the_screen_when_the_hand_has_gone(name: str) -> None:
+    """A text stands there until another one comes: LET GO OF THE STYLUS stood there to the end of the program."""
+    found = ran(name, golden())
+    shown = [(event, data) for event, data in found.events if event in ("message", "contact")]
+    first = next(i for i, (event, _) in enumerate(shown) if event == "contact")
+    asked = [data["text"] for event, data in shown[:first] if event == "message"]
+    assert any(TOUCH in text for text in asked) and not any(word in asked[-1] for word in ("STYLUS", "LET GO")), asked
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("name", [n for n in sorted(EVERY) if load(n).language == "macro_b"])
+@pytest.mark.parametrize("macros", ["inline", "called"])
+def test_a_control_that_shows_no_comment_stops_with_the_text_before_the_slow_move(name: str, macros: str) -> None:
+    post, made, given = load(name), golden(), {"show": "stop", "macros": macros}
+    lines, options = list(program(post, made, given, plan_hash(made))[2]()), settings_of(post, given)
+    at = lines.index(f"#3006=1({TOUCH})")
+    assert TOUCH in lines[at + 1] and not readback.check(lambda: iter(lines), made, options, {}, written_in="macro_b")
+    found = ran(name, made, given)
+    assert found.stops == [TOUCH] and not found.why and events(found).count("contact") == len(made.touches)
+    assert events(found).index("stop") < events(found).index("finger")
+    early = lines.index("POPEN")
+    for text in ([*lines[:early], lines[at], *lines[early:at], *lines[at + 1 :]], [*lines[: at + 1], *lines[at:]]):
+        with pytest.raises(InputError):  # a person is not stopped for anywhere else
+            readback.check(lambda text=text: iter(text), made, options, {}, written_in="macro_b")  # type: ignore[misc]

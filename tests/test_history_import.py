@@ -33,3 +33,31 @@ def test_an_imported_night_is_one_of_the_cell_that_goes_on_with_it(tmp_path: Pat
     assert record["next"] == {"kind": "check", "why": "nothing is too uncertain"}
     said = message(record, (), ())[1]
     assert f"readings of {old}" in said and "files in" not in said
+
+
+@pytest.mark.long
+def test_readings_of_another_machine_or_with_edited_rows_are_no_night_of_this_one(tmp_path: Path) -> None:
+    old, home = tmp_path / "old", tmp_path / "home"
+    write_example(old, "trunnion")
+    write_example(home, "trunnion")
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(old), "--seed", "1"], standalone_mode=False).exit_code == 0
+    for name in ("csv", "origin.json"):
+        (old / f"simulated.{name}").rename(old / f"readings.{name}")
+    machine, readings = old / "machine.yaml", old / "readings.csv"
+    own, whole = machine.read_text(encoding="utf-8"), readings.read_text(encoding="utf-8")
+
+    def refused(*more: str) -> str:
+        words = ["history", "import", str(old), "-C", str(home), "--history", str(tmp_path / "history.db"), *more]
+        found = CliRunner().invoke(tango, words, standalone_mode=False)
+        return str(found.exception or "")
+
+    machine.write_text(own.replace("name: trunnion", "name: the one beside it", 1), encoding="utf-8")
+    assert "found readings of the machine 'trunnion'; allowed: those of 'the one beside it'" in refused()
+    machine.write_text(own, encoding="utf-8")
+    lines = whole.splitlines()
+    readings.write_text("\n".join([*lines[:7], lines[7].replace("ok", "miss"), *lines[8:-1]]) + "\n", encoding="utf-8")
+    assert "found 1 rows that are not as they were written (lines 8), and 1 that are gone" in refused()
+    with opened(tmp_path / "history.db") as history:
+        assert not history.machines(), "nothing was added"
+    readings.write_text(whole, encoding="utf-8")
+    assert refused() == ""

@@ -243,3 +243,13 @@ def test_a_whole_strategy_gives_the_parameters_of_the_simulated_machine(server, 
     away = [abs(p["value"] - true["parameters"][n]["value"]) / max(p["std"], 1e-12) for n, p in got["parameters"].items()]
     print(f"\nresidual {got['residual']['rms_um']:.3f} µm rms, {len(away)} parameters within {max(away):.1f} standard deviations")
     assert got["residual"]["rms_um"] < 1.0 and max(away) < SIGMAS
+
+
+@pytest.mark.parametrize("line", ["SET {all}", "GET {less}", "GET {all} more=1", "GET", "SET"])
+def test_an_answer_that_does_not_hold_every_variable_is_none(line):
+    nodes = read_nodes()
+    words = [f"{name}=0" for name in nodes.looked_at]
+    whole = " ".join(words)
+    assert opcua._values(f"GET {whole}", nodes) == dict.fromkeys(nodes.looked_at, 0.0)
+    with pytest.raises(ValueError, match="not all variables were read"):
+        opcua._values(line.format(all=whole, less=" ".join(words[1:])), nodes)

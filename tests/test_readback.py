@@ -524,6 +524,28 @@ def test_no_line_that_moves_asks_stops_or_records_may_be_missing(post: str, ever
     assert passed <= MAY_BE_MISSING
 
 
+@pytest.mark.few(2)
+@pytest.mark.parametrize("axis", [1, 2, 3])
+def test_a_program_of_heidenhain_asks_of_every_axis_whether_it_is_scaled(axis: int) -> None:
+    lines = bare("heidenhain", golden())
+    at = lines.index(f"FN 18: SYSREAD Q35 = ID210 NR4 IDX{axis}")
+    unasked = renumbered([*lines[:at], *lines[at + 2 :]])
+    assert "before ID210 NR4 has said that nothing is scaled" in refused(unasked, "heidenhain")
+    every = [line for line in lines if "ID210 NR4" not in line and line != lines[at + 1]]
+    assert "before ID210 NR4" not in refused(renumbered(every), "heidenhain", scaling_check=False), "where nobody wants it asked"
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_control_that_reads_ahead_gets_both_empty_blocks_before_it_is_asked_where_it_is(which: int) -> None:
+    lines = bare("haas", golden(), wait="G103 P1")
+    assert not refused(lines, "haas", wait="G103 P1")
+    pairs = [i for i in range(len(lines) - 1) if lines[i] == lines[i + 1] == ";"]
+    assert pairs
+    for i in pairs[:: max(len(pairs) // 6, 1)]:
+        assert refused([*lines[: i + which], *lines[i + which + 1 :]], "haas", wait="G103 P1")
+
+
 # At the command line
 
 

@@ -64,6 +64,7 @@ def checklist(
         "7.8.8 replaces": p.get("replaces", ""),
         "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
         **_parameters(order, sheet),
+        **_tool(order, sheet),
         "other: readings": origin,
         "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
     }
@@ -73,6 +74,12 @@ def _parameters(order: Order, sheet: Sheet) -> dict[str, str]:
     """order, figures → what parameters of the fit mean, where the order has limits for some."""
     notes = dict.fromkeys(f.note for f in sheet.figures if f.kind == "parameter" and f"parameter {f.name}" in order.limits)
     return {"other: parameters": "; ".join(notes)} if notes else {}
+
+
+def _tool(order: Order, sheet: Sheet) -> dict[str, str]:
+    """order, figures → what is stated of the tool that cuts the part, where the order has limits for features of one."""
+    notes = dict.fromkeys(f.note for f in sheet.figures if f.kind == "part" and f"part {f.name}" in order.limits)
+    return {"other: tool": "; ".join(notes)} if any(notes) else {}
 
 
 def _uncertainty(sheet: Sheet) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -10,20 +11,37 @@ from scipy import special
 
 from ..compensate.fit import Known
 from ..estimate import Estimate
-from ..iso230.doubt import UNDECIDED
+from ..iso230.doubt import UNDECIDED, VOLUME
 from ..iso230.expansion import stretches
 from ..iso230.poses import all_steady, at_poses
 from ..iso230.signed import OnPart, Sheet
 from ..iso230.temperature import NO_CHANGE, scale
 from ..iso230.temperature import Known as Warmth
 from ..iso230.whole import Whole
+from ..kinematics import Slot
 from ..nc import features
+from ..nc.features import Tool
 from ..nc.follow import Motion, Setup
 from ..nc.predict import touched_of
 from ..records import Array, InputError, Machine, TangoError
+from ..terms import Coefficient
 from ..touches import Touches
 
 COVERAGE = 0.95
+NORMAL = float(special.ndtri(0.5 + COVERAGE / 2))
+MEASURED = Tool(1e-3)  # for what would help: a length that is known to 1 µm
+NOT_MEASURED = (
+    "; with a tool whose length was measured against the probe it would be {std:.1f} µm. State that under 'tool' in the features "
+    "file (docs/compensate.md)"
+)
+TOO_UNSURE = (
+    "the touches decide it, and what is stated of the tool does not: with that its standard deviation would be {std:.0f} µm; "
+    "measure the tool against the probe with a smaller uncertainty"
+)
+UNSURE = (
+    "the touches decide it, and the temperatures do not: with them its standard deviation would be {std:.0f} µm; measure bar and "
+    "machine, and state their temperatures and expansions in temperature.yaml with smaller uncertainties"
+)
 PARAMETER, PART = "parameter", "part"
 UNITS = {"mm": ("µm", 1e3), "rad": ("µrad", 1e6), "mm/mm": ("µm/m", 1e6), "rad/rad": ("µrad/rad", 1e6)}
 
@@ -69,36 +87,59 @@ def _beside(result: Estimate, sheet: Sheet) -> Array:
     return np.asarray(sum((m @ m.T for m in moved), np.zeros((p, p))))
 
 
-def known_of(sheet: Sheet, setup: Setup, wide: bool = False) -> Known:
-    """figures, set-up of a part, whether under the wide sizes → every error motion of the machine, budget and expansion in it.
+def known_of(sheet: Sheet, setup: Setup, wide: bool = False, tool: Tool | None = None, expanding: bool = True) -> Known:
+    """figures, set-up of a part, whether under the wide sizes, its tool, whether with what temperature adds to scales → every
+    error motion of the machine, budget in it.
 
     Under the wide sizes it tells what the touches leave open; otherwise the machines that they leave possible are drawn.
     """
     whole = sheet.whole if wide else sheet.learned
     if whole is None:
         raise TangoError("accept: the figures were made without the machine behind them, so no part can be predicted")
-    if sheet.thermal is None or sheet.temperature == "not stated":
-        return possible(whole, setup.machine)
-    return possible(whole, setup.machine, scale(sheet.thermal, sheet.temperature.startswith("20 °C")))
+    if not expanding or sheet.thermal is None or sheet.temperature == "not stated":
+        return possible(whole, setup.machine, tool=tool)
+    return possible(whole, setup.machine, scale(sheet.thermal, sheet.temperature.startswith("20 °C")), tool)
 
 
-def possible(whole: Whole, machine: Machine, more: Warmth | None = None) -> Known:
-    """every error motion as the touches leave it, machine, what temperature adds to scales (mm/mm) → what acts at a pose."""
+def possible(whole: Whole, machine: Machine, more: Warmth | None = None, tool: Tool | None = None) -> Known:
+    """every error motion as the touches leave it, machine, what temperature adds to scales (mm/mm), what is stated of the tool
+    → what acts at a pose.
+
+    A tool that was measured against the probe is off its length by as much as the tip of the probe is, and what the measurement
+    of it adds. Without a statement its length is taken as exact, which no touch has told.
+    """
     own, _ = all_steady(whole.coefficients, _some(whole.touches))
     coefficients = tuple(whole.coefficients[i] for i in own)
     values, covariance = whole.values[own], whole.covariance[np.ix_(own, own)]
     drawn = None if whole.draws is None else whole.draws[own] - values[:, None]
-    if more is not None:
-        axes = machine.linear
-        p, k = len(values), len(axes)
-        stretched = np.zeros((p + k, p + k))
-        stretched[:p, :p], stretched[p:, p:] = covariance, more.std**2  # one and the same expansion stretches every axis
-        coefficients, covariance = coefficients + stretches(machine), stretched
-        values = np.concatenate([values, np.full(k, more.value)])
-        if drawn is not None:
-            both = more.std * np.random.default_rng(2309).standard_normal(drawn.shape[1])
-            drawn = np.vstack([drawn, np.tile(both, (k, 1))])
-    return Known(coefficients, values, covariance, drawn=drawn)
+    tip = whole.tip
+    if tool is not None and tip is not None:
+        covariance = np.block([[covariance, tip.across[own, None]], [tip.across[None, own], np.array([[tip.variance]])]])
+        coefficients, values = (*coefficients, tip.coefficient), np.append(values, tip.value)
+        drawn = None if drawn is None or tip.draws is None else np.vstack([drawn, tip.draws - tip.value])
+    known = Known(coefficients, values, covariance, drawn=drawn)
+    if tool is not None:
+        for i, std in enumerate((tool.eccentricity, tool.eccentricity, tool.length)):
+            known = _with(known, (_along(i),), 0.0, std, 2310 + i)
+    return known if more is None else _with(known, stretches(machine), more.value, more.std, 2309)
+
+
+def _along(component: int) -> Coefficient:
+    """x, y or z → how far the tip of the tool that cuts is elsewhere than stated, mm."""
+    return Coefficient(f"tool {'xyz'[component]}", "mm", Slot("t", "stylus", component), lambda touches: np.ones(len(touches)))
+
+
+def _with(known: Known, more: tuple[Coefficient, ...], value: float, std: float, seed: int) -> Known:
+    """what acts, coefficients that are one and the same unknown, its value and standard deviation → all of it."""
+    p, k = len(known.values), len(more)
+    covariance = np.zeros((p + k, p + k))
+    covariance[:p, :p], covariance[p:, p:] = known.covariance, std**2
+    drawn = known.drawn
+    if drawn is not None:
+        one = std * np.random.default_rng(seed).standard_normal(drawn.shape[1])
+        drawn = np.vstack([drawn, np.tile(one, (k, 1))])
+    coefficients, values = (*known.coefficients, *more), np.append(known.values, np.full(k, value))
+    return replace(known, coefficients=coefficients, values=values, covariance=covariance, drawn=drawn)
 
 
 def _some(touches: Touches) -> Touches:
@@ -115,13 +156,15 @@ def of_part(
     Raises InputError for blocks that the program does not have.
     """
     assert sheet.whole is not None
-    touched, wide = touched_of(sheet.whole.touches), known_of(sheet, setup, wide=True)
-    found = []
-    for f, why in decided(wanted, setup, known, wide, labels, touched):
-        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, f.kind, bounds=f.bounds)
+    touched, tool = touched_of(sheet.whole.touches), wanted.tool
+    wide, by_touches = (known_of(sheet, setup, True, tool, expanding) for expanding in (True, False))
+    measured = known_of(sheet, setup, True, MEASURED, False)
+    found, note = [], "" if tool is None else features.stated(tool)
+    for f, why in decided(wanted, setup, known, wide, labels, touched, measured, by_touches):
+        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, note, bounds=f.bounds)
         if not why and f.kind in ("distance", "position") and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"
-        found.append(replace(figure, value=None, interval=None, text=f"{f.name}: {why}") if why else figure)
+        found.append(replace(figure, value=None, interval=None, text=why) if why else figure)
     return tuple(found)
 
 
@@ -132,19 +175,40 @@ def decided(
     wide: Known,
     labels: Mapping[str, Sequence[Motion]],
     touched: Mapping[str, tuple[float, float]],
+    measured: Known | None = None,
+    by_touches: Known | None = None,
 ) -> list[tuple[features.Predicted, str]]:
     """features, set-up, machines that are possible, what the touches leave open, motions by block, touched ranges → each feature,
     and why it is withheld ('' where it is not).
 
-    Raises InputError for blocks that the program does not have.
+    Where rotary axes turn between its places, the errors of all axes sum up in a feature, and it may be as uncertain as a volume.
+    `measured`: what they leave open with a tool that was measured well against the probe; `by_touches`: without temperature. So
+    a reason says what would help. Raises InputError for blocks that the program does not have.
     """
-    normal, found = float(special.ndtri(0.5 + COVERAGE / 2)), []
-    left = features.predict(wanted, setup, wide, labels, touched)
-    for f, open_to in zip(features.predict(wanted, setup, known, labels, touched), left, strict=True):
-        std = (open_to.high - open_to.low) / 2 / normal
-        why = "an axis is beyond what was touched, so the machine was not measured there" if f.extrapolated else ""
-        found.append((f, why or undecided_by(std)))
-    return found
+
+    def open_to(of: Known | None, tool: Tool | None) -> list[float]:
+        """→ µm, standard deviation of each feature that is left open."""
+        if of is None:
+            return [math.inf] * len(found)
+        told = features.predict(replace(wanted, tool=tool), setup, of, labels, touched)
+        return [(f.high - f.low) / 2 / NORMAL for f in told]
+
+    found = features.predict(wanted, setup, known, labels, touched)
+    left, result = open_to(wide, wanted.tool), []
+    some = max(left) > UNDECIDED["µm"]
+    cold = open_to(by_touches if some else None, wanted.tool)
+    with_tool = open_to(measured if some else None, MEASURED)
+    for f, std, touches, best in zip(found, left, cold, with_tool, strict=True):
+        most = (VOLUME if f.turned else 1.0) * UNDECIDED["µm"]
+        why = undecided_by(std, most)
+        if f.extrapolated:
+            why = "an axis is beyond what was touched, so the machine was not measured there"
+        elif why and touches <= most:
+            why = UNSURE.format(std=std)
+        elif why and best <= most:
+            why = why + NOT_MEASURED.format(std=best) if wanted.tool is None else TOO_UNSURE.format(std=std)
+        result.append((f, why))
+    return result
 
 
 def undecided_by(std: float, most: float = UNDECIDED["µm"]) -> str:

@@ -240,7 +240,7 @@ def _ball(
         clear = radius + part.radius
         hit = np.where(own, _distance(centre, begin, run) < clear + part.touching, near < clear + part.margin + between)
         yield hit, f"the {part.name} would hit {name}", "shank"
-    down = _distance(centre, pose.tip + standoff * pose.normal, (parts[0].high - parts[0].low) * pose.spindle)
+    down = _distance(centre, pose.tip + standoff * pose.normal, parts[0].high * pose.spindle)
     near = np.min([np.linalg.norm(pose.tip + d * pose.normal - centre, axis=1) for d in way], axis=0)
     clear = radius + probe.tip_radius
     yield ~own & (near < clear + MARGIN + between), f"the tip would hit {name}", "tip"

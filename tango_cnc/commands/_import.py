@@ -12,7 +12,7 @@ from typing import Any
 from ..files import read_cell, read_readings
 from ..files.checked import complaint
 from ..files.nightly import Nightly, read_nightly
-from ..files.origin import by_no_machine, read_origin
+from ..files.origin import FEW, by_no_machine, edited_rows, look_up, other_machine, read_origin
 from ..files.readjson import read_json
 from ..history import History
 from ..nightly import Finding, Measured, Ports, night
@@ -51,11 +51,29 @@ def _begun(file: Path, stamp: object) -> datetime | None:
         raise complaint(file, None, "start_utc", repr(stamp), "a time such as 2026-05-01T06:00:00Z") from None
 
 
-def imported(history: History, folders: Sequence[Path], home: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _sound(file: Path, folder: Path) -> None:
+    """readings.csv, its cell → nothing. Raises InputError for readings of another machine, and for edited rows."""
+    origin = look_up(file)
+    if named := other_machine(origin, folder):
+        then, now = named
+        raise InputError(
+            f"{file}: found readings of the machine {then!r}; allowed: those of {now!r}, of which the cell is. Nothing was added. "
+            "If it is one machine with a new name: --despite"
+        )
+    lines, gone = edited_rows(origin)
+    if lines or gone:
+        listed = f" (lines {', '.join(map(str, lines[:FEW]))}{' …' if len(lines) > FEW else ''})" if lines else ""
+        raise InputError(
+            f"{file}: found {len(lines)} rows that are not as they were written{listed}, and {gone} that are gone; allowed: "
+            "readings as the run wrote them. Nothing was added; --despite takes them"
+        )
+
+
+def imported(history: History, folders: Sequence[Path], home: Path, despite: bool = False) -> Iterator[tuple[Path, dict[str, Any]]]:
     """history, cells with readings.csv, folder of the cell that goes on with them → (cell, record of the night), oldest first.
 
-    The night is one of `home`, where that is a cell: its owner, and where its alarms are answered. Raises InputError before
-    anything is added.
+    The night is one of `home`, where that is a cell: its owner, and where its alarms are answered. `despite`: also readings of
+    another machine, and such as somebody has edited. Raises InputError before anything is added.
     """
     own, quiet = read_nightly(home), Nightly(diagnose=False, free_mb=0.0, full_every_days=1e-6)
     found = []
@@ -66,6 +84,8 @@ def imported(history: History, folders: Sequence[Path], home: Path) -> Iterator[
         beside = file.with_suffix(".json")
         origin = read_json(beside, "what 'tango run' wrote") if beside.exists() else {}
         when = _begun(beside, origin.get("start_utc")) or datetime.fromtimestamp(file.stat().st_mtime, UTC)
+        if not despite:
+            _sound(file, folder)
         if by_no_machine(read_origin(file) or {}):
             origin = {**origin, "simulated": True}
         found.append((when, cell, readings, file.read_text(encoding="utf-8"), origin))

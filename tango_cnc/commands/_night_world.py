@@ -25,6 +25,7 @@ from ._cell_nights import again
 from ._common import address_of, dialect
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
+from ._start import disproven_of
 
 LISTEN = 5.0  # s that a control may take to say what it is
 
@@ -137,21 +138,32 @@ class RealControl:
     def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
         """→ commissioned, the program of these touches, what was left behind, control and probe. Nothing moves."""
         self._points = []
-        if self.settings.commissioned:
-            there = (self.cell.folder / "commissioning.yaml").exists()
-            advice = "" if there else say("preflight.world.run_tango_commission_with_person")
-            self._points.append(
-                Finding(
-                    "commissioned", there, "commissioning.yaml" if there else say("preflight.world.no_commissioning_yaml"), advice
-                )
-            )
-        checks = (self._program, self._gate, self._left, *((self._warm,) if self.settings.temperature else ()), self._control)
+        checks = (
+            self._commissioned,
+            self._program,
+            self._gate,
+            self._left,
+            *((self._warm,) if self.settings.temperature else ()),
+            self._control,
+        )
         for check in checks:
             try:
-                self._points.append(check(kind, touches))
+                if (point := check(kind, touches)) is not None:
+                    self._points.append(point)
             except TangoError as error:
                 self._points.append(Finding(check.__name__.strip("_"), False, str(error), ""))
         return self._points
+
+    def _commissioned(self, kind: str, touches: Sequence[int]) -> Finding | None:
+        """What a person has proven wrong of this control, nobody goes on with at night; None where nothing is asked or known."""
+        there = (self.cell.folder / "commissioning.yaml").exists()
+        if not there and self.settings.commissioned:
+            said, advice = say("preflight.world.no_commissioning_yaml"), say("preflight.world.run_tango_commission_with_person")
+            return Finding("commissioned", False, said, advice)
+        if not self.simulated and (wrong := disproven_of(self.cell, dialect(self.cell)) if there else []):
+            (found, do), *_ = wrong
+            return Finding("commissioned", False, say("preflight.world.not_so", found=found), say("preflight.world.mend", do=do))
+        return Finding("commissioned", True, "commissioning.yaml") if self.settings.commissioned else None
 
     def _program(self, kind: str, touches: Sequence[int]) -> Finding:
         from .check import _postable

@@ -8,17 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from ..acceptance.further import possible, undecided_by
+from ..acceptance.further import MEASURED, possible, undecided_by
 from ..compensate.fit import Known
 from ..estimate import Estimate
 from ..iso230.doubt import UNDECIDED, VOLUME
 from ..iso230.seen import seen
+from ..iso230.whole import motion_of
+from ..nc.features import Tool, cut
 from ..nc.follow import Setup
 from ..nc.predict import Way, levers, machinery
 from ..records import Array, TangoError
 from ._budget import budget_of
 
 POINTS = 200  # of a program at which the machines are compared
+FAINT = 0.05  # µm rms: less is no cause
 SIDE = 0.95  # of the machines have no larger deviation
 
 
@@ -28,33 +31,40 @@ class Machines:
 
     known: Known
     wide: Known
+    measured: Known  # as `wide`, with a tool that was measured against the probe
 
 
-def machines(folder: Path, result: Estimate) -> Machines | str:
-    """cell, estimate → machines that its touches allow, with the uncertainty that the cell states; or why there are none."""
+def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machines | str:
+    """cell, estimate, what is stated of the tool → machines that its touches allow, with the uncertainty that the cell states; or
+    why there are none.
+    """
     try:
         found = seen(result, budget_of(folder, result))
     except TangoError as error:
         return str(error)
     machine = result.model.touches.machine
-    return Machines(possible(found.learned, machine), possible(found.wide, machine))
+    known, wide = (possible(w, machine, tool=tool) for w in (found.learned, found.wide))
+    return Machines(known, wide, possible(found.wide, machine, tool=MEASURED))
 
 
-def aligned(way: Way, setup: Setup, of: Machines) -> dict[str, Any]:
-    """way, set-up, machines → how far the tip is at most, µm, of the part as it lies best on its program; or why that is withheld.
+def aligned(way: Way, setup: Setup, of: Machines, tool: Tool | None = None) -> dict[str, Any]:
+    """way, set-up, machines, what is stated of the tool → how far the tip is at most, µm, of the part as it lies best on its
+    program, and what makes it so; or why that is withheld.
 
     How a table lies is set up by the touches and by whoever clamps a part. What is left moves every axis, and may be as uncertain
     as a volume. `at_most_um` is a limit of one side, 95 %: scatter in many directions makes a largest deviation larger, and what
     it is at least cannot be told as well.
     """
     chosen = np.unique(np.linspace(0, len(way.at) - 1, min(POINTS, len(way.at))).astype(int))
-    at, tool = np.array(way.at)[chosen], np.array(way.tool)[chosen]
-    free = _without_set_up(np.array(way.position)[chosen])
+    at, tool_lengths = np.array(way.at)[chosen], np.array(way.tool)[chosen]
+    free, setup = _without_set_up(np.array(way.position)[chosen]), cut(setup, tool)
+    if tool is not None and len(np.unique(tool_lengths)) > 1:
+        return _withheld("the program has tools of several lengths, and nothing states how these stand against each other")
 
     def moved(known: Known) -> Array:
         found = np.zeros((len(at), 3, len(known.coefficients)))
-        for length in np.unique(tool):
-            own = tool == length
+        for length in np.unique(tool_lengths):
+            own = tool_lengths == length
             found[own] = levers(machinery(setup, known, float(length)), at[own])
         return (free @ found.reshape(3 * len(at), -1)).reshape(found.shape) * 1e3
 
@@ -63,12 +73,40 @@ def aligned(way: Way, setup: Setup, of: Machines) -> dict[str, Any]:
     std = float(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)).max())
     why = undecided_by(std, VOLUME * UNDECIDED["µm"])
     if why:
-        return {"largest_um": None, "at_most_um": None, "why": why}
+        return _withheld(why)
     curve, drawn = moved(of.known), of.known.drawn
     assert drawn is not None
     best, every = curve @ of.known.values, curve @ (of.known.values[:, None] + drawn)
     most = float(np.quantile(np.linalg.norm(every, axis=1).max(axis=0), SIDE))
-    return {"largest_um": round(float(np.linalg.norm(best, axis=1).max()), 4), "at_most_um": round(most, 4), "why": ""}
+    largest, (causes, mixed) = float(np.linalg.norm(best, axis=1).max()), _causes(of.known, curve)
+    return {"largest_um": round(largest, 4), "at_most_um": round(most, 4), "why": "", "causes": causes, "mixed": mixed}
+
+
+def _withheld(why: str) -> dict[str, Any]:
+    return {"largest_um": None, "at_most_um": None, "why": why, "causes": [], "mixed": []}
+
+
+def _causes(known: Known, curve: Array) -> tuple[list[dict[str, Any]], list[str]]:
+    """machines, (n, 3, p) µm per unit of every coefficient → what each error motion does along the way, rms with its 95 %
+    interval, the largest first; and those that the touches cannot tell from each other. What these do together they may tell.
+    """
+    assert known.drawn is not None
+    motions = np.array([motion_of(c) for c in known.coefficients])
+    causes, mixed = [], []
+    for name in dict.fromkeys(motions.tolist()):
+        own = motions == name
+        best = curve[..., own] @ known.values[own]
+        around = np.tensordot(curve[..., own], known.drawn[own], axes=1)  # (n, 3, d)
+        if float(np.sqrt(np.mean(np.sum(around**2, axis=1)))) > VOLUME * UNDECIDED["µm"]:
+            mixed.append(name)
+            continue
+        low, high = np.quantile(np.sqrt(np.mean(np.sum((best[..., None] + around) ** 2, axis=1), axis=0)), [0.025, 0.975])
+        size = float(np.sqrt(np.mean(np.sum(best**2, axis=1))))
+        if high > FAINT:
+            causes.append(
+                {"name": name, **{f"{k}_um": round(float(v), 4) for k, v in (("rms", size), ("low", low), ("high", high))}}
+            )
+    return sorted(causes, key=lambda c: -c["rms_um"]), mixed
 
 
 def _without_set_up(points: Array) -> Array:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..files import blamed_on
-from ..records import Cell, Plan
+from ..records import Cell, InputError, Plan
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -27,6 +27,29 @@ def unproven_of(cell: Cell, post: Post) -> list[str]:
     found = proven(cell, post)
     open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS]
     return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in open_ones]
+
+
+def disproven_of(cell: Cell, post: Post) -> list[tuple[str, str]]:
+    """cell, its post → (what is not so, what mends it): beliefs that break something, and are proven wrong today."""
+    from ._proofs import proven, unproven
+
+    found = proven(cell, post)
+    wrong = [e for e in unproven(found) if e.danger <= DANGEROUS and e.belief in found]
+    return [(f"{e.says}. It is NOT so: {found[e.belief].found}", e.advice) for e in wrong]
+
+
+def unattended(cell: Cell, post: Post) -> None:
+    """Says what nobody has proven of this control, as nobody is asked. Raises InputError for what is proven not to be so."""
+    from ..files.commissioning import NAME
+
+    if wrong := disproven_of(cell, post):
+        (text, advice), *_ = wrong
+        raise InputError(
+            f"{cell.folder / NAME}: {text}. What to do: {advice}. Then 'tango commission' tries it again. Nothing was sent: only a "
+            "person at the machine may go on with it, at a terminal and without --yes"
+        )
+    for text in unproven_of(cell, post):
+        click.echo(f"not proven on this control: {text}", err=True)
 
 
 def gate_of(cell: Cell, post: Post) -> str:

@@ -13,7 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
-from ._start import ask, obeys, unproven_of
+from ._start import ask, obeys, unattended, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -67,6 +67,8 @@ def conducted(
     from .check import positioning_feed
 
     someone = attended()
+    if yes or not someone:
+        unattended(cell, post)
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:

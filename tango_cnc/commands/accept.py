@@ -100,12 +100,13 @@ def _with_further(order: Order, sheet: Sheet, result: Estimate, cell: Cell) -> S
         return replace(sheet, figures=(*sheet.figures, *more))
     zero = zero_of(",".join(f"{axis}={value}" for axis, value in part.zero.items()), cell.machine, f"{order.file}: part: zero")
     setup = Setup(cell.machine, zero, cell.machine.probe.length if part.tool_length is None else part.tool_length)
-    known, labels = known_of(sheet, setup), {}
+    wanted = features.read(part.features)
+    known, labels = known_of(sheet, setup, tool=wanted.tool), {}
     if part.program is not None:
         language = language_of(part.program, cell, None)
         with blamed(part.program, language), opened(part.program) as lines:
             labels = along(lines, language, setup, known, touched_of(result.model.touches))[1]
-    return replace(sheet, figures=(*sheet.figures, *more, *of_part(features.read(part.features), setup, known, labels, sheet)))
+    return replace(sheet, figures=(*sheet.figures, *more, *of_part(wanted, setup, known, labels, sheet)))
 
 
 def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:

@@ -31,6 +31,11 @@ UNHEARD = (
     "Did the probe move up slowly, and go on although you touched the stylus? (no: it stopped there, it did not get there, or you "
     "have not seen it)"
 )
+ASIDE = (
+    "Now a program of its own, for a stylus that is held aside. It makes one guarded move, of at most 1 mm from where the moves in "
+    "the air have ended, at 60 mm/min, and ends. Leave the axes where they stand. Hand on feed hold. Hold the stylus aside with "
+    "the other one and start the program; let go if it moves more than 1 mm. Do you hold it? (no: this is left open)"
+)
 PLACE = "Measure 10"  # in the list of commands
 
 
@@ -41,7 +46,7 @@ PLACE = "Measure 10"  # in the list of commands
 @click.option(
     "--held/--no-held",
     default=None,
-    help="Try a probe that is held aside too: the program is started once more and has to stop. Default: at a terminal.",
+    help="Try a probe that is held aside too: a program of one move of 0.5 mm is started and has to stop. Default: at a terminal.",
 )
 @click.option(
     "--dial/--no-dial",
@@ -153,12 +158,13 @@ def command(
         seen = replace(seen, said=said or seen.said)
     if someone and _unclear(seen):
         seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
-    aside = "Hold the stylus aside and keep it there. Do you? (no: this is left open)"
-    if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(aside, err=True):
-        ungated = written(
-            cell, folder / FOLDER / "program", post, made, options | {"gate": "none"}
-        )  # which would notice the hand by itself
-        once, control = _tried(cell, post, made, ungated, address, timeout, someone)
+    if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
+        slight = commission.held(made)
+        gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
+        if any(option.name == "positioning_feed" for option in post.options):
+            gentle["positioning_feed"] = commission.HELD_FEED
+        short = written(cell, folder / FOLDER / "program", post, slight, options | gentle)
+        once, control = _tried(cell, post, slight, short, address, timeout, someone)
         seen = replace(seen, held=_stopped(once))
     turn = (
         f"Turn the feed override of the panel to {100 * commission.DIAL:.0f} % and leave it there. Is it? (no: this is left open)"
@@ -263,7 +269,8 @@ def _tried(
             if not journal.exists() or journal.read_bytes() == earlier:
                 raise  # the port did not open
             why = str(error)
-            click.echo(why, err=True)
+            if made.only is None:  # else there is no record to wait for
+                click.echo(why, err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
     refused, control, ended, begun = [], "", False, False
     seconds: float | None = None
@@ -273,7 +280,7 @@ def _tried(
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):
-            ended = entry.complete
+            ended = entry.complete or (made.only is not None and entry.stands)
         if isinstance(entry, entries.Reading | entries.Doubted):
             found = record_of(entry.record, made)
             if found is not None:

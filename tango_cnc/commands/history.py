@@ -330,13 +330,14 @@ def verify(history: History, machine: str | None, digest: str | None, json_file:
 @click.argument("cells", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")
 @click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")
-def import_(cells: tuple[Path, ...], folder: Path, where: str | None) -> None:
+@click.option("--despite", is_flag=True, help="Also readings of a machine with another name, and such as somebody has edited.")
+def import_(cells: tuple[Path, ...], folder: Path, where: str | None, despite: bool) -> None:
     """Adds the readings of old cells, oldest first: each folder with readings.csv and readings.json becomes a full night."""
     from ..history import opened
     from ._import import imported
 
     with opened(_place(folder, where)) as history:
-        for cell, record in imported(history, cells, folder):
+        for cell, record in imported(history, cells, folder, despite):
             click.echo(f"{cell}: {record['night']} {record['verdict']}: {record['headline']}")
 
 

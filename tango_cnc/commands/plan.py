@@ -13,7 +13,6 @@ import click
 from ..capability.programs import KINDS, Kind
 from ..capability.programs import program as capability_program
 from ..files import artefact_text, blamed_on, drawn_sizes, read_cell, strategy_text
-from ..files.commissioning import NAME
 from ..files.normals import refuse_inward
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
@@ -161,7 +160,8 @@ def command(
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
     if json_file != "-" and capability is None and cell.controller is not None:
-        ahead(folder, *(() if (folder / NAME).exists() else ("commission",)), "run")
+        tried = result["proven"]
+        ahead(folder, *(() if tried and "FAIL" not in tried.values() else ("commission",)), "run")
 
 
 def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:

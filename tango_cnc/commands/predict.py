@@ -75,14 +75,18 @@ def command(**options: Any) -> int:
         way, labels = predict.along(lines, language, setup, known, touched)
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
-    of = "asked for" if options["fitted"] else _possible.machines(cell.folder, result)
+    tool = None if wanted is None else wanted.tool
+    of = "asked for" if options["fitted"] else _possible.machines(cell.folder, result, tool)
     if isinstance(of, str):
         found = [(f, "") for f in features.predict(wanted, setup, known, labels, touched)] if wanted is not None else []
         more: dict[str, Any] = {"fitted_alone": of}
     else:
-        found = decided(wanted, setup, of.known, of.wide, labels, touched) if wanted is not None else []
-        more = {"fitted_alone": None, "aligned": _possible.aligned(way, setup, of)}
-    data = _data(source, way, found) | more | {"scales": _scales.said(cell.folder, result)}
+        found = decided(wanted, setup, of.known, of.wide, labels, touched, of.measured) if wanted is not None else []
+        more = {"fitted_alone": None, "aligned": _possible.aligned(way, setup, of, tool)}
+    stated = None
+    if tool is not None:
+        stated = {"length_um": tool.length * 1e3, "eccentricity_um": tool.eccentricity * 1e3, "text": features.stated(tool)}
+    data = _data(source, way, found) | more | {"tool": stated, "scales": _scales.said(cell.folder, result)}
     if options["picture"] is not None:
         _draw(options["picture"], way)
     if not write_json(options["json_file"], {"simulated": True, **data} if simulated else data):
@@ -133,9 +137,9 @@ def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, 
             {
                 "name": f.name,
                 "kind": f.kind,
-                "value_um": None if why else round(f.value, 4),
-                "low_um": None if why else round(f.low, 4),
-                "high_um": None if why else round(f.high, 4),
+                "value_um": None if why else round(f.value, 4) + 0.0,
+                "low_um": None if why else round(f.low, 4) + 0.0,
+                "high_um": None if why else round(f.high, 4) + 0.0,
                 "extrapolated": f.extrapolated,
                 "why": why,
             }
@@ -157,6 +161,20 @@ def _there(data: dict[str, Any]) -> str:
     return f"{said}: largest {best['largest_um']:.1f} µm, at most {best['at_most_um']:.1f} µm (95 %)"
 
 
+def _possible_causes(data: dict[str, Any]) -> list[str]:
+    """plain data → what makes the deviations of the part as it lies best, where they are told."""
+    causes = (data.get("aligned") or {}).get("causes", [])
+    if not causes:
+        return []
+    told = ", ".join(f"{c['name']} {c['rms_um']:.1f} µm ({c['low_um']:.1f} to {c['high_um']:.1f})" for c in causes[:6])
+    return [f"what makes it so, of the part as it lies best, with every error motion (rms along the program, 95 %): {told}"]
+
+
+def _signed(value: float) -> str:
+    """µm → with its sign, to 0.1 µm; nothing has no sign to lose."""
+    return f"{round(value, 1) + 0.0:+.1f}"
+
+
 def _text(data: dict[str, Any]) -> str:
     lines = [
         f"{data['blocks']} blocks, {data['points']} points",
@@ -164,7 +182,9 @@ def _text(data: dict[str, Any]) -> str:
         f"(line {data['largest_line']}), rms {data['rms_um']:.1f} µm",
         _there(data),
         f"direction of the tool: largest {data['direction_largest_urad']:.1f} µrad, rms {data['direction_rms_urad']:.1f} µrad",
-        "what makes it so (rms along the program): " + ", ".join(f"{c['name']} {c['rms_um']:.1f} µm" for c in data["causes"][:6]),
+        "what makes it so, by the fitted terms (rms along the program): "
+        + ", ".join(f"{c['name']} {c['rms_um']:.1f} µm" for c in data["causes"][:6]),
+        *_possible_causes(data),
     ]
     if data["extrapolated"]:
         share = 100 * data["extrapolated"] / data["points"]
@@ -182,8 +202,10 @@ def _text(data: dict[str, Any]) -> str:
             alone = f.get("without_scatter_um")
             scatter = "" if alone is None else f"with the scatter of its points; {alone:.1f} without"
             note = ", ".join(word for word in ("extrapolated" if f["extrapolated"] else "", scatter) if word)
-            rows.append([f["name"], f"{f['value_um']:+.1f}", f"{f['low_um']:+.1f} to {f['high_um']:+.1f}", note])
+            rows.append([f["name"], _signed(f["value_um"]), f"{_signed(f['low_um'])} to {_signed(f['high_um'])}", note])
         lines += ["", table(rows, "<><<")]
+        if data["tool"] is not None:
+            lines.append(data["tool"]["text"])
         if any(f["why"] for f in data["features"]):
             lines.append(WITHHELD)
     return "\n".join(lines)

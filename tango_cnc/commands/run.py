@@ -22,7 +22,7 @@ from ._common import Output, address_of, ahead, attended, cell_option, controlle
 from ._live import Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, gate_of, obeys, unproven_of
+from ._start import ask, gate_of, obeys, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -142,6 +142,8 @@ def command(
         if not resume and not (alive := proves(cell, made)).passed:
             raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
     someone = attended()
+    if (yes or not someone) and not simulated:
+        unattended(cell, post)
     journal = target.with_suffix(".journal")
 
     def confirm(part: Plan, program: Program) -> None:

@@ -5,7 +5,7 @@ into proofs, `keys.py` says how long each of them holds.
 """
 
 from .experiment import DIAL, Experiment, Question, Seen, Verdict
-from .flight import MOST, air
+from .flight import HELD_FEED, MOST, air, held
 from .keys import keys
 from .rolling import rolling
 from .touching import late, pivots, quicker, touching
@@ -13,6 +13,7 @@ from .verdicts import Judged, answerable, by_danger, experiments, judge, questio
 
 __all__ = [
     "DIAL",
+    "HELD_FEED",
     "MOST",
     "Experiment",
     "Judged",
@@ -23,6 +24,7 @@ __all__ = [
     "answerable",
     "by_danger",
     "experiments",
+    "held",
     "judge",
     "keys",
     "late",

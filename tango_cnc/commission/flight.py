@@ -19,12 +19,16 @@ import numpy as np
 from .. import kinematics
 from ..gate import gate
 from ..plan import part, plan_hash, refuse
-from ..records import Array, InputError, Plan, Touch
+from ..records import Array, InputError, Move, Plan, Touch
 from .experiment import Question
 
 MOST = 6  # indexations
 ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins; mm that it goes
 ENTER = 1.0  # mm above its beginning from where it is approached
+HELD, HELD_FEED = (
+    0.5,
+    60.0,
+)  # mm and mm/min of the one move while somebody holds the stylus aside: no stylus breaks, a hand has time
 UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 
 
@@ -53,6 +57,24 @@ def air(whole: Plan, most: int = MOST, own: int | None = None) -> Plan:
     gate(made)
     plan_hash(made)
     return made
+
+
+def held(made: Plan) -> Plan:
+    """plan in the air, at whose end the machine stands → a plan of one guarded move of `HELD` mm up from there, and no touch.
+
+    It is for a hand that holds the stylus aside: a control that goes on all the same bends nothing. Where the travel ends there,
+    it goes down, 10 mm above the clear level. Raises InputError where the axis has no room at all.
+    """
+    begun, at = next(move for move in made.moves), dict[str, float]()
+    for move in made.moves:
+        at.update(move.target)
+    name = next(name for name in made.machine.linear if name in begun.target)
+    up = math.copysign(HELD, float(_up(made)[made.machine.column(name)]))
+    low, high = made.machine.axis(name).travel or (-math.inf, math.inf)
+    place = next((at[name] + by for by in (up, up / 10, -up) if low <= at[name] + by <= high), None)
+    if place is None:
+        raise InputError(f"{name}: {at[name]:.1f} mm is where the moves in the air end; allowed: {HELD:g} mm of travel beside it")
+    return replace(made, touches=made.touches[:1], turns=(), only=Move("retract", {name: place}, made.touches[0].number))
 
 
 def along(made: Plan) -> dict[str, Question]:

@@ -14,7 +14,7 @@ from typing import Any
 from ..records import Machine
 from .verdicts import experiments
 
-HARMLESS = ("confirmed", "gate", "memory", "misses", "positioning_feed", "program_number", "tolerance")
+HARMLESS = ("confirmed", "gate", "memory", "misses", "positioning_feed", "program_number", "show", "tolerance")
 
 
 def keys(machine: Machine, post: str, code: str, options: Mapping[str, Any], port: str) -> dict[str, str]:

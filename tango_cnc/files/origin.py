@@ -184,7 +184,15 @@ def other_machine(origin: Origin, folder: Path) -> tuple[str, str] | None:
     """
     texts = origin.known.get("cell")
     then, now = (_machine(each) for each in (texts if isinstance(texts, dict) else {}, _texts(folder)))
+    then = then or _measured_on(origin.readings)
     return (then, now) if then and now and then != now else None
+
+
+def _measured_on(readings: Path) -> str:
+    with suppress(InputError):
+        name = read_json(readings.with_suffix(".json"), "what 'tango run' wrote").get("machine")
+        return name if isinstance(name, str) else ""
+    return ""
 
 
 def made_utc(origin: Origin) -> datetime | None:

@@ -27,7 +27,7 @@ from ..estimate import Estimate
 from ..model import known, linearise
 from ..records import Array, Machine, TangoError
 from ..terms import Coefficient, backlash
-from .whole import FINEST, WIDTH, Whole, motion_of, waves, widths, with_all
+from .whole import FINEST, WIDTH, Tip, Whole, motion_of, place_of_tip, waves, widths, with_all
 
 HIGHEST = (6, 6)  # degree of polynomials, harmonics: of every machine that is drawn
 ALONE, MOTION, DEGREES = (
@@ -141,29 +141,33 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         drawn, variance, sigma = _chain(touched, _Shares(kinds, [motions[i] if i < p else "" for i in seen]), wide.sigma)
     except linalg.LinAlgError:
         raise TangoError(f"ISO figures: {len(gaps)} touches bound no error motion of this machine; make the whole plan") from None
-    own = seen < p
-    draws, sizes = np.zeros((p, drawn.shape[1])), np.zeros(p)
-    draws[seen[own]] = width[seen[own], None] * drawn[own]
+    own, t, tip = seen < p, place_of_tip(model, width > 0), None
+    sizes = np.zeros(p)
     sizes[seen[own]] = width[seen[own]] * np.sqrt(variance[own])
     inverse = linalg.inv(touched.normal / sigma**2 + touched.stated + np.diag(1 / variance))
-    gain = np.zeros((p, len(gaps) + len(uncertainty)))
-    gain[seen[own]] = (width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])))[own]
-    values = draws.mean(axis=1)
-    covariance = np.cov(draws) + 2 * _unsettled(draws)
+    every, gains = np.zeros((len(width), drawn.shape[1])), np.zeros((len(width), len(gaps) + len(uncertainty)))
+    every[seen] = width[seen, None] * drawn
+    gains[seen] = width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty]))
+    both = every[:p] if t is None else np.vstack([every[:p], every[t]])
+    values = both.mean(axis=1)
+    covariance = np.cov(both) + 2 * _unsettled(both)
+    if t is not None:
+        tip = Tip(model.coefficients[t], float(values[p]), covariance[p, p], covariance[:p, p], gains[t], every[t])
     free = np.ones(p, dtype=bool)
     free[[seen[j] for j in kinds]] = False
     return replace(
         wide,
         coefficients=found,
         motions=motions,
-        values=values,
-        covariance=covariance,
+        values=values[:p],
+        covariance=covariance[:p, :p],
         order=HIGHEST,
-        gain=gain,
+        gain=gains[:p],
         leave=None,
         widths=sizes,
         free=free,
-        draws=draws,
+        draws=every[:p],
+        tip=tip,
     )
 
 

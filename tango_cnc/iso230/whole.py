@@ -21,7 +21,7 @@ from scipy import linalg
 from ..estimate import Estimate
 from ..identify import Selection
 from ..kinematics import Slot, slot_name
-from ..model import Model, known, linearise
+from ..model import STYLUS, Model, known, linearise
 from ..records import COMPONENTS, Array, Machine, TangoError
 from ..terms import Coefficient, backlash, cause, causes, error_motion, inter_axis
 from ..touches import Touches
@@ -39,6 +39,18 @@ ALONE = 0.02  # share of a touch's own error that is left of it, below which no 
 UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
 TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
+
+
+@dataclass(frozen=True)
+class Tip:
+    """Where the tip of the first stylus is along the spindle, beside a machine of p coefficients: its length, above all."""
+
+    coefficient: Coefficient
+    value: float  # mm
+    variance: float  # mm²
+    across: Array  # (p,) covariance with the coefficients of the machine
+    gain: Array  # (n + m,) how gaps of the touches and known distances, mm, move it
+    draws: Array | None = None  # (d,) in the machines that are drawn
 
 
 @dataclass(frozen=True)
@@ -60,6 +72,7 @@ class Whole:
     left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
     free: NDArray[np.bool_] | None = None  # (p,) of machines that are drawn: what the touches alone decide, no size of its kind
     draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
+    tip: Tip | None = None  # of the first stylus; None: no touch of it is here
 
     @cached_property
     def unfelt(self) -> dict[str, bool]:
@@ -98,13 +111,17 @@ def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]
 def moved(w: Whole, factors: Sequence[Array]) -> Whole:
     """machine, factors (n + m, k) mm of what moves many touches alike → the same machine, as uncertain as that makes it."""
     assert w.gain is not None
-    covariance, draws, rng = w.covariance.copy(), w.draws, np.random.default_rng(2307)
+    covariance, draws, tip, rng = w.covariance.copy(), w.draws, w.tip, np.random.default_rng(2307)
     for factor in factors:
         way = w.gain @ factor
         covariance += way @ way.T
-        if draws is not None:
-            draws = draws + way @ rng.standard_normal((way.shape[1], draws.shape[1]))
-    return replace(w, covariance=covariance, draws=draws)
+        some = None if draws is None else rng.standard_normal((way.shape[1], draws.shape[1]))
+        draws = draws if draws is None or some is None else draws + way @ some
+        if tip is not None:
+            own = tip.gain @ factor
+            drawn = tip.draws if tip.draws is None or some is None else tip.draws + own @ some
+            tip = replace(tip, variance=tip.variance + float(own @ own), across=tip.across + way @ own, draws=drawn)
+    return replace(w, covariance=covariance, draws=draws, tip=tip)
 
 
 def orders(result: Estimate) -> list[tuple[Whole, float]]:
@@ -139,7 +156,9 @@ def _fitted(
     """as `whole`; every unknown by name and scatter (mm) of another order, near which this one begins → machine, its own."""
     model, p = with_all(result.model, degree, order)
     touches = model.touches
-    known_there, sigma = near or (dict(zip(result.model.names, result.values.tolist(), strict=True)), result.sigma)
+    of_terms = dict(zip(result.model.names, result.values.tolist(), strict=True))
+    start = np.array([of_terms.get(name, 0.0) for name in model.names])
+    known_there, sigma = near or (of_terms, result.sigma)
     values = np.array([known_there.get(name, 0.0) for name in model.names])
     width = widths(model)
     seen = width > 0
@@ -165,11 +184,14 @@ def _fitted(
                 f"iso230: found {n} touches, which leave {freedom:.1f} degrees of freedom beside all error motions of the axes; "
                 "allowed: 3 or more; touch more indexations"
             )
-        weighed = sigma
+        before = sigma
         sigma = max(float(np.sqrt(gaps @ gaps / freedom)), FINEST) if scatter is None else sigma
-        if abs(np.log(sigma / weighed)) < SETTLED:
+        if abs(np.log(sigma / before)) < SETTLED:
             break
-    matrix[:n] *= weighed / sigma
+    # How far the table is turned about its rotary axis, few touches tell: a fit may have it 0.01 rad off. Figures are of a table
+    # that is not. Beside the turned one, what cancels on theirs would leave some µm.
+    _, rows, uncertainty = known(model, start)
+    matrix = np.vstack([linearise(model, start)[1] / sigma, rows / uncertainty[:, None]])[:, seen] * width[seen]
     inverse = linalg.inv(matrix.T @ matrix + np.eye(len(normal)))
     scales = np.outer(width[seen], width[seen])
     covariance = np.zeros((len(values), len(values)))
@@ -185,9 +207,13 @@ def _fitted(
     free = np.diag(leave)
     told = free > ALONE  # what is left of touches that the others say nothing of is no prediction
     left_out = float(np.sqrt(np.mean((gaps[told] / free[told]) ** 2))) if told.any() else np.nan
+    tip, t = None, place_of_tip(model, seen)
+    if t is not None:
+        tip = Tip(model.coefficients[t], float(values[t]), covariance[t, t], covariance[:p, t], ways[int(seen[:t].sum())])
     covariance, own_width, of = covariance[:p, :p], width[:p], (degree, order)
     fit = Whole(
-        touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out
+        *(touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out),
+        tip=tip,
     )
     return fit, (dict(zip(model.names, values.tolist(), strict=True)), sigma)
 
@@ -283,6 +309,12 @@ def _polynomials(axis: str, highest: int, low: float, high: float) -> Callable[[
         return np.asarray(last[0][1][:, degree])
 
     return value
+
+
+def place_of_tip(model: Model, seen: NDArray[np.bool_]) -> int | None:
+    """model, (p,) whether a touch feels an unknown → which one is the place of the first stylus' tip along the spindle, if any."""
+    place = model.names.index(STYLUS[2]) if STYLUS[2] in model.names else None
+    return place if place is not None and seen[place] else None
 
 
 def motion_of(c: Coefficient) -> str:

@@ -63,4 +63,6 @@ def durations(plan: Plan) -> dict[int, float]:
         if move.kind == "probe":
             result[move.touch] = spent
             spent = 0.0
+    if plan.only is not None:  # and none of its touches
+        return {touch.number: spent for touch in plan.touches}
     return result

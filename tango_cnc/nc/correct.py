@@ -30,6 +30,7 @@ class Machinery:
     known: Known
     length: float  # mm
     zero: Array  # (k,) mm rad, axis positions of the workpiece's zero with this tool
+    came: Array | None = None  # (k,) sense of every axis' last motion, 0: the mean of both; None: of all
 
     @cached_property
     def chain(self) -> Chain:
@@ -44,8 +45,12 @@ class Machinery:
         return kinematics.chain(replace(self.machine, probe=replace(self.machine.probe, length=length)))
 
     def acting(self, positions: Array, values: Array | None = None) -> dict[kinematics.Slot, Array]:
-        """(n, k) mm rad → errors by slot; of reversal the mean of both directions."""
-        return self.known.acting(at_poses(self.machine, positions, np.zeros_like(positions)), values)
+        """(n, k) mm rad → errors by slot; of reversal that of `came`, or the mean of both directions."""
+        return self.known.acting(at_poses(self.machine, positions, self.directions_of(positions)), values)
+
+    def directions_of(self, positions: Array) -> Array:
+        """(n, k) → (n, k) sense of every axis' last motion there."""
+        return np.zeros_like(positions) if self.came is None else np.tile(self.came, (len(positions), 1))
 
     def meant(self, positions: Array) -> Array:
         """(n, k) mm rad → (n, 3) mm in the table frame: where the program means the tip to be."""

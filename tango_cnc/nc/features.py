@@ -9,12 +9,13 @@ checks:
   - {name: sides, kind: squareness, of: [A, B, A, D]}     # line A B to line A D, over the length of the second one
   - {name: bore, kind: circularity, of: N95}              # the points of an arc: largest less smallest radius
 point_um: 0.5     # standard uncertainty of one measured point of the part: of who measures it, and of cutting it
+tool: {length_um: 2}  # its length was measured against the probe, with this standard uncertainty (`Tool`)
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ from .predict import beyond, drawn, machinery, points_of
 
 KINDS = ("distance", "position", "squareness", "circularity")
 DRAWS = 2000
+SUREST = (0.1, 100.0)  # µm, of a standard uncertainty of the tool
+TURNED = 1e-6  # rad
 PARALLEL = 1e-3  # rad between two lines, below which their angle is no linear function of their deviations
 
 
@@ -41,17 +44,32 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Tool:
+    """How the tool that cuts stands against the probe: its length was measured against the probe's, Z coming down to both.
+
+    Places are cut with Z coming down, too. So whatever the touches cannot tell from the length of the probe, this tool has
+    likewise. Its axis is that of the spindle; mm, standard uncertainties.
+    """
+
+    length: float
+    eccentricity: float = 0.0  # of a tool that does not turn, in each direction
+
+
+@dataclass(frozen=True)
 class Wanted:
     """A list of checks with the places that they name."""
 
     places: Mapping[str, str | Mapping[str, float]]
     checks: tuple[Check, ...]
     point: float  # mm, standard uncertainty of a measured point
+    tool: Tool | None = None  # None: nothing tells how the tool stands against the probe
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """A feature: µm against the program, its 95 % interval, whether it lies where nothing was touched."""
+    """A feature: µm against the program, its 95 % interval, whether it lies where nothing was touched, whether rotary axes turn
+    between its places: then the errors of all axes sum up in it.
+    """
 
     name: str
     kind: str
@@ -61,17 +79,46 @@ class Predicted:
     extrapolated: bool
     alone: float | None = None  # of a range whose value contains the scatter of its points: without it
     bounds: tuple[float, float] | None = None  # of a range: it is below the first with 5 %, above the second with 5 %
+    turned: bool = False
 
 
 def read(file: Path) -> Wanted:
     """YAML file → checks. Raises InputError for what is wrong, with file and line."""
-    fields = load(file).fields(["checks"], ["places", "point_um"])
+    fields = load(file).fields(["checks"], ["places", "point_um", "tool"])
     places: dict[str, str | Mapping[str, float]] = {}
     for name, node in fields["places"].items() if "places" in fields else ():
         plain = node.plain()
         places[name] = str(plain) if not isinstance(plain, dict) else {axis: child.position() for axis, child in node.items()}
     checks = tuple(_check(node, places) for node in fields["checks"].list())
-    return Wanted(places, checks, fields["point_um"].number(0, 1000) * 1e-3 if "point_um" in fields else 0.0)
+    if not checks:
+        raise fields["checks"].wrong(
+            "one check or more; write one, such as '- {kind: distance, of: [A, B]}'", "none: nothing is checked"
+        )
+    point = fields["point_um"].number(0, 1000) * 1e-3 if "point_um" in fields else 0.0
+    return Wanted(places, checks, point, _tool(fields["tool"]) if "tool" in fields else None)
+
+
+def _tool(node: Node) -> Tool:
+    fields = node.fields(["length_um"], ["eccentricity_um"])
+    least, most = SUREST
+    length, eccentricity = fields["length_um"], fields.get("eccentricity_um")
+    for one in filter(None, (length, eccentricity)):
+        value = one.number(0, most)
+        if value < least and (value > 0 or one is length):
+            raise one.wrong(f"{least:g} to {most:g} (µm); 0.002 mm is written 2, and no tool is measured better than {least:g} µm")
+    return Tool(length.number() * 1e-3, eccentricity.number() * 1e-3 if eccentricity is not None else 0.0)
+
+
+def stated(tool: Tool) -> str:
+    """what is stated of the tool → one line for people."""
+    text = f"stated: the length of the tool was measured against the probe, standard uncertainty {tool.length * 1e3:g} µm"
+    text += f"; it does not turn, and is beside the spindle axis by {tool.eccentricity * 1e3:g} µm" if tool.eccentricity else ""
+    return f"{text}; Z comes down to every place"
+
+
+def cut(setup: Setup, tool: Tool | None) -> Setup:
+    """set-up, what is stated of the tool → set-up as the places are cut: with Z coming down, where that is stated."""
+    return setup if tool is None else replace(setup, came={**setup.came, "Z": -1.0})
 
 
 def _check(node: Node, places: Mapping[str, object]) -> Check:
@@ -96,9 +143,9 @@ def predict(
     wanted: Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]], touched: Mapping[str, tuple[float, float]]
 ) -> list[Predicted]:
     """checks, set-up, what is known, motions by label, touched ranges → every feature. Raises InputError for unknown blocks."""
-    result = []
+    result, setup = [], cut(setup, wanted.tool)
     for check in wanted.checks:
-        points, nominal, outside = _points(check, wanted, setup, known, labels, touched)
+        points, nominal, outside, turned = _points(check, wanted, setup, known, labels, touched)
         own = np.random.default_rng(5).normal(scale=wanted.point, size=(DRAWS, *points.shape[1:])) if wanted.point else 0.0
         spread = points[1:] + own
         for name, measure in _measures(check):
@@ -109,7 +156,7 @@ def predict(
             alone = None
             if check.kind == "circularity" and wanted.point:  # a range is never less than that of the scatter alone
                 value, alone = middle, value
-            result.append(Predicted(name, check.kind, value, low, high, outside, alone, bounds))
+            result.append(Predicted(name, check.kind, value, low, high, outside, alone, bounds, turned))
     return result
 
 
@@ -120,8 +167,10 @@ def _points(
     known: Known,
     labels: Mapping[str, Sequence[Motion]],
     touched: Mapping[str, tuple[float, float]],
-) -> tuple[Array, Array, bool]:
-    """→ (m + 1, n, 3) mm deviations of its points, (n, 3) mm where they are meant, whether one is extrapolated."""
+) -> tuple[Array, Array, bool, bool]:
+    """→ (m + 1, n, 3) mm deviations of its points, (n, 3) mm where they are meant, whether one is extrapolated, whether rotary axes
+    turn between them.
+    """
     places: list[tuple[dict[str, float], float, float]] = []
     if check.kind == "circularity":
         motion = _motion(check.of[0], labels)
@@ -142,7 +191,9 @@ def _points(
         raise InputError(f"features: {check.name}: found places cut with tools of several lengths; allowed: one tool a check")
     mach = machinery(setup, known, lengths.pop())
     at = positions(setup, [p for p, _, _ in places], [a for _, _, a in places])
-    return drawn(mach, at, DRAWS), mach.meant(at), bool(beyond(setup.machine, at, touched).any())
+    rotary = [setup.machine.column(name) for name in setup.machine.rotary]
+    turned = bool(np.any(np.ptp(at[:, rotary], axis=0) > TURNED))
+    return drawn(mach, at, DRAWS), mach.meant(at), bool(beyond(setup.machine, at, touched).any()), turned
 
 
 def _motion(label: str, labels: Mapping[str, Sequence[Motion]]) -> Motion:

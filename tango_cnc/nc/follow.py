@@ -26,6 +26,7 @@ class Setup:
     length: float  # mm, of every tool that `tools` does not name
     tools: Mapping[int, float] = field(default_factory=dict)
     settled: bool = False  # the user says that the control is set to millimeters and absolute coordinates
+    came: Mapping[str, float] = field(default_factory=dict)  # sense of an axis' last motion; others: the mean of both
 
     def length_of(self, tool: int | None) -> float:
         """number of a tool → its length, mm."""
@@ -155,6 +156,11 @@ def positions(setup: Setup, motions: list[dict[str, float]], added: list[float])
             column = column + np.array(added)
         result[:, machine.column(name)] = column * scale
     return result
+
+
+def senses(setup: Setup) -> Array:
+    """set-up → (k,) sense of each axis' last motion, −1 or 1; 0 where it is not stated."""
+    return np.array([setup.came.get(name, 0.0) for name in setup.machine.names])
 
 
 def beyond(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> NDArray[np.bool_]:

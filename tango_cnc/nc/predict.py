@@ -16,7 +16,7 @@ from ..iso230.poses import at_poses
 from ..records import Array, Machine
 from ..touches import Touches
 from .correct import Machinery
-from .follow import Motion, Setup, arc_points, axes_beyond, beyond, follow, positions
+from .follow import Motion, Setup, arc_points, axes_beyond, beyond, follow, positions, senses
 
 BATCH = 2000
 PARTS = 4  # points of a line that are looked at
@@ -50,7 +50,7 @@ class Way:
 
 def machinery(setup: Setup, known: Known, length: float) -> Machinery:
     """set-up, what is known, length of a tool → the machine with it."""
-    return Machinery(setup.machine, known, length, positions(setup, [{}], [length])[0])
+    return Machinery(setup.machine, known, length, positions(setup, [{}], [length])[0], senses(setup))
 
 
 def along(
@@ -131,7 +131,7 @@ def levers(mach: Machinery, at: Array) -> Array:
     """→ (n, 3, p) mm per unit of each coefficient, those at the workpiece's zero taken off."""
     machine = replace(mach.machine, probe=replace(mach.machine.probe, length=mach.length))
     both = np.vstack([at, mach.zero[None]])
-    poses = Poses(at_poses(machine, both, np.zeros_like(both)))
+    poses = Poses(at_poses(machine, both, mach.directions_of(both)))
     found = mach.known.levers(poses).reshape(len(both), 3, -1)
     return np.asarray(found[:-1] - found[-1])
 

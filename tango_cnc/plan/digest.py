@@ -25,4 +25,7 @@ def plan_hash(plan: Plan) -> str:
     for touch in plan.touches:
         values = (f"{v + 0.0:.{d}f}" for p in (touch.standoff, touch.contact, touch.end) for v, d in zip(p, decimals, strict=True))
         digest.update(f"{touch.number} {touch.facet} {' '.join(values)}\n".encode())
+    if plan.only is not None:
+        ends = " ".join(f"{name}{value + 0.0:.6f}" for name, value in plan.only.target.items())
+        digest.update(f"only {plan.only.kind} {ends}\n".encode())
     return digest.hexdigest()[:LENGTH].upper()

@@ -75,7 +75,7 @@ def judge(
     found = [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
     untrusted: list[str] = []
     labels: list[str] = []
-    nothing = False
+    nothing = result is None
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
     else:

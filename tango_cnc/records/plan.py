@@ -76,10 +76,14 @@ class Plan:
     start: tuple[str, ...] = ()  # what a person has to see to before it begins, in words
     met: Mapping[int, float] = field(default_factory=dict)  # touch → mm behind (+) its contact where a run has found its facet
     met_in: str = ""  # the readings of that run
+    only: Move | None = None  # the one motion of a program that touches and records nothing; its touches and turns are not made
 
     @property
     def moves(self) -> Iterator[Move]:
         """→ every motion in its order; each names only the axes that move. One at a time, however long the plan is."""
+        if self.only is not None:
+            yield self.only
+            return
         turns = iter(self.turns)
         turn = next(turns, None)
         at: tuple[float, ...] | None = None

@@ -65,13 +65,21 @@ def cut_and_measured(machine: Machine, world: World, rng: np.random.Generator) -
     return _found(tip_in_table(nominal_machine(tool), at, still), true, rng)
 
 
-def cut_by(truth: Truth, machine: Machine, rng: np.random.Generator, length: float = LENGTH) -> dict[str, float]:
-    """As `cut_and_measured`, of a machine that shares nothing with product or simulator."""
+def cut_by(
+    truth: Truth, machine: Machine, rng: np.random.Generator, length: float = LENGTH, against: float | None = None
+) -> dict[str, float]:
+    """As `cut_and_measured`, of a machine that shares nothing with product or simulator.
+
+    `against`: the tool was measured against the probe, Z coming down, with this standard deviation (mm); it cuts the same way.
+    """
     one = copy(truth)
     one.length, one.stylus = length, np.zeros(3)
     at = np.array([axes(machine, p, length) for p in [*PLACES.values(), {}]])
     pose = {n: at[:, machine.column(n)] for n in machine.names}
     still = {n: np.zeros(len(at)) for n in machine.names}
+    if against is not None:
+        one.stylus = np.array([0.0, 0.0, truth.stylus[2] + rng.normal(0, against)])
+        still["Z"] = np.full(len(at), -1.0)
     true, nominal = (one.tool_in_table(pose, still, errors=e)[:, :3, 3] for e in (True, False))
     return _found(nominal, true, rng)
 

@@ -20,7 +20,8 @@ EXPERIMENT = Experiment(
     "deflected",
     1,
     "a skip move that begins with the probe deflected ends at once, or is an alarm",
-    "hold the stylus aside and start the program again: it has to stop before the second move",
+    "hold the stylus aside and start the program of one move of 0.5 mm that tango commission writes for it (--held): it has to "
+    "stop by itself. Feed hold ready; let go if it moves more than 1 mm",
     "state probe_state, the variable that shows the input of the probe; where the control has none, watch "
     "every run: a guarded move that begins deflected guards nothing",
     judge,

@@ -13,6 +13,7 @@ COARSE = 0.004  # mm: steps of positions from here on are useless; 0.0001 inch i
 USUAL = (1.0, 0.5, 0.25, 0.2, 0.125)  # steps in powers of ten of mm and of inches, which rounded records still show
 EXACT = 1e-6  # mm
 FEW = 6  # numbers that a step has to be seen in
+FINE = 0.001  # mm: by so much a fine control may round
 
 
 def judge(seen: Seen) -> Verdict:
@@ -29,7 +30,8 @@ def judge(seen: Seen) -> Verdict:
 def coarse(seen: Seen) -> float | None:
     """→ mm between two positions that the control can store, where that is `COARSE` or more, the largest of them; else None.
 
-    Recorded places are multiples of it, and the places that the axes were sent to are not.
+    Recorded places are multiples of it, and axes are beside where they were sent by parts of it. Of few places of a fine control
+    all may be multiples of something; but these are where they were sent to.
     """
     names, linear = seen.plan.machine.names, seen.plan.machine.linear
     pairs = [
@@ -47,9 +49,10 @@ def coarse(seen: Seen) -> float | None:
     parts = least / np.arange(1, int(least / COARSE + EXACT) + 1)
     usual = [unit * share * 10.0**-power for unit in (1.0, 25.4) for share in USUAL for power in range(4)]
     digit = next((d for d in (0.01, 0.001, 0.0001) if _off(recorded, d).max() < EXACT), 0.0)
+    off = np.abs(recorded - sent)
     for step in sorted({*parts.tolist(), *(s for s in usual if s >= COARSE)}, reverse=True):
         rounded = digit / 2 if digit < step / 5 and _off(np.array([step]), digit or step)[0] > EXACT else 0.0
-        if _off(recorded, step).max() < rounded + EXACT and np.count_nonzero(_off(sent, step) > step / 20) >= FEW // 2:
+        if _off(recorded, step).max() < rounded + EXACT and np.count_nonzero((off > FINE) & (off < step / 2 + FINE)) >= FEW // 2:
             return float(step)
     return None
 

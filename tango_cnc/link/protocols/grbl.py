@@ -39,6 +39,7 @@ POLL = 0.25  # s between two ?, while a line is being executed
 CLOSE = 0.01  # mm or deg between target and the place that was reached
 SAME = 0.0015  # mm: the control shows three places
 ASIDE, TURNED = 0.5, 0.1  # mm beside the line of a measuring move, deg beside its angles: somewhere else
+GENTLE = 60.0  # mm/min of the only move of a program, which a person makes possible by hand
 LETS_GO = 20  # s for the hand that has touched the stylus
 ENDLESS = (-math.inf, math.inf)
 
@@ -58,6 +59,8 @@ class Client(Control):
             self._feed = float(options.get("feed", FEED))
         except ValueError:
             self._feed = 0.0
+        if job.plan.only is not None:  # beside a hand
+            self._feed = min(self._feed, GENTLE)
         fastest = max((axis.rapid or math.inf for axis in job.plan.machine.axes if axis.kind == "linear"), default=math.inf)
         if "feed" in options and not 0 < self._feed <= min(fastest, HIGHEST):
             raise InputError(

@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from ...gate import INCH
+from ...gate import INCH, TOUCH
 from ...records import InputError, Plan
 from ..expressions import Value
 from ..language import Companions, Language
@@ -40,6 +40,7 @@ END = re.compile(r"DPRNT\[TANGO\*END\*([0-9A-F]{12})\*(#\d+)\[60\]\]")
 RECORD = re.compile(r"DPRNT\[P(#\d+)\[60\]\*H(#\d+)\[10\]((?:\*[A-Z]#\d+\[(?:44|43|53)\])+)\]")
 LENGTH = re.compile(r"IF\[#4008NE49\]THEN#3000=\d{1,3}")
 MODE = re.compile(r"IF\[#(40[012]\d)EQ(\d{1,3}(?:\.\d)?)\]THEN#3000=\d{1,3}")
+SHOWS = f"#3006=1({TOUCH})"
 DWELL = re.compile(r"G4 [PX]\d{1,2}\.")
 STOP = 3000
 WANTED = 121  # number of the set of macros that the program was written for
@@ -138,6 +139,7 @@ class _Program:
         for twin in self._machine.everywhere:
             twin.shared[self._state] = 0.0
         self._begun = self._opened = self._closed = self._relative = False
+        self._shows = options.get("show") == "stop" and options.get("gate") == "finger"
         self.over = False
 
     def finish(self) -> None:
@@ -170,6 +172,8 @@ class _Program:
             self._unasked.discard((int(match[1]), float(match[2])))
         elif code == "G21" and not self._opened:
             self._machine.reset(code)
+        elif line == SHOWS and self._shows and self._machine.walk.proving:
+            self._shows = False  # whoever has read it presses start; once, right before the stylus is touched
         elif DWELL.fullmatch(code):
             self._machine.rests(float(code.split()[1][1:]))
         elif code == self._reset:

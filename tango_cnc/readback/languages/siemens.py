@@ -34,7 +34,7 @@ CLOSE = re.compile(r'EXTCLOSE\(TG_ERROR,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
 END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
-SHOWN = re.compile(r'MSG\("[A-Z0-9 .-]+"\)')
+SHOWN = re.compile(r'MSG\((?:"[A-Z0-9 .-]+")?\)')
 STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
