@@ -185,7 +185,11 @@ def test_what_the_touches_do_not_decide_is_withheld_and_the_fitted_terms_are_ask
     assert data["fitted_alone"] is None and data["aligned"]["largest_um"] < data["aligned"]["at_most_um"]
     text = run.invoke(tango, call).stdout
     assert "withheld" in text and "--fitted" in text and "as it lies best" in text
-    assert data["tool"] is None and data["aligned"]["causes"][0]["low_um"] <= data["aligned"]["causes"][0]["high_um"]
+    best = data["aligned"]
+    told_of = [*best["causes"], *([best["mixed"]] if best["mixed"] else [])]
+    assert data["tool"] is None and all(c["low_um"] <= c["rms_um"] <= c["high_um"] for c in told_of)
+    assert all(c["high_um"] - c["low_um"] < 20 for c in told_of)  # what is told is decided, the mixed ones together
+    assert sum(c["rms_um"] for c in told_of) > 0.3 * best["largest_um"]  # it was 0.8 of 33 µm while the mixed ones had no size
     assert "with every error motion (rms along the program" in text and "by the fitted terms (rms" in text
     with (tmp_path / "f.yaml").open("a") as more:
         more.write("tool: {length_um: 2}\n")

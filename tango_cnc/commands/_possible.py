@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..acceptance.further import MEASURED, possible, undecided_by
 from ..compensate.fit import Known
@@ -83,30 +84,36 @@ def aligned(way: Way, setup: Setup, of: Machines, tool: Tool | None = None) -> d
 
 
 def _withheld(why: str) -> dict[str, Any]:
-    return {"largest_um": None, "at_most_um": None, "why": why, "causes": [], "mixed": []}
+    return {"largest_um": None, "at_most_um": None, "why": why, "causes": [], "mixed": None}
 
 
-def _causes(known: Known, curve: Array) -> tuple[list[dict[str, Any]], list[str]]:
+def _causes(known: Known, curve: Array) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
     """machines, (n, 3, p) µm per unit of every coefficient → what each error motion does along the way, rms with its 95 %
-    interval, the largest first; and those that the touches cannot tell from each other. What these do together they may tell.
+    interval, the largest first; and those that the touches cannot tell from each other, with what these do together.
     """
     assert known.drawn is not None
     motions = np.array([motion_of(c) for c in known.coefficients])
     causes, mixed = [], []
     for name in dict.fromkeys(motions.tolist()):
-        own = motions == name
-        best = curve[..., own] @ known.values[own]
-        around = np.tensordot(curve[..., own], known.drawn[own], axes=1)  # (n, 3, d)
-        if float(np.sqrt(np.mean(np.sum(around**2, axis=1)))) > VOLUME * UNDECIDED["µm"]:
+        one, std = _done(known, curve, motions == name)
+        if std > UNDECIDED["µm"]:
             mixed.append(name)
-            continue
-        low, high = np.quantile(np.sqrt(np.mean(np.sum((best[..., None] + around) ** 2, axis=1), axis=0)), [0.025, 0.975])
-        size = float(np.sqrt(np.mean(np.sum(best**2, axis=1))))
-        if high > FAINT:
-            causes.append(
-                {"name": name, **{f"{k}_um": round(float(v), 4) for k, v in (("rms", size), ("low", low), ("high", high))}}
-            )
-    return sorted(causes, key=lambda c: -c["rms_um"]), mixed
+        elif one["high_um"] > FAINT:
+            causes.append({"name": name, **one})
+    together = {"names": mixed, **_done(known, curve, np.isin(motions, mixed))[0]} if mixed else None
+    return sorted(causes, key=lambda c: -float(c["rms_um"])), together
+
+
+def _done(known: Known, curve: Array, own: NDArray[np.bool_]) -> tuple[dict[str, float], float]:
+    """machines, (n, 3, p) µm per unit, which coefficients → what these do, µm rms: the median of the machines, as of a range, and
+    where 95 % of them lie; standard deviation of it at a place, µm.
+    """
+    assert known.drawn is not None
+    around = np.tensordot(curve[..., own], known.drawn[own], axes=1)  # (n, 3, d)
+    every = (curve[..., own] @ known.values[own])[..., None] + around
+    low, middle, high = np.quantile(np.sqrt(np.mean(np.sum(every**2, axis=1), axis=0)), [0.025, 0.5, 0.975])
+    found = {f"{k}_um": round(float(v), 4) for k, v in (("rms", middle), ("low", low), ("high", high))}
+    return found, float(np.sqrt(np.mean(np.sum(around**2, axis=1))))
 
 
 def _without_set_up(points: Array) -> Array:

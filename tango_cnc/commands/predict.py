@@ -163,11 +163,21 @@ def _there(data: dict[str, Any]) -> str:
 
 def _possible_causes(data: dict[str, Any]) -> list[str]:
     """plain data → what makes the deviations of the part as it lies best, where they are told."""
-    causes = (data.get("aligned") or {}).get("causes", [])
-    if not causes:
-        return []
-    told = ", ".join(f"{c['name']} {c['rms_um']:.1f} µm ({c['low_um']:.1f} to {c['high_um']:.1f})" for c in causes[:6])
-    return [f"what makes it so, of the part as it lies best, with every error motion (rms along the program, 95 %): {told}"]
+    best = data.get("aligned") or {}
+
+    def told(c: dict[str, Any]) -> str:
+        return f"{c['rms_um']:.1f} µm ({c['low_um']:.1f} to {c['high_um']:.1f})"
+
+    parts = [(c["rms_um"], f"{c['name']} {told(c)}") for c in best.get("causes", [])[:6]]
+    if best.get("mixed"):
+        names = best["mixed"]["names"]
+        some = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+        parts.append(
+            (best["mixed"]["rms_um"], f"{some}, which the touches do not tell from each other, together {told(best['mixed'])}")
+        )
+    said = "; ".join(text for _, text in sorted(parts, key=lambda part: -part[0]))
+    head = "what makes it so, of the part as it lies best, with every error motion (rms along the program, 95 %)"
+    return [f"{head}: {said}"] if said else []
 
 
 def _signed(value: float) -> str:
