@@ -17,12 +17,15 @@ import numpy as np
 import pytest
 from support.controls import golden
 
+from postprocessors._base import load
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands._proofs import keys_of
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission.experiments.records import coarse
 from tango_cnc.commission.timing import expected
-from tango_cnc.files.commissioning import read_commissioning
+from tango_cnc.files import read_cell
+from tango_cnc.files.commissioning import Proof, add_proofs, read_commissioning
 from tango_cnc.records import Plan
 
 
@@ -216,9 +219,23 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     said = capsys.readouterr()
     assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
     assert "at most 1 mm" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
-    last = (cell / "commissioning" / "program").glob("O7700*")
-    text = next(last).read_text()
+    text = next((cell / "commissioning" / "program").glob("O7700*")).read_text()
     assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
+
+
+@pytest.mark.long
+def test_where_only_the_held_stylus_is_left_the_axes_are_first_brought_to_where_its_move_begins(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = cell_of(tmp_path / "cell")
+    known = keys_of(read_cell(cell), load("fanuc"))
+    add_proofs(cell, "fanuc", [Proof(b, "PASS", "tried", profile=known[b]) for b in known if b != "deflected"])
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
+    with simulated(cell) as port:
+        assert call("commission", "-C", cell, "--port", port, "--timeout", "4") == 1
+    said = capsys.readouterr().err
+    assert -1 < said.find("touch 1: miss") < said.find("Now a program of its own"), said
+    assert {proof.belief: proof.verdict for proof in read_commissioning(cell)}["deflected"] == "FAIL"
 
 
 @pytest.mark.long

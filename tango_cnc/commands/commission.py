@@ -112,7 +112,6 @@ def command(
         raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
     if dial and not someone:
         raise InputError("--dial: found no terminal; allowed: a terminal with a person who turns the feed override when asked")
-    flies = bool(wanted - {"deflected"}) or only_program  # else the program with the stylus held aside is all that is left
     alone = {"deflected", *BY_DIAL}  # what only a second program shows
     if not someone and not wanted - alone and not only_program:
         what = " and ".join(sorted(wanted))
@@ -120,7 +119,7 @@ def command(
         be = "is" if len(wanted) == 1 else "are"
         click.echo(f"only {what} {be} not proven, see {folder / NAME}; it needs a terminal and a person {do}")
         return
-    if not flies and held is False:
+    if wanted == {"deflected"} and held is False and not only_program:
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
     made, largest = _flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted)
@@ -146,9 +145,7 @@ def command(
             click.echo(text, err=True)
         if not click.confirm("Start?", err=True):
             raise click.Abort
-    seen, control = commission.Seen(made, {}, False, not flies), ""
-    if flies:
-        seen, control = _tried(cell, post, made, programs, address, timeout, someone)
+    seen, control = _tried(cell, post, made, programs, address, timeout, someone)  # also brings the axes to where a hand is safe
     feed = positioning_feed(cell)
     seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, obeys=obeys(cell), anew=controller.options.get("records_file") == "anew")

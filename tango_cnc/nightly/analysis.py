@@ -20,6 +20,8 @@ from ..records import Array, Cell, Readings
 from ..state import (
     Frame,
     State,
+    Tonight,
+    Within,
     choose,
     hypotheses,
     judge,
@@ -27,6 +29,7 @@ from ..state import (
     predicted,
     seen,
     start,
+    stepped,
     updated,
 )
 from ..state.filter import as_numbers
@@ -47,6 +50,7 @@ from .learning import READ, Earlier
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .trend import SLOPE, drift, looking_ahead, slopes
+from .within import as_json, moved_within
 from .words import is_gone
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -239,7 +243,8 @@ class Nights:
         diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
-        judged = believed(judged, diagnosis, alarms, first)
+        inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
+        judged = believed(judged, diagnosis, alarms, first) if inner is None else moved_within(known, inner, readings)
         helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []
@@ -321,6 +326,7 @@ class Nights:
         if not judged.believed:  # what is not believed must not teach the state anything
             told.pop("parameters")
             told.pop("state")
+            told |= {"within": as_json(inner)} if inner is not None else {}
             return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
         files = {} if self.written is None or result is None else dict(self.written(result))
         return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
@@ -351,6 +357,11 @@ class Nights:
             return ()
         points = np.abs(self.offered[:, self.followed.points]) > 0.5
         return tuple(int(n) for n in self.times.numbers[np.any(points @ points[apart].T, axis=1)])
+
+    def _within(self, ahead: State, readings: Readings, tonight: Tonight) -> Within | None:
+        """prediction, readings, their judgement → the step of the machine within this run, where that alone explains it."""
+        what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
+        return stepped(ahead, what, readings.time, hypotheses(self.followed, None), tonight.scale)
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell

@@ -2,8 +2,9 @@
 
     last night ──predict──▶ tonight before the touches ──judge──▶ one decision ──update──▶ tonight
 
-`frame` says what is followed, `filter` carries it in square-root form, `rates` learns how fast it wanders, `naming` says
-what changed, `choose` which touches tell most tonight, `charts` are the control charts of old.
+`frame` says what is followed, `filter` carries it in square-root form, `rates` learns how fast it wanders, `naming`
+says what changed, `within` what changed while it was measured, `choose` which touches tell most tonight, `charts` are
+the control charts of old.
 """
 
 from .choose import Choice, choose
@@ -12,6 +13,7 @@ from .frame import Frame, Seen, frame, seen
 from .naming import Hypothesis, Named, hypotheses, name_change
 from .rates import learn
 from .smooth import smoothed
+from .within import Within, stepped
 
 __all__ = [
     "Choice",
@@ -21,6 +23,7 @@ __all__ = [
     "Seen",
     "State",
     "Tonight",
+    "Within",
     "choose",
     "frame",
     "hypotheses",
@@ -32,5 +35,6 @@ __all__ = [
     "seen",
     "smoothed",
     "start",
+    "stepped",
     "updated",
 ]
