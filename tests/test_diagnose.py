@@ -47,7 +47,7 @@ LOBES = {"cause": "probe_lobing", "amplitude": 0.002, "order": 3, "phase": 20}
 
 @pytest.fixture(scope="module")
 def two(bench: blind.Bench) -> Diagnosis:
-    return told(bench, [DRIFT, LOBES])
+    return told(bench, [DRIFT, LOBES], excluded=("stylus_creep",))  # a drift across the spindle reads like a tip that creeps
 
 
 @pytest.mark.long

@@ -10,7 +10,7 @@ from support.effectparts import CELL, MACHINE, PLAIN, STYLUS, TOUCHES, at, read_
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
-from tango_cnc.records import Array, Surface, World
+from tango_cnc.records import Array, InputError, Surface, World
 
 SPINDLE = np.column_stack(  # n_s: the normals turned back by S
     [
@@ -75,6 +75,16 @@ def test_a_spindle_that_stops_elsewhere_takes_an_offset_stylus_along() -> None:
     assert read_early("spindle_orientation", order=1) == pytest.approx(np.zeros(len(TOUCHES)), abs=1e-12)
     once = 0.001 * np.cos(at("S") + np.radians(50))
     assert read_early("spindle_orientation", STYLUS, order=1, phase=50) == pytest.approx(spindle_effect(once), abs=3e-6)
+
+
+def test_a_stylus_that_creeps_turns_with_the_spindle_and_only_sideways() -> None:
+    s, grown = at("S"), 1 - np.exp(-TOUCHES.time / 1800)
+    x, y = np.cos(s) - np.sin(s), np.sin(s) + np.cos(s)
+    along = (x * TOUCHES.normal[:, 0] + y * TOUCHES.normal[:, 1]) / np.sqrt(2)
+    assert np.ptp(s) > 1
+    assert read_early("stylus_creep") == pytest.approx(0.005 * grown * along, abs=1e-9)
+    with pytest.raises(InputError, match="across the spindle"):
+        effects.checked(world("stylus_creep", direction=[0, 0, 1]).effects, MACHINE, CELL.artefact)
 
 
 def test_without_an_order_every_stop_of_the_spindle_is_another_one() -> None:

@@ -7,14 +7,16 @@ compared, a name that only resembles it has no rival.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE, ONE, SIDE, TURN, Factor, Form
+from ..terms._shape import LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form
 
 FEW = 2  # functions of a covariate in a pair
 COURSE = 4  # functions of time in a pair
+EASES = 8  # functions of the time since an indexation: what eases does it at first
 LOBES = 6  # functions of the direction around the stylus
 WHOLE = 4.0  # rad: what an axis turns beyond this is a wave
 
@@ -60,6 +62,12 @@ def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[
             for axis in (*linear, *rotary):
                 for weight in felt:
                     yield Form((line(before, 1), line(axis, FEW)), weight)
+    if "since indexation" in known:  # what was wound up, or clamped, eases from the side that it came from
+        for axis in rotary:
+            if f"d{axis}" in known:
+                eases = line("since indexation", EASES)
+                for weight in (f"axis {axis}", *(f"machine {c}" for c in "xyz")):
+                    yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), replace(eases, kind=WAVES)), weight)
     for axis in rotary:  # the side from which an axis came, at its own places
         if f"d{axis}" in known:
             for weight in (f"axis {axis}", *(f"machine {c}" for c in "xyz")):

@@ -15,43 +15,111 @@ from dataclasses import replace
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE
+from ..terms._shape import LEGENDRE, weights
+from ..touches import Touches
+from ._adapted import Adapting, frames
 from ._catalogue import STRONG
+from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, scores, whiten
 from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
+LEVER = 0.75  # of the lever of a tilt that one place makes
+TURNS = 2  # of adapting each shape beside the others
 BEFORE = ("way", "path", "since", "pause")
 
 
 def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> tuple[Picked, ...]:
-    """field, data (m,), columns of the names (m, s), what was chosen → the same, each shape with fewer covariates where that does
-    nearly as well, and with the covariates that it may follow instead.
+    """field, data (m,), columns of the names (m, s), what was chosen → the same, each shape with the functions that suit it best,
+    with fewer covariates where that does nearly as well, and with the covariates that it may follow instead.
+
+    What is not worth its price beside the others, now that their functions suit them, is a part of them and left out.
     """
-    found = list(picked)
-    for i, p in enumerate(found):
-        if p.kernel.form is None and "like" not in p.kernel.setting:
-            continue
-        s = _beside(begin(field, y, names), [o for o in found if o is not p])
-        best, at = scores(field, s)
-        rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
-        every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
-        own = next((j for j, k in enumerate(every) if k is p.kernel), None)
-        if own is None:
-            continue
-        worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
-        first = int(np.argmax(worth))  # beside the others, which were not all there when it was chosen
-        order = [int(k) for k in np.argsort(-worth)]
-        less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
-        j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
-        near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
-        wider = [k for k in (first, own) if parts[j] < parts[k]]  # a pair that was chosen, where one of both is told
-        rivals = tuple(dict.fromkeys(every[k].covariate for k in (*wider, *near)))[:TOLD]
-        j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
-        if every[j] is not p.kernel:
-            p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=float(at[rows[j], 0]))
-        found[i] = replace(p, rivals=rivals)
+    found, one_by_one = list(picked), Adapting(field)
+    for _ in range(TURNS):
+        before = len(found)
+        for p in tuple(found):
+            told = _plainer(one_by_one, y, names, p, [o for o in found if o is not p])
+            if told is not None or sum(map(_told, found)) > 1:
+                found = [o for one in found for o in ([one] if one is not p else [] if told is None else [told])]
+        if sum(map(_told, found)) < 2 and len(found) == before:
+            break
     return tuple(found)
+
+
+def _told(p: Picked) -> bool:
+    """what was chosen → whether it is a shape that follows something that people are told."""
+    return p.kernel.form is not None or "like" in p.kernel.setting
+
+
+def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequence[Picked]) -> Picked | None:
+    """what adapts shapes, data (m,), columns of the names (m, s), what was chosen, the others → as `plainer` tells it.
+
+    None where it is not worth its price beside them.
+    """
+    field = adapting.field
+    if not _told(p):
+        return p
+    s = _beside(begin(field, y, names), others)
+    best, at = scores(field, s)
+    rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
+    every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
+    worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
+    taus = [float(at[r, 0]) for r in rows]
+    known = len(rows)  # from there on, functions were adapted
+    formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
+    for a in adapting.near(s, best[:, 0], formed):
+        every.append(a.kernel)
+        parts.append(_parts(a.kernel))
+        worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
+        taus.append(a.tau)
+    order = [int(k) for k in np.argsort(-worth)]
+    if worth[order[0]] < 0:
+        return None
+    own = _parts(p.kernel)
+    # Beside the others, which were not all there when it was chosen; what was chosen then stays where it comes near.
+    first = next(k for k in order if parts[k] == own or worth[k] <= worth[order[0]] - STRONG)
+    first = first if worth[first] > worth[order[0]] - STRONG else order[0]
+    less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
+    j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
+    near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
+    wider = [every[first].covariate] if parts[j] < parts[first] else []  # a pair that was chosen, where one of both is told
+    wider += [p.kernel.covariate] if parts[j] < own else []
+    levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
+    levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
+    rivals = tuple(dict.fromkeys([*levers, *wider, *(every[k].covariate for k in near)]))[:TOLD]
+    if j >= known:  # functions that were not adapted know their size better, unless they clearly cannot follow it
+        j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - SURE, 0.0)), j)
+    j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
+    if every[j] is not p.kernel:
+        p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
+    return replace(p, rivals=rivals)
+
+
+def _levers(kernel: Kernel, touches: Touches) -> list[str]:
+    """shape or a name whose size changes, touches → linear axes whose place is the lever of the tilt that it is.
+
+    A tilt that follows an angle shifts what is touched in proportion to a place, and so reads as a shift that follows both.
+    """
+    like = kernel.setting.get("name")  # None between two names
+    name = "" if like is None else str(like.setting.get("name", ""))
+    felt = kernel.form.weight if kernel.form is not None else f"tilt {name[1:2]} of {name[2:3]}"
+    if not felt.startswith("tilt") or felt not in frames(touches):
+        return []
+    normal = touches.machine_normal
+
+    def moved(columns: Array) -> Array:
+        """What a shift of everything does not take."""
+        return np.asarray(columns - normal @ np.linalg.lstsq(normal, columns, rcond=None)[0])
+
+    lever = moved(weights(touches, felt)[:, 0])
+    found = []
+    for axis in touches.machine.linear:
+        arms = moved(normal * touches.axis(axis)[:, None])
+        part = (lever @ arms) ** 2 / np.maximum((lever @ lever) * np.sum(arms**2, axis=0), 1e-300)
+        if part.max() > LEVER:
+            found.append(axis)
+    return found
 
 
 def _richer(one: Kernel, other: Kernel) -> bool:

@@ -123,7 +123,7 @@ def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: A
 def form(names: list[str]) -> str:
     """names of coefficients → vector, wave, vector wave or numbers."""
     tails = [name.rpartition("]")[2] or name for name in names]
-    if len(names) == 3 and [t[-2:] for t in tails] == [".x", ".y", ".z"]:
+    if [t[-2:] for t in tails] in ([".x", ".y", ".z"], [".x", ".y"]):  # two: nothing goes along the last one
         return "vector"
     if len(names) == 2 and [t[-4:] for t in tails] == [".cos", ".sin"]:
         return "wave"
@@ -141,8 +141,9 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
     detail: dict[str, Any] = {f"{k}_{unit[k]}" if k in unit else k: x for k, x in c.candidate.setting.items() if x is not None}
     effect: dict[str, Any] = {"cause": c.candidate.cause, **c.candidate.setting, "amplitude": _measure(kind)(v)}
     if kind.startswith("vector"):
-        detail.setdefault("frame", cause.frame if cause is not None and cause.frame in ("machine", "table") else "machine")
-        arrow = v if kind == "vector" else _principal(v)
+        own = cause.frame if cause is not None else ""
+        detail.setdefault("frame", own if own in ("machine", "table", "spindle") else "machine")
+        arrow = np.pad(v, (0, 3 - len(v))) if kind == "vector" else _principal(v)
         detail["direction"] = [round(float(x), 4) for x in arrow / (np.linalg.norm(arrow) or 1.0)]
         effect["direction"] = detail["direction"]
     if kind == "wave":

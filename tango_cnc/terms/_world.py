@@ -27,8 +27,8 @@ def usual(cause: str, setting: Mapping[str, Any], names: Sequence[str], values: 
     tails = [name.rpartition("]")[2] or name for name in names]
     if len(values) == 1:
         return [base | {"amplitude": float(values[0])}]
-    if [t[-2:] for t in tails] == [".x", ".y", ".z"]:
-        return [base | vector(values)]
+    if [t[-2:] for t in tails] in ([".x", ".y", ".z"], [".x", ".y"]):  # two: nothing goes along the last one
+        return [base | vector(np.pad(values, (0, 3 - len(values))))]
     if [t[-3:] for t in tails] == ["cos", "sin"]:
         return [base | wave(values)]
     return []
