@@ -17,7 +17,7 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
 from tango_cnc.nightly import learning
 from tango_cnc.records import Cell, Readings, World
-from tango_cnc.state import charts, rates
+from tango_cnc.state import charts, naming, rates
 from tango_cnc.state.filter import as_numbers, matched, restored
 from tango_cnc.touches import from_readings
 
@@ -376,6 +376,14 @@ def test_what_no_touch_of_tonight_sees_is_no_story(cell: Cell, truth: World, kno
     touched = {f"facet {f}" for f in readings.facet}
     assert len(touched) < len(cell.artefact.facets) and named is not None
     assert not [n for n in (named.hypothesis.parameter, *named.instead) if n.startswith("facet") and n not in touched]
+
+
+def test_a_ball_of_which_touches_without_weight_leave_next_to_nothing_has_not_moved_by_metres() -> None:
+    ball = naming.Hypothesis("ball", "ball 2", np.eye(3), "mm", ("X", "Y", "Z"))
+    pattern = np.diag([1400.0, 1e-4, 1400.0])  # standard deviations a mm
+    seen = naming._seen(ball, pattern)
+    assert seen is not None and seen[0].axes == ("X", "Z") and seen[1].shape == (3, 2)
+    assert naming._seen(ball, 1e-7 * pattern) is None
 
 
 @pytest.mark.long

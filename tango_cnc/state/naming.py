@@ -22,6 +22,7 @@ ALIKE = 0.05  # share of a direction that the first cause cannot make, below whi
 MANY = 4  # causes of one night that are named
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
+HARDLY = 1.0  # the same of a ball or a facet: touches without weight leave next to nothing of it, and its size is anything then
 SCALES = ("EXX1", "EYY1", "EZZ1")
 WARMER = 1.0  # K: a smaller change of temperature is no cause
 
@@ -167,7 +168,7 @@ def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
     """hypothesis, (k, m) what its directions do to the innovation → the same without directions that no touch of tonight sees;
     None where that is not the same story any more.
     """
-    visible = np.linalg.norm(pattern, axis=0) > UNSEEN
+    visible = np.linalg.norm(pattern, axis=0) > (HARDLY if h.cause in ("ball", "facet") else UNSEEN)
     if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
         return None
     if np.all(visible):
