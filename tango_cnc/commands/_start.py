@@ -8,6 +8,7 @@ import click
 
 from ..files import blamed_on
 from ..records import Cell, InputError, Plan
+from ._progress import said
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -49,7 +50,7 @@ def unattended(cell: Cell, post: Post) -> None:
             "person at the machine may go on with it, at a terminal and without --yes"
         )
     for text in unproven_of(cell, post):
-        click.echo(f"not proven on this control: {text}", err=True)
+        said(f"not proven on this control: {text}")
 
 
 def gate_of(cell: Cell, post: Post) -> str:
