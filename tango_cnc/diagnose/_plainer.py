@@ -73,10 +73,12 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
         parts.append(_parts(a.kernel))
         worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
         taus.append(a.tau)
+    own = _parts(p.kernel)
+    # Functions that were adapted are chosen among hundreds: with one more covariate they follow anything a little better.
+    worth -= [SURE - STRONG if k >= known and own < parts[k] else 0.0 for k in range(len(parts))]
     order = [int(k) for k in np.argsort(-worth)]
     if worth[order[0]] < 0:
         return None
-    own = _parts(p.kernel)
     # Beside the others, which were not all there when it was chosen; what was chosen then stays where it comes near.
     first = next(k for k in order if parts[k] == own or worth[k] <= worth[order[0]] - STRONG)
     first = first if worth[first] > worth[order[0]] - STRONG else order[0]
