@@ -57,8 +57,8 @@ def _sound(file: Path, folder: Path) -> None:
     if named := other_machine(origin, folder):
         then, now = named
         raise InputError(
-            f"{file}: found readings of the machine {then!r}; allowed: those of {now!r}, of which the cell is. Nothing was added. "
-            "If it is one machine with a new name: --despite"
+            f"{file}: found readings of the machine {then!r}; allowed: those of {now!r}, the machine of this cell. Nothing was "
+            "added. If it is one machine with a new name: --despite"
         )
     lines, gone = edited_rows(origin)
     if lines or gone:

@@ -36,8 +36,8 @@ class Machines:
 
 
 def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machines | str:
-    """cell, estimate, what is stated of the tool → machines that its touches allow, with the uncertainty that the cell states; or
-    why there are none.
+    """cell, estimate, what is stated of the tool → machines that its touches allow, with the uncertainty that the cell states; a
+    sentence with the reason where the touches allow none.
     """
     try:
         found = seen(result, budget_of(folder, result))

@@ -7,9 +7,9 @@ from pathlib import Path
 from ..estimate import Estimate
 from ..features import bar_left_out
 from ..iso230.temperature import REFERENCE, USUAL, grows, read_thermal
+from ..terms import SCALES
 from ..texts import say
 
-SCALES = ("EXX1", "EYY1", "EZZ1")
 ALUMINIUM = 23.0  # µm/m/K, of the part that differs most from steel in most shops
 
 

@@ -260,8 +260,8 @@ def _judge(cell: Cell, wish: Wish, full: Path, source: Path, despite: bool, json
     origin = look_up(source)
     if (named := other_machine(origin, cell.folder)) and not despite:
         raise InputError(
-            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, of which the cell and its "
-            "full run are. If it is one machine with a new name: --despite"
+            f"--judge: found {source} of the machine {named[0]!r}; allowed: a check of {named[1]!r}, which "
+            "made the full run. If it is one machine with a new name: --despite"
         )
     began, full_began = made_utc(origin), made_utc(look_up(full))
     if began and full_began and began < full_began and not despite:

@@ -162,7 +162,7 @@ def _there(data: dict[str, Any]) -> str:
 
 
 def _possible_causes(data: dict[str, Any]) -> list[str]:
-    """plain data → what makes the deviations of the part as it lies best, where they are told."""
+    """plain data → lines: which errors of the machine move the part as it lies best; none where nothing is known of them."""
     best = data.get("aligned") or {}
 
     def told(c: dict[str, Any]) -> str:

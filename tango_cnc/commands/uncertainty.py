@@ -19,7 +19,7 @@ from ..judgement import Judgement
 from ..plausible import ORDER
 from ..plausible.bounds import alone, is_backlash
 from ..records import Cell, InputError
-from ..terms import Coefficient
+from ..terms import SCALES, Coefficient
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
 from ..uncertainty.inputs import Line, read_budget
@@ -215,7 +215,7 @@ def _beside(found: analysis.Analysis, robust: Estimate, judgement: Judgement, st
 def _sane(file: Path, name: str, limit: conformity.Limits, c: Coefficient, cell: Cell) -> None:
     """Raises InputError for a limit that every machine keeps: µm were written for mm, or degrees for rad."""
     machine = cell.machine
-    if name in ("EXX1", "EYY1", "EZZ1"):
+    if name in SCALES:
         most, unit = machine.tolerances.scale, "mm/mm; 20 µm/m is 0.00002"
     elif is_backlash(c) or (c.slot.axis and c.slot.stage == "inter"):
         most, kind, _ = alone(c, machine, cell.artefact.tolerances)

@@ -25,10 +25,8 @@ from .experiment import Question
 MOST = 6  # indexations
 ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins; mm that it goes
 ENTER = 1.0  # mm above its beginning from where it is approached
-HELD, HELD_FEED = (
-    0.5,
-    60.0,
-)  # mm and mm/min of the one move while somebody holds the stylus aside: no stylus breaks, a hand has time
+HELD = 0.5  # mm of the one move while somebody holds the stylus aside: no stylus breaks
+HELD_FEED = 60.0  # mm/min of that move: a hand has time to let go
 UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 
 

@@ -36,7 +36,7 @@ class Problem:
     ways: Ways = field(default_factory=Ways)  # that are not safe; learned while plans are made
     # first plans, none of which is made twice, and what each was made of
     quickly: dict[tuple[float, ...], tuple[Chosen, Relaxed, Candidates, Criterion]] = field(default_factory=dict)
-    say: Callable[[str], None] = lambda text: None  # is told what is being done: a search may take a minute
+    say: Callable[[str], None] = lambda text: None  # hears what the search is doing: it may take a minute
 
     @property
     def held(self) -> Array:

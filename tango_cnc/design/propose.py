@@ -75,7 +75,7 @@ def usual_terms(goal: Goal, own: Sequence[TermItem]) -> tuple[TermItem, ...]:
 
 
 def setting(cell: Cell, wish: Wish, say: Callable[[str], None] = lambda text: None) -> Setting:
-    """cell, wish, who is told what is being done → problem.
+    """cell, wish, what hears how far the search is → problem.
 
     Raises InputError for a goal that these terms do not have, and where nothing can be touched.
     """

@@ -48,7 +48,7 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
 
 
 def _told(p: Picked) -> bool:
-    """what was chosen → whether it is a shape that follows something that people are told."""
+    """what was chosen → whether people read which covariates this shape follows."""
     return p.kernel.form is not None or "like" in p.kernel.setting
 
 
@@ -85,7 +85,7 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
     j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
     near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
-    wider = [every[first].covariate] if parts[j] < parts[first] else []  # a pair that was chosen, where one of both is told
+    wider = [every[first].covariate] if parts[j] < parts[first] else []  # the pair, where one of its two does as well
     wider += [p.kernel.covariate] if parts[j] < own else []
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
     levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]

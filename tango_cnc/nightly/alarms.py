@@ -21,7 +21,7 @@ from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
-from ..state.naming import SCALES
+from ..terms import SCALES
 from ..texts import Said, instead, joined, say
 from .ports import Past
 from .words import cause_texts, changed, is_gone, on_part, value

@@ -10,7 +10,8 @@ import numpy as np
 from ..records import Array
 from ..state import State
 from ..state.changes import change_of
-from ..state.naming import SCALES, alike_scales
+from ..state.naming import alike_scales
+from ..terms import SCALES
 from .alarms import Known
 
 ALIKE = "scales"  # cause and parameter of linear scales that change together

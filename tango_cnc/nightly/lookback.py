@@ -23,8 +23,8 @@ from scipy import linalg, optimize, special
 from ..history import History, Stored, Trend
 from ..records import Array, InputError
 from ..state.filter import restored
-from ..state.naming import SCALES
 from ..state.smooth import Filtered, smoothed
+from ..terms import SCALES
 from .alarms import own_of
 
 NIGHTS = 400  # looked back over

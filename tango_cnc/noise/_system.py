@@ -11,7 +11,7 @@ from ..estimate import SIGMA_FLOOR, Estimate
 from ..judgement import TableTolerances
 from ..plausible.bounds import alone, is_backlash
 from ..records import Array, Machine
-from ..terms import Coefficient
+from ..terms import SCALES, Coefficient
 
 WAVES = 12  # functions of the walk in each direction
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
@@ -73,7 +73,7 @@ def _before(result: Estimate) -> Array:
 def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
     if is_backlash(c) or (c.slot.stage in ("stylus", "table", "inter") and c.slot.axis):
         return alone(c, machine, table)[0]
-    return machine.tolerances.scale if c.name in ("EXX1", "EYY1", "EZZ1") else np.inf
+    return machine.tolerances.scale if c.name in SCALES else np.inf
 
 
 def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:

@@ -16,6 +16,7 @@ from scipy import special
 from ..estimate import Estimate
 from ..model import known
 from ..records import Array
+from ..terms import SCALES
 from ..texts import joined, say
 from .data import Remark, listed
 
@@ -29,7 +30,6 @@ LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
 ALONE = 0.4  # share of all touches without weight that lie in one indexation of which the angle is blamed
 TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seating
-GAINS = ("EXX1", "EYY1", "EZZ1")
 EXPLAINS = 0.7  # share of the squares of an indexation that its angle takes away, or the terms lack something
 
 
@@ -152,7 +152,7 @@ def _bar(result: Estimate) -> Iterator[Remark]:
 
 def _gains(result: Estimate) -> Iterator[Remark]:
     """All gains rest on the bar; nothing but their being alike can speak against it, so that the result says what they rest on."""
-    names = [n for n in GAINS if n in result.model.names]
+    names = [n for n in SCALES if n in result.model.names]
     bar = result.model.touches.artefact.scale_bar
     if not names or result.selection.mismatch or bar is None or result.model.bar is None:
         return
@@ -277,7 +277,7 @@ def _rest_on(result: Estimate, ball: str, mask: NDArray[np.bool_]) -> tuple[str,
     if model.bar is None or ball not in [model.touches.balls[i] for i in model.bar]:
         return ()
     off = float(np.abs(result.residuals[: len(mask)][mask]).max())  # what stands of its touches may be as far off as the others
-    return tuple(dict.fromkeys([*(n for n in GAINS if n in model.names), *_by_bar(result, off)]))
+    return tuple(dict.fromkeys([*(n for n in SCALES if n in model.names), *_by_bar(result, off)]))
 
 
 def _facets(result: Estimate) -> Iterator[Remark]:

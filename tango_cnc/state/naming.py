@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg, special
 
 from ..records import Array
+from ..terms import SCALES
 from .changes import change_of
 from .filter import State, Tonight
 from .frame import Frame
@@ -23,7 +24,6 @@ MANY = 4  # causes of one night that are named
 CLOSE = 6.0  # of the score: hypotheses nearer than this fit nearly as well
 UNSEEN = 1e-6  # standard deviations a mm or rad: what no touch of tonight sees is no story
 HARDLY = 1.0  # the same of a ball or a facet: touches without weight leave next to nothing of it, and its size is anything then
-SCALES = ("EXX1", "EYY1", "EZZ1")
 WARMER = 1.0  # K: a smaller change of temperature is no cause
 
 
