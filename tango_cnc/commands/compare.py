@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -45,18 +48,26 @@ def command(folder: Path, other: Path, file: Path | None, period: float | None, 
     file = current(folder, file)
     readings, others = (read_readings(f, cell.machine, cell.artefact) for f in (file, other))
     found = compare(cell.machine, cell.artefact, readings, others)
-    judgement = max((_judged(cell, r) for r in (readings, others)), key=lambda j: ORDER.index(j.verdict))
+    judgement = _together(_judged(cell, r, f) for r, f in ((readings, file), (others, other)))
     expected = None if period is None else latch(found.feed, period)
     if not write_json(json_file, _as_json(found, period, expected) | members(judgement)):
         click.echo("\n".join([*told(judgement), _as_text(found, file, other, period, expected)]))
     return status(judgement, despite)
 
 
-def _judged(cell: Cell, readings: Readings) -> Judgement:
+def _judged(cell: Cell, readings: Readings, source: Path) -> Judgement:
     try:
-        return judged(cell, readings, cell.terms)[1]
+        return judged(cell, readings, cell.terms, source=source)[1]
     except NoFit as error:
         return error.judgement
+
+
+def _together(judgements: Iterable[Judgement]) -> Judgement:
+    """judgements on both files → the worse of them, with what is said of either."""
+    both = tuple(judgements)
+    worse = max(both, key=lambda j: ORDER.index(j.verdict))
+    reasons, remarks = (tuple(dict.fromkeys(chain.from_iterable(lines))) for lines in ([j.reasons for j in both], [j.remarks for j in both]))
+    return replace(worse, reasons=reasons, remarks=remarks)
 
 
 def _groups(found: Comparison) -> dict[str, Any]:
