@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +65,8 @@ def _together(judgements: Iterable[Judgement]) -> Judgement:
     """judgements on both files → the worse of them, with what is said of either."""
     both = tuple(judgements)
     worse = max(both, key=lambda j: ORDER.index(j.verdict))
-    reasons, remarks = (tuple(dict.fromkeys(chain.from_iterable(lines))) for lines in ([j.reasons for j in both], [j.remarks for j in both]))
+    reasons = tuple(dict.fromkeys(line for j in both for line in j.reasons))
+    remarks = tuple(dict.fromkeys(line for j in both for line in j.remarks))
     return replace(worse, reasons=reasons, remarks=remarks)
 
 
