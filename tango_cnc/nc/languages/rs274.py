@@ -32,6 +32,6 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     return _iso.read(STYLE, line, number, modal, axes)
 
 
-def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int, modal_arc: str = "") -> list[str]:
+def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int) -> list[str]:
     """block, corrected parts → lines."""
     return _iso.write(block, moves, decimals)
