@@ -78,9 +78,9 @@ def _step(result: Estimate) -> Iterator[Remark]:
             before=step.before,
             after=step.after,
             at=f"{at:.0f}",
-            place=say(f"plausible.moved_{step.frame}"),
+            place=joined(say("plausible.or"), [_place(*one) for one in ((step.frame, step.axis), *step.instead)]),
             size=size,
-            where=say(f"plausible.frame_{step.frame}"),
+            where=say(f"plausible.frame_{step.frame}", axis=step.axis),
             more=more,
         ),
         after,
@@ -90,6 +90,11 @@ def _step(result: Estimate) -> Iterator[Remark]:
         sure=True,
         moves=step.moves,
     )
+
+
+def _place(frame: str, axis: str) -> str:
+    """frame, letter of the axis that moved → what moved."""
+    return say(f"plausible.moved_{frame}", axis=axis)
 
 
 def _distance(result: Estimate) -> tuple[float, float] | None:
