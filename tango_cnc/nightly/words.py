@@ -81,10 +81,10 @@ def headline(record: Mapping[str, Any]) -> str:
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
-        told = {alarm.get("parameter") for alarm in alarms}
-        why = [x["text"] for x in behind if x.get("parameter") not in told]
+        by_alarm = {alarm.get("parameter") for alarm in alarms}
+        why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
-        why = [*own, *why] if behind and behind[0].get("parameter") in told else [*why, *own]  # what does most comes first
+        why = [*own, *why] if behind and behind[0].get("parameter") in by_alarm else [*why, *own]  # what does most comes first
         cause = joined("", (": ", joined("; ", why))) if why else ""
         crossed = say(
             "night.words.allowed",
