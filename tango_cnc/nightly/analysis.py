@@ -19,6 +19,7 @@ from ..loaded import Event
 from ..records import Array, Cell, Readings
 from ..state import (
     Frame,
+    Named,
     State,
     Tonight,
     Within,
@@ -31,11 +32,13 @@ from ..state import (
     start,
     stepped,
     updated,
+    warmed,
 )
 from ..state.filter import as_numbers
 from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
+from ..touches import from_readings
 from . import again, answered, parts
 from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
 from .behind import behind
@@ -250,7 +253,8 @@ class Nights:
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
-        judged = believed(judged, diagnosis, alarms, first) if inner is None else moved_within(known, inner, readings)
+        moves = -np.inf if first or not alarm or inner is not None else self._moves(ahead, readings, tonight, named)
+        judged = believed(judged, diagnosis, alarms, first, moves) if inner is None else moved_within(known, inner, readings)
         helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []
@@ -368,6 +372,14 @@ class Nights:
         """prediction, readings, their judgement → the step of the machine within this run, where that alone explains it."""
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         return stepped(ahead, what, readings.time, hypotheses(self.followed, None), tonight.scale)
+
+    def _moves(self, ahead: State, readings: Readings, tonight: Tonight, named: Named | None) -> float:
+        """prediction, readings, their judgement, its best story → by how much a machine that moves on while it is measured explains
+        them better.
+        """
+        what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
+        normal = from_readings(self.cell.machine, self.cell.artefact, readings).machine_normal
+        return warmed(ahead, what, readings.time, normal, tonight, named)
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell
