@@ -336,7 +336,7 @@ class Nights:
         if not judged.believed:  # what is not believed must not teach the state anything
             told.pop("parameters")
             told.pop("state")
-            told |= {"within": as_json(inner)} if inner is not None else {}
+            told |= {"within": as_json(known, inner)} if inner is not None else {}
             return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
         files = {} if self.written is None or result is None else dict(self.written(result))
         return told | {"next": self._next(past, after, day, anew(alarms), kind)}, parts.knowledge(after), files

@@ -93,7 +93,7 @@ def _going_on(
         if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
             return alarm
         if _knocks(k, m, older, alarm):
-            return alarm | {"follows": _followed(older, stored)}
+            return alarm | {"follows": _followed(older, stored), "do": say("night.goes_on.twice_do")}
         return _told(k, after, alarm, stored, older, m, before, answer)
     return alarm
 
@@ -174,7 +174,7 @@ def _told(
         whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
     told = value(step, unit, float(alarm["std"]))
     told = told if len(m.now) == 1 else told.removeprefix("+")
-    whole |= {"do": alarm["do"]} if twice else {}
+    whole |= {"do": say("night.goes_on.twice_do")} if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
     whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}
     held = {"owner": answer.owner, "decision": "acknowledge"} if answer is not None and answer.action == "acknowledge" else {}

@@ -66,8 +66,11 @@ def together(
             goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
             first |= _whole(first, own, every, drifts, 1 if goes_on else len(same), u, t, machine)
             first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
+            first |= {"todo": same[-1]["todo"]} if knocks_told and str(known_of) <= str(same[-1]["first"]) else {}
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
+        elif len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
+            first["text"] = f"{first['text']} {t('morning.twice')}"
         elif first["older"] and first.get("now"):
             now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
