@@ -269,7 +269,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
     from ..report.pace import ahead
 
     machine = chain.name
-    with opened(place, create=False) as history:
+    with opened(place, create=False) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
             return None
