@@ -311,7 +311,8 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
     from ..history import opened  # slow to load
 
     allowed = read_nightly(folder).limits
-    with opened(place, create=False) as history:
+    with opened(place, create=False) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
         if machine not in history.machines():
             return None
         known = history.parameters(machine)
