@@ -77,7 +77,7 @@ def headline(record: Mapping[str, Any]) -> str:
         if record["status"] == "partial"
         else ""
     )
-    gap = _gap(record.get("unmeasured") or ())
+    gap = _gap(record)
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
@@ -199,14 +199,16 @@ def what_of(name: str) -> str:
     return say("followed.volume") if name == "volume" else name
 
 
-def _gap(unmeasured: Sequence[str]) -> str:
-    if not unmeasured:
+def _gap(record: Mapping[str, Any]) -> str:
+    """record of a night → what a headline says of the nights before: those that are missing, or one that is dated after it."""
+    if record.get("clock_back"):
+        return say("night.words.clock_went_back", newest=record["clock_back"])
+    count = record.get("unmeasured_count") or len(record.get("unmeasured") or ())
+    if not count:
         return ""
-    return (
-        say("night.words.night_before_was_not_measured")
-        if len(unmeasured) == 1
-        else say("night.words.nights_before_were_not_measured", count=len(unmeasured))
-    )
+    if count == 1:
+        return say("night.words.night_before_was_not_measured")
+    return say("night.words.nights_before_were_not_measured", count=count)
 
 
 def message(
@@ -284,6 +286,8 @@ def message(
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    if newest_night := record.get("clock_back"):
+        lines.append(f"* {t('mail.clock_back', night=record['night'], newest=newest_night)}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
     before = [t.of(text) for text in record.get("unmeasured") or ()]
     lines += [
