@@ -59,6 +59,14 @@ class Field:
         found.asked = {}
         return found
 
+    def more(self, kernels: Sequence[Kernel]) -> Field:
+        """shapes → the field with these as well."""
+        found = copy(self)
+        more = [self.project(k).astype(np.float32) for k in kernels]
+        found._set([*self.kernels, *kernels], np.hstack([self.columns, *more]).T.copy().T)
+        found.asked = {}
+        return found
+
     def __len__(self) -> int:
         return len(self.kernels)
 

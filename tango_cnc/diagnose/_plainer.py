@@ -48,13 +48,13 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
                 known[key] = _plainer(one_by_one, y, names, p, others)
                 kept += [p, *others]
             told = known[key]
-            if told is not None or sum(map(_told, found)) > 1:
+            if told is not None or sum(map(told_of, found)) > 1:
                 found = [o for one in found for o in ([one] if one is not p else [] if told is None else [told])]
                 if told is not None:
                     known[(id(told), *key[1:])] = told
         if turn == 0:
             found = _joined(one_by_one, y, names, found)
-        if sum(map(_told, found)) < 2 and len(found) == before:
+        if sum(map(told_of, found)) < 2 and len(found) == before:
             break
     return tuple(found)
 
@@ -71,9 +71,9 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
     for p, q in combinations([p for p in found if p.kernel.form is not None], 2):
         if p not in found or q not in found:
             continue
-        s = _beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
+        s = beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
         both = 0.0
-        for one, there in ((p, s), (q, _beside(s, [p]))):
+        for one, there in ((p, s), (q, beside(s, [p]))):
             both += score(there.y, there.seen(one.columns))[0] - price(field, m, one.kernel)
         best = scores(field, s)[0][:, 0]
         formed = [int(i) for i in np.argsort(-best) if field.kernels[int(i)].form is not None]
@@ -87,7 +87,7 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
     return found
 
 
-def _told(p: Picked) -> bool:
+def told_of(p: Picked) -> bool:
     """what was chosen → whether people read which covariates this shape follows."""
     return p.kernel.form is not None or "like" in p.kernel.setting
 
@@ -98,9 +98,9 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     None where it is not worth its price beside them.
     """
     field = adapting.field
-    if not _told(p):
+    if not told_of(p):
         return p
-    s = _beside(begin(field, y, names), others)
+    s = beside(begin(field, y, names), others)
     best, at = scores(field, s)
     rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
     every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
@@ -124,7 +124,9 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     first = first if worth[first] > worth[order[0]] - STRONG else order[0]
     less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
     j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
-    near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not (parts[j] <= parts[k] and _inside(every[k], parts[j]))]
+    near = [
+        k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not (parts[j] <= parts[k] and _inside(every[k], parts[j]))
+    ]
     wider = [every[first].covariate] if parts[j] < parts[first] else []  # the pair, where one of its two does as well
     wider += [p.kernel.covariate] if parts[j] < own else []
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
@@ -202,7 +204,7 @@ def _parts(kernel: Kernel) -> set[str]:
     return set(kernel.covariate.split(" × ")) if "like" in kernel.setting else set()
 
 
-def _beside(s: State, others: Sequence[Picked]) -> State:
+def beside(s: State, others: Sequence[Picked]) -> State:
     for p in others:
         s = whiten(s, p.kernel, p.columns, s.seen(p.columns), p.tau, p.score)
     return s
