@@ -9,7 +9,7 @@ anywhere near are compared again, each with the functions and the frame that sui
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ NEAR = 0.4  # of the likelihood of the best: what has less comes no nearer by be
 NEARER = 0.5  # the same once functions nearly suit
 POLYNOMIALS, WAVY, EVENS, TURNS = (1, 2, 4, 6), (6, 14), (1, 2, 4), (4, 8)  # numbers of functions that are tried
 LOBES = (4, 6, 12)
-REPEATED = 6  # functions of what repeats: a valve that opens and shuts has edges
+REPEATED = (2, 6)  # functions of what repeats: a valve that opens and shuts has edges
 BREAKS = 12  # places from which on something is elsewhere
 PLACED = (BEYOND, CYCLE)  # such functions differ by a place or a period alone
 BEFORE = ("way", "path", "pause")  # what was before a touch
@@ -40,7 +40,7 @@ class Adapted:
     kernel: Kernel
     score: float  # twice the log likelihood ratio at its best τ
     tau: float
-    choice: float  # what it costs that its place or period was chosen among several
+    choice: float  # what it costs that its place, its period or the pair itself was chosen among several
 
 
 def factors(touches: Touches, name: str, v: Array) -> list[Factor]:
@@ -64,7 +64,7 @@ def factors(touches: Touches, name: str, v: Array) -> list[Factor]:
         found += [Factor(name, TURN, -1e3, 1e3, count) for count in TURNS]
     found += [Factor(name, WAVES, low, high, count) for count in dict.fromkeys(min(c, used - 1) for c in WAVY)]
     if name == "time":
-        found += [Factor(name, CYCLE, low, high, REPEATED, cycles=float(cycles)) for cycles in CYCLES[::2]]
+        found += [Factor(name, CYCLE, low, high, count, cycles=float(cycles)) for count in REPEATED for cycles in CYCLES[::2]]
     if not name.startswith(BEFORE):
         found += [Factor(name, BEYOND, place, high, 1) for place in between(v, BREAKS)]
     return found
@@ -138,18 +138,21 @@ class Adapting:
                 weight.append(form.weight)
         for own in felt:
             begun[own] = max(begun[own], *(self._glance(s, own, frame) for frame in felt[own]))
-        for own, frame, likelihood in self._wider(s, [k.form for k in told if k.form is not None]):
+        among: dict[tuple[str, ...], float] = {}
+        for own, frame, likelihood, picked in self._wider(s, [k.form for k in told if k.form is not None]):
+            among |= {own: picked} if own not in felt else {}
             felt.setdefault(own, [frame])
             begun[own] = max(begun.get(own, -np.inf), likelihood)
         top = max(begun.values(), default=0.0)
         found: list[Adapted] = []
         for own in sorted((one for one in begun if begun[one] >= NEARER * top), key=lambda one: -begun[one])[:SETS]:
-            found.append(self.adapt(s, own, felt[own], max((a.score for a in found), default=0.0)))
+            one = self.adapt(s, own, felt[own], max((a.score for a in found), default=0.0))
+            found.append(replace(one, choice=one.choice + among.get(own, 0.0)))
         return found
 
-    def _wider(self, s: State, told: Sequence[Form]) -> list[tuple[tuple[str, ...], str, float]]:
+    def _wider(self, s: State, told: Sequence[Form]) -> list[tuple[tuple[str, ...], str, float, float]]:
         """state, shapes that are told → each of their covariates alone, and the pairs of one of these and any other one that come
-        nearest: covariates, the frame in which they do, and how near.
+        nearest: covariates, the frame in which they do, how near, and what it costs that they were picked among many.
 
         Two covariates act together in frames, and with functions, that the contest does not try for every pair.
         """
@@ -160,7 +163,9 @@ class Adapting:
         for names in sets:
             likelihood, weight = max((self._glance(s, names, weight), weight) for weight in {f.weight for f in told})
             every.append((names, weight, likelihood))
-        return [*every[: len(each)], *sorted(every[len(each) :], key=lambda one: -one[2])[:WIDER]]
+        picked = 2 * float(np.log(max(len(sets) - len(each), 1)))
+        pairs_near = sorted(every[len(each) :], key=lambda one: -one[2])[:WIDER]
+        return [*((*one, 0.0) for one in every[: len(each)]), *((*one, picked) for one in pairs_near)]
 
     def _sorted(self, names: Iterable[str]) -> tuple[str, ...]:
         """covariates → in one order: a side before what it acts together with, an axis or the time last."""

@@ -54,7 +54,7 @@ def foreign(c: Candidate, covariate: str) -> bool:
 
 
 def _follows(c: Candidate) -> set[str]:
-    own = {str(c.setting[key]).rstrip("0123456789")[-1] for key in ("axis", "by", "name") if key in c.setting}
+    own = {(str(c.setting[key]).rstrip("0123456789") or "?")[-1] for key in ("axis", "by", "name") if key in c.setting}
     drawn = families.causes()[c.cause].over if c.cause in families.causes() else None
     own |= _things(drawn) if drawn else set()
     return own | ({"facet"} if "facet" in c.setting or "facets" in c.setting else set()) or {"time"}
