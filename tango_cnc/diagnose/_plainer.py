@@ -72,14 +72,18 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
         if p not in found or q not in found:
             continue
         s = beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
-        both = 0.0
-        for one, there in ((p, s), (q, beside(s, [p]))):
-            both += score(there.y, there.seen(one.columns))[0] - price(field, m, one.kernel)
+        alone = [score(s.y, s.seen(one.columns))[0] - price(field, m, one.kernel) for one in (p, q)]
+        there = beside(s, [p])
+        both = alone[0] + score(there.y, there.seen(q.columns))[0] - price(field, m, q.kernel)
+        larger = _parts((p if alone[0] >= alone[1] else q).kernel)
         best = scores(field, s)[0][:, 0]
         formed = [int(i) for i in np.argsort(-best) if field.kernels[int(i)].form is not None]
         near = adapting.near(s, best, formed, [p.kernel, q.kernel])
-        one = max(near, key=lambda a: a.score - a.choice)
-        worth = one.score - one.choice - price(field, m, one.kernel)
+        if not near:
+            continue
+        # One with more covariates than the larger of the two follows anything a little better, as where it stands alone.
+        worths = [a.score - a.choice - (SURE - STRONG if larger < _parts(a.kernel) else 0.0) for a in near]
+        one, worth = near[int(np.argmax(worths))], max(worths) - price(field, m, near[0].kernel)
         if worth >= both:
             at = next(i for i, o in enumerate(found) if o is p)
             found[at] = Picked(one.kernel, field.project(one.kernel), one.tau, worth)
