@@ -25,7 +25,6 @@ NEAR = 0.4  # of the likelihood of the best: what has less comes no nearer by be
 NEARER = 0.5  # the same once functions nearly suit
 POLYNOMIALS, WAVY, EVENS, TURNS = (1, 2, 4, 6), (6, 14), (1, 2, 4), (4, 8)  # numbers of functions that are tried
 LOBES = (4, 6, 12)
-REPEATED = (2, 6)  # functions of what repeats: a valve that opens and shuts has edges
 BREAKS = 12  # places from which on something is elsewhere
 PLACED = (BEYOND, CYCLE)  # such functions differ by a place or a period alone
 BEFORE = ("way", "path", "pause")  # what was before a touch
@@ -64,7 +63,7 @@ def factors(touches: Touches, name: str, v: Array) -> list[Factor]:
         found += [Factor(name, TURN, -1e3, 1e3, count) for count in TURNS]
     found += [Factor(name, WAVES, low, high, count) for count in dict.fromkeys(min(c, used - 1) for c in WAVY)]
     if name == "time":
-        found += [Factor(name, CYCLE, low, high, count, cycles=float(cycles)) for count in REPEATED for cycles in CYCLES[::2]]
+        found += [Factor(name, CYCLE, low, high, 2, cycles=float(cycles)) for cycles in CYCLES[::2]]
     if not name.startswith(BEFORE):
         found += [Factor(name, BEYOND, place, high, 1) for place in between(v, BREAKS)]
     return found
