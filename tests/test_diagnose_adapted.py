@@ -101,6 +101,22 @@ def test_two_shapes_that_are_two_stay_two() -> None:
 
 
 @pytest.mark.long
+def test_of_three_shapes_two_that_are_one_are_told_as_one() -> None:
+    m = means()
+    time, angle, place = (
+        Factor(name, LEGENDRE, float(values(m.seen)[name].min()), float(values(m.seen)[name].max()), 2)
+        for name in ("time", "B", "Z")
+    )
+    forms = [Form((angle,), "machine z"), Form((place, angle), "machine y"), Form((time,), "machine x")]
+    field = Field([scaled(Kernel(f, "shape", f.columns(m.seen))) for f in forms], np.eye(len(m.seen)), np.ones(len(m.seen)), m)
+    x, z = (weights(m.seen, f"machine {c}")[:, 0] for c in "xz")
+    pattern = (m.seen.axis("B") > 0.1) * unit(m.seen.axis("Y")) * z + unit(m.seen.warm) * x
+    y = 7 * pattern / np.abs(pattern).max() + np.random.default_rng(3).normal(size=len(x))
+    found = plainer(field, y, np.empty((len(y), 0)), [Picked(k, field.project(k), 1.0, 100.0) for k in field.kernels])
+    assert {p.kernel.covariate for p in found} == {"Y × B", "time"}
+
+
+@pytest.mark.long
 def test_what_reverses_with_the_side_is_a_rival_where_every_touch_came_from_one_side() -> None:
     three = [("Z", "machine z"), ("dZ × Z", "machine z"), ("time × Z", "machine z")]
     (shape,) = told(lambda t: np.tanh(4 * unit(t.axis("Z"))), "machine z", three)

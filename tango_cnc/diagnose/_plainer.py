@@ -69,7 +69,7 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
     field, m = adapting.field, len(y)
     found = list(found)
     for p, q in combinations([p for p in found if p.kernel.form is not None], 2):
-        if p not in found or q not in found:
+        if not any(o is p for o in found) or not any(o is q for o in found):
             continue
         s = beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
         alone = [score(s.y, s.seen(one.columns))[0] - price(field, m, one.kernel) for one in (p, q)]
