@@ -39,12 +39,14 @@ class Jump:
 
     before: int  # number of the last touch before it
     after: int  # number of the first touch after it
-    frame: str  # machine, table or spindle: in which it moved
+    frame: str  # machine, table, spindle or axis (of which `axis` is the letter): in which it moved
     shift: tuple[float, float, float]  # mm, by which it moved there
     moves: tuple[str, ...]  # coefficients that it moves, or without which nothing would be known of them
     turn: tuple[float, float, float] = (0.0, 0.0, 0.0)  # rad, by which the table turned
     radius: float = 0.0  # mm, by which the tip is larger
     row: int = 0  # of the first touch after it, in the order of measurement
+    axis: str = ""  # rotary axis that moved on what carries it
+    instead: tuple[tuple[str, str], ...] = ()  # frame and axis of what may have moved in its place: these touches cannot tell
 
 
 @dataclass(frozen=True)

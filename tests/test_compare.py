@@ -116,3 +116,22 @@ def test_the_direction_of_the_approach_is_that_of_the_axes(cell):
         way = np.subtract(touch.contact, touch.standoff)[:3]
         k = "XYZ".index(main[0])
         assert abs(way[k]) == pytest.approx(np.abs(way).max()) and (way[k] > 0) == (main[1] == "+")
+
+
+@pytest.mark.long
+def test_readings_of_another_machine_are_said(cell):
+    """The other file lies in the cell of another machine, and an edited row in this one."""
+    other = cell.with_name("other")
+    write_example(other, "hu40t")
+    machine = (other / "machine.yaml").read_text()
+    name = read_cell(cell).machine.name
+    (other / "machine.yaml").write_text(machine.replace(f"name: {name}", "name: the one beside it"))
+    (other / "strategy.yaml").write_text(STRATEGY)
+    assert Result("simulate", "-C", other, "-o", other / "simulated.csv", "--exact").code == 0
+    file = cell / "simulated.csv"
+    file.write_text(file.read_text().replace(",ok,1,1,180", ",ok,1,1,181", 1))
+    said = Result("compare", "-C", cell, "--with", other / "simulated.csv").out
+    assert "is of the machine 'the one beside it'" in said
+    assert "1 rows are not as they were written (lines 2)" in said
+    same = Result("compare", "-C", other, "--with", other / "simulated.csv").out
+    assert "is of the machine" not in same and "as they were written" not in same

@@ -131,7 +131,7 @@ def test_what_does_more_to_a_part_comes_first_and_no_sentence_says_last_night() 
 
 
 def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
-    for days, wanted in ((2, "asked this morning"), (5, "not answered for 3 days")):
+    for days, wanted in ((2, "asked this morning"), (3, "not answered since yesterday"), (5, "not answered for 3 days")):
         (found,) = faults(night("M", days), [step(2, 20.0)], {}, Units(), texts())
         assert found["who"].startswith("Call Ann: ") and wanted in found["who"]
     (found,) = faults(night("M", 2), [step(2, 20.0, owner=None)], {}, Units(), texts())

@@ -228,6 +228,19 @@ def test_a_repair_that_takes_an_older_ignored_change_with_it_has_helped(
         assert bool(page["suspect"]) != bool(page["repaired"])  # which parts to check is said once
 
 
+@pytest.mark.parametrize(
+    ("behind", "told"),
+    [("EY0C", "Ann ignores C axis off in Y (EY0C) until 2026-12-24"), ("EX0C", "Ann ignores C axis off in Y (EY0C)")],
+)
+def test_the_headline_of_a_crossed_limit_names_who_ignores_what(behind: str, told: str) -> None:
+    limit = {"what": "volume", "value": 95.0, "unit": "µm", "limit": 90.0, "passed": False}
+    silent = {"parameter": "EY0C", "text": "it moved", "owner": "Ann", "until": "2026-12-24", "now": ""}
+    record = {"status": "complete", "verdict": "out_of_limits", "alarms": [], "limits": [limit]}
+    record |= {"behind": [{"what": "volume", "parameter": behind, "text": "moved"}], "unheard": [silent]}
+    assert told in headline(record) and "90 µm are allowed: moved" in headline(record)
+    assert told in headline(record | {"unheard": [], "ignored": [silent]})
+
+
 @pytest.mark.long
 def test_a_change_that_goes_back_unanswered_says_so_and_what_is_left(root: Path, tmp_path: Path) -> None:
     story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.020})), wander=0.5)

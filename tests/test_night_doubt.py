@@ -8,7 +8,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
-from support.spoilt import FIRST, SPOILT, fault, judged_in_full, said, spoilt
+from support.spoilt import FIRST, SPOILT, Fault, fault, judged_in_full, said, spoilt
 
 from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
@@ -47,6 +47,41 @@ def test_a_diagnosis_that_cannot_be_made_hides_no_alarm(root: Path, tmp_path: Pa
 
 def test_quiet_nights_are_not_in_doubt(before: tuple[Cell, World, Path, list[str]]) -> None:
     assert before[3] == QUIET * ["good"]
+
+
+WARMING = {"cause": "thermal_drift", "amplitude": 0.020}
+
+
+@pytest.mark.parametrize(
+    ("tau", "direction", "plain"),
+    [(900, [0, 0.7, 0.7], True), (900, [1, 0, 0], True), (300, [0, 0.7, 0.7], True), (900, [0, 0, 1], False)],
+)
+def test_a_machine_that_warms_up_in_the_run_is_not_said_to_have_changed(
+    before: tuple[Cell, World, Path, list[str]], tmp_path: Path, tau: float, direction: list[float], plain: bool
+) -> None:
+    """Its check looks like a spindle that has moved; along Z like a scale that has changed, which three minutes hardly tell."""
+    cell, truth, file, _ = before
+    warming = Fault({**WARMING, "tau": tau, "direction": direction})
+    with judged_in_full(cell, SETTINGS), opened(Path(shutil.copy(file, tmp_path / "history.db"))) as history, spoilt(warming):
+        ((record, _),) = nights(cell, truth, history, 1, 22, Story(), SETTINGS, FIRST + timedelta(days=QUIET))
+    assert record["next"]["kind"] == "full"
+    if not plain and said(record) == "alarm":
+        assert [a["instead"][0] for a in record["alarms"]] == ["warm-up of the machine"]
+        return
+    assert said(record) == "doubtful" and not record["alarms"] and "on the move while it was measured" in record["headline"]
+
+
+@pytest.mark.parametrize("errors", [{"EZZ1": -1.2e-5}, {"EY0S": 0.008}, {"EX0S": 0.008}])
+def test_a_change_that_a_warm_up_resembles_is_an_alarm_without_doubt(
+    before: tuple[Cell, World, Path, list[str]], tmp_path: Path, errors: dict[str, float]
+) -> None:
+    cell, truth, file, _ = before
+    story = Story((Event(1, errors),))
+    with judged_in_full(cell, SETTINGS), opened(Path(shutil.copy(file, tmp_path / "history.db"))) as history:
+        ((record, _),) = nights(cell, truth, history, 1, 22, story, SETTINGS, FIRST + timedelta(days=QUIET))
+    (alarm,) = record["alarms"]
+    assert said(record) == "alarm" and list(errors) == [alarm["parameter"]]
+    assert not any("warm-up" in other for other in alarm["instead"])
 
 
 @pytest.mark.parametrize("name", SPOILT)

@@ -9,10 +9,12 @@ import pytest
 from support.answers import answered
 
 from tango_cnc.commands._simulated_nights import Event, Story
+from tango_cnc.nightly.drift import Drift
 from tango_cnc.nightly.words import headline, message
 from tango_cnc.report.alarm import alarm as shown
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.report.words import unforeseen
 from tango_cnc.texts import say
 
 STANDING: dict[str, Any] = {
@@ -52,6 +54,8 @@ ALARM: dict[str, Any] = {
     ("p", "more", "says"),
     [
         (0.7, {"verdict": "good"}, True),
+        (0.45, {"trend": {"text": "it has moved by +3.1 ± 0.3 µm"}}, False),
+        (0.45, {"verdict": "out_of_limits", "behind": [ALARM | {"what": "volume"}]}, False),
         (1e-9, {"alarms": [ALARM]}, True),
         (0.98, {"alarms": [ALARM | {"repair": {"alarm": "b"}}]}, False),  # a repair that was measured decided
         (5e-77, {"verdict": "good", "repaired": [{"text": "as before", "alarm": "b"}]}, False),
@@ -63,6 +67,13 @@ ALARM: dict[str, Any] = {
 def test_the_probability_by_chance_is_said_where_it_is_what_decided(p: float, more: dict[str, Any], says: bool) -> None:
     text = message(night(change=CHANGE | {"p_value": p}, **more), (), ())[1]
     assert ("probability by chance" in text) == says and "one false alarm in 730 nights is expected" in text
+
+
+@pytest.mark.parametrize(("days", "told"), [(0.2, "in about a day"), (1.4, "in about a day"), (1.6, "in about 2 days")])
+def test_a_limit_that_is_near_is_a_day_away_and_not_1_days(days: float, told: str) -> None:
+    found = Drift("EY0C", "2026-10-11", 0.02, 1e-3, "mm", 0.001, 9.0, 1e-9, 20.0, "p", "d", True, limit="volume", nights=days)
+    assert f"volume reaches its limit {told} if it goes on so" in found.text
+    assert "reaches" not in unforeseen(found.text)
 
 
 @pytest.fixture(scope="module")

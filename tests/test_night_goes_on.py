@@ -125,6 +125,55 @@ def test_two_knocks_with_a_quiet_night_between_are_both_told(root: Path, tmp_pat
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("sizes", "seed"), [((0.020, 0.015), 3), ((0.020, 0.020), 4), ((0.012, 0.025), 5)])
+def test_knocks_in_two_nights_one_after_the_other_are_two_alarms(
+    root: Path, tmp_path: Path, sizes: tuple[float, float], seed: int
+) -> None:
+    story = Story(tuple(Event(n, {"EY0C": size}) for n, size in zip((8, 9), sizes, strict=True)), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 10, {}, seed)
+    first, other = records[7]["alarms"][0], records[8]["alarms"][0]
+    assert first["id"] != other["id"] and other["follows"]["alarm"] == first["id"] and not other.get("goes_on")
+    assert [a["size"] for a in (first, other)] == pytest.approx(sizes, abs=0.0015) and other["since"] == records[7]["night"]
+    assert "two knocks, or a movement that goes on" in records[8]["headline"] and "night after night" not in records[8]["headline"]
+    both = "Ask who was at the machine in both nights. If it moves again in the next night, look for what goes on"
+    assert other["do"].startswith(both) and first["do"].startswith("Ask who was at the machine. Run the full measurement.")
+    for r, wanted, do in (
+        (records[8], "two knocks, or a movement that goes on.", both),
+        (records[9], "It has stood still since.", "Ask who was at the machine. Run the full measurement."),
+    ):
+        with opened(tmp_path / "h.db") as history:
+            found, decisions = unclosed(history, "trunnion", r["night"])
+        before = [a for a in found if str(a["utc"]) <= r["start_utc"] and a["id"] not in {x["id"] for x in r["alarms"]}]
+        (fault,) = faults(r, before, decisions, Units(), texts())
+        assert "Two steps, +" in fault["text"] and wanted in fault["text"] and "night after night" not in fault["text"]
+        assert not fault["drifts"] and sorted(fault["ids"]) == sorted([first["id"], other["id"]])
+        assert fault["todo"].startswith(do) and fault["total"] == pytest.approx(sum(sizes), abs=0.002)
+
+
+@pytest.mark.long
+def test_three_steps_in_three_nights_are_something_that_goes_on(root: Path, tmp_path: Path) -> None:
+    story = Story((*(Event(n, {"EY0C": 0.015}) for n in range(8, 12)),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {})
+    ids = [r["alarms"][0]["id"] for r in records[7:11]]
+    assert len(set(ids[:2])) == 2 and set(ids[1:]) == {ids[1]}
+    assert records[10]["alarms"][0]["goes_on"] and "night after night" in records[10]["headline"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4])
+def test_what_goes_on_asks_for_one_full_run_until_something_else_moves(root: Path, tmp_path: Path, seed: int) -> None:
+    story = Story((*(Event(n, {"EY0C": 0.005}) for n in range(9, 17)), Event(15, {"EX0C": 0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 17, {}, seed)
+    (second,) = records[9]["alarms"]  # two small steps are one alarm, and no course yet
+    assert "night after night" not in second["text"] and "in both nights" in second["do"]
+    (fault,) = faults(records[9], (), {}, Units(), texts())
+    assert "It moved in two nights, one after the other." in fault["text"] and not fault["drifts"]
+    assert all(a.get("goes_on") for r in records[9:14] for a in r["alarms"]) and all(r["alarms"] for r in records[8:16])
+    assert [n for n, r in enumerate(records, 1) if r["kind"] == "full"] == [1, 10, 16]
+    assert [r["next"]["kind"] for r in records[8:16]] == ["full", *5 * ["check"], "full", "check"]
+
+
+@pytest.mark.long
 def test_a_stylus_that_creeps_is_one_alarm_as_well(root: Path, tmp_path: Path) -> None:
     """It has no way, but a length."""
     story = Story(tuple(Event(n, stylus={"EXt": 0.004, "EYt": 0.003}) for n in range(9, 13)), wander=0.5)

@@ -170,8 +170,8 @@ def test_a_knock_behind_a_crossed_limit_is_not_told_as_a_drift(cell: Cell, path:
     ]
     after = SimpleNamespace(mean=[path[-1]], std=[2e-4], day=float(len(path)))
     known = Known(cell, cast(Frame, followed), lever)
-    found = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
-    assert found is not None and ("night after night" in found["text"]) == drifts == (found["rate_per_day"] is not None)
+    (found,) = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
+    assert ("night after night" in found["text"]) == drifts == (found["rate_per_day"] is not None)
     assert ("since 2026-10-01" if drifts else "since 2026-10-02") in found["text"]
 
 
@@ -195,8 +195,42 @@ def test_a_full_measurement_is_not_asked_for_where_one_has_found_the_cause_again
     ]
     after = SimpleNamespace(mean=[0.02], std=[2e-4], day=5.0)
     known = Known(cell, cast(Frame, followed), lever)
-    found = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
-    assert found is not None and (found["confirmed"], found["cause"]) == (confirmed, "axis_location")
+    (found,) = behind(known, nights_before[::-1], cast(State, after), {"what": "volume"})
+    assert (found["confirmed"], found["cause"]) == (confirmed, "axis_location")
+
+
+@pytest.mark.parametrize(
+    ("sizes", "rate", "named"),
+    [
+        ((0.012, 0.020), 1e-8, ["EX0S", "EX0C"]),
+        ((0.020, 0.005), 1e-8, ["EX0C"]),  # a quarter of what the other does
+        ((0.020, 0.008), 1e-4, ["EX0C"]),  # it wanders as far in these days
+    ],
+)
+def test_every_cause_of_a_crossed_limit_is_named_the_largest_first(
+    cell: Cell, sizes: tuple[float, float], rate: float, named: list[str]
+) -> None:
+    names = ("EX0C", "EX0S")
+    lever = np.zeros((1, 3, 2))
+    lever[0, :2, :] = np.eye(2)
+    followed = SimpleNamespace(
+        **{"machine": [0, 1], "names": names, "units": ("mm", "mm"), "families": ("location", "location")},
+        selection=SimpleNamespace(label=lambda name: name),
+    )
+    nights_before = [
+        {
+            **{"night": f"2026-10-{day:02d}", "kind": "check", "limits": [{"what": "volume", "passed": True}], "alarms": []},
+            "state": {"day": float(day)},
+            "parameters": {name: {"value": 0.0, "std": 2e-4, "seen": True} for name in names},
+        }
+        for day in (1, 2)
+    ]
+    after = SimpleNamespace(mean=np.array(sizes), std=np.array([2e-4, 2e-4]), day=3.0, rates=np.full(2, rate))
+    found = behind(Known(cell, cast(Frame, followed), lever), nights_before[::-1], cast(State, after), {"what": "volume"})
+    assert [x["parameter"] for x in found] == named
+    limit = {"what": "volume", "value": 41.0, "unit": "µm", "limit": 30.0, "passed": False}
+    told = headline({"status": "complete", "verdict": "out_of_limits", "alarms": [], "limits": [limit], "behind": found})
+    assert all(x["text"] in told for x in found)
 
 
 def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:

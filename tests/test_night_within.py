@@ -66,6 +66,18 @@ def _touches(folder: Path, record: dict[str, object], tmp_path: Path) -> list[in
     return [int(line.split(",")[place]) for line in lines[1:] if line]
 
 
+def test_what_no_touch_tells_from_it_is_named_beside_it_as_in_an_alarm(before: tuple[Cell, World, Path], tmp_path: Path) -> None:
+    cell, now, file = before
+    with (
+        judged_in_full(cell, SETTINGS),
+        opened(Path(shutil.copy(file, tmp_path / "h.db"))) as history,
+        knocked({"EX0C": 0.02}, 0.5),
+    ):
+        ((record, _),) = nights(cell, now, history, 1, 41, Story(), SETTINGS, LATER)
+    found = record["within"]
+    assert found["parameter"] == "EX0S" and "EX0C" in found["instead"] and "EX0C" in record["headline"]
+
+
 def test_the_table_that_is_knocked_within_the_run_is_named(before: tuple[Cell, World, Path], tmp_path: Path) -> None:
     cell, now, file = before
     kept = Path(shutil.copy(file, tmp_path / "h.db"))

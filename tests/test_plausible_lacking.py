@@ -97,6 +97,12 @@ def test_a_clamp_that_lets_go_in_a_band_is_said(cell: Cell, readings: Readings) 
     assert "C stood elsewhere than the readings say wherever it was from" in doubted(cell, along(cell, readings, "C", loose))
 
 
+def test_a_single_place_of_an_axis_is_no_stretch(cell: Cell, readings: Readings) -> None:
+    a = readings.position[:, cell.machine.column("A")]
+    text = doubted(cell, along(cell, readings, "A", 3e-5 * (np.abs(a + np.radians(30)) < 1e-3)))
+    assert "A stood elsewhere than the readings say wherever it was at -30°" in text and "wherever it was from" not in text
+
+
 def test_a_column_that_gives_way_far_out_is_said(cell: Cell, readings: Readings) -> None:
     z = readings.position[:, cell.machine.column("Z")]
     over = (z - z.min()) / np.ptp(z)

@@ -209,8 +209,3 @@ def runs_with_time(position: Array, time: Array) -> float:
         if np.ptp(column) > 1e-6 and np.ptp(time) > 0:
             found = max(found, abs(float(np.corrcoef(column, time)[0, 1])))
     return found
-
-
-def unplannable(error: InputError, count: int) -> InputError:
-    """error of the planner, indexations tried → the same for somebody who asked for a design."""
-    return InputError(f"design: no safe way leads through {count} indexations: {error}")

@@ -211,12 +211,6 @@ def same_time(ready: Setting, other: Cell, made: Plan) -> Chosen:
     return timed.judged(ready.problem, other, made)
 
 
-def information_of(ready: Setting, made: Plan) -> Array:
-    """setting, plan → (p, p) information of its touches."""
-    choice = ready.problem.choice
-    return information(choice, [touch.facet for touch in made.touches], timed.rows_of(choice, made))
-
-
 def reached(ready: Setting, phi: float, widens: float = 1.0) -> tuple[float, str]:
     """setting, φ, factor of standard deviations (`enough.widened`) → the number that the command prints, and its unit."""
     problem = ready.problem

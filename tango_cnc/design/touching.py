@@ -13,15 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import kinematics
-from ..records import Approach, Cell, Find, Machine, Readings
+from ..records import Approach, Cell, Find, Readings
 from ..touches import from_readings
 
 FREE = 1.5  # mm from the surface at which a probe and its control are ready again
 LEAST, SHORTEST = 2.0, 0.5  # mm of stand-off and search
 SAFETY = 1.5  # times the farthest that a facet was from its place
 FINDING = 600.0  # mm/min of a first touch; it is measured again, so its scatter does not count
-OVERTRAVEL = 4.0  # mm that a stylus may be deflected before it breaks or falls out of its seat; of common probes 5 and more
-REACTION = 0.01  # s from contact to the beginning of the stop
 
 
 @dataclass(frozen=True)
@@ -59,13 +57,6 @@ def touching(own: Approach, within: float | None, source: str = "--within") -> T
             approach, "nobody has said how well the places of facets are known (--within): a fast touch finds, a slow one measures"
         )
     return Touching(own, "as in the strategy of the cell")
-
-
-def protected_feed(machine: Machine) -> float:
-    """machine → mm/min of a protected move that stops before the stylus is deflected further than it may be."""
-    slowest = 1000 * min(machine.axis(name).acceleration or 2.0 for name in machine.linear)
-    speed = slowest * (math.sqrt(REACTION**2 + 2 * OVERTRAVEL / slowest) - REACTION)
-    return math.floor(60 * speed / 100) * 100.0
 
 
 def scatter(repeatability: float, feed: float, period: float) -> float:

@@ -10,11 +10,13 @@ import numpy as np
 from ..records import Array
 from ..terms import causes
 from ..touches import Touches
+from ._candidates import pattern
 from ._catalogue import Chosen, searched_range
 from ._explain import Explanation, values
 from ._records import Size
 from ._space import orthonormal
 
+FELT = 3.0  # repeatabilities of the probe by which a touch has to be off for it to tell that something had happened before it
 SIGMAS = 2.0  # standard deviations within which a size is wanted to be: as far as that its likelihood is followed
 STEP = 0.1  # of the logarithm of a time constant, along the likelihood
 Told = Callable[[Array, Array], float]  # values (k,), what they do to every touch (n,) → one number for their size
@@ -142,7 +144,7 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
     effect: dict[str, Any] = {"cause": c.candidate.cause, **c.candidate.setting, "amplitude": _measure(kind)(v)}
     if kind.startswith("vector"):
         own = cause.frame if cause is not None else ""
-        detail.setdefault("frame", own if own in ("machine", "table", "spindle") else "machine")
+        detail.setdefault("frame", own if own in ("machine", "table", "spindle", "axis") else "machine")
         arrow = np.pad(v, (0, 3 - len(v))) if kind == "vector" else _principal(v)
         detail["direction"] = [round(float(x), 4) for x in arrow / (np.linalg.norm(arrow) or 1.0)]
         effect["direction"] = detail["direction"]
@@ -153,11 +155,24 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
         detail["run_s"] = round(float(touches.warm.max()), 1)
     if cause is not None and "at" in detail and cause.refine.get("at") == "touch":
         detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
+        detail["at_after"] = _unfelt(c, v, touches)
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
     each = zip(names, units, v, std_values, strict=bool(names))
     detail["coefficients"] = {n: {"value": float(x), "unit": u, "std": float(s)} for n, u, x, s in each}
     return Size(v, std_values, amplitude, std, detail, effect)
+
+
+def _unfelt(c: Chosen, v: Array, touches: Touches) -> int:
+    """what was chosen, its values, touches → the last touch before its moment that would have felt it; 0: none.
+
+    Those between did not, so that the moment may lie anywhere among them.
+    """
+    cause, setting = causes()[c.candidate.cause], c.candidate.setting
+    always = pattern(touches, cause.make(touches.machine, **{**setting, "at": 1}))
+    felt = np.abs(always @ v)[: int(setting["at"]) - 1]
+    rows = np.flatnonzero(felt > FELT * touches.machine.probe.repeatability)
+    return int(rows[-1]) + 1 if len(rows) else 0
 
 
 def _principal(v: Array) -> Array:

@@ -132,8 +132,8 @@ def towards(v: Array) -> str:
 
 
 def _frame(name: str) -> str:
-    """machine, table or spindle → its word."""
-    return say(f"diagnosis_said.of_{name}") if name in ("machine", "table", "spindle") else name
+    """machine, table, spindle or axis → its word."""
+    return say(f"diagnosis_said.of_{name}") if name in ("machine", "table", "spindle", "axis") else name
 
 
 def covariate(name: str) -> str:
@@ -318,6 +318,7 @@ WORDS = frozenset(
         "towards",
         "period",
         "at",
+        "moment",
         "until",
         "clock",
         "facet",
@@ -366,6 +367,7 @@ def _words(f: Finding) -> _Known:
         known["period"] = say("diagnosis_said.mm", period_mm=f"{float(d['period_mm']):.2f}")
     if "at" in d:
         known["at"] = f"{d['at']:g}" if isinstance(d["at"], float) else str(d["at"])
+        known["moment"] = _moment_of(d)
     if "until" in d:
         known["until"] = str(d["until"])
     if "time_s" in d:
@@ -383,6 +385,13 @@ def _words(f: Finding) -> _Known:
         known["early"] = "early" if f.size.values[0] > 0 else "late"
         known["delay"] = f"{1e3 * float(f.size.values[0]):.2f}"
     return known
+
+
+def _moment_of(d: Mapping[str, Any]) -> str:
+    """detail with the first touch after something happened → when that was: touches before it that felt nothing tell nothing."""
+    if int(d.get("at_after", int(d["at"]) - 1)) >= int(d["at"]) - 1:
+        return say("diagnosis_said.at_touch", at=d["at"])
+    return say("diagnosis_said.between_touches", first=d["at_after"], last=d["at"])
 
 
 def _unsettled(d: Mapping[str, Any]) -> bool:

@@ -120,6 +120,12 @@ def arc_of(
         raise refused(number, "an arc", f"where it begins is not known: {a} or {b} has not been programmed before")
     start = modal.position[a], modal.position[b]
     end = target.get(a, start[0]), target.get(b, start[1])
+    ijk = dict(zip("XYZ", "IJK", strict=True))
+    if beside := sorted(n for n, v in offsets.items() if v and n not in (ijk[a], ijk[b])):
+        word = f"{beside[0]}{offsets[beside[0]]:g}"
+        raise refused(number, f"{word} in an arc in the plane {a}{b}", "what it does there is not known: a spiral is not followed")
+    if radius is not None and offsets:
+        raise refused(number, "an arc with a radius and a center", "which one is meant is not known")
     if radius is not None:
         dx, dy = end[0] - start[0], end[1] - start[1]
         chord = math.hypot(dx, dy)
@@ -130,7 +136,6 @@ def arc_of(
         return Arc(
             (a, b), (start[0] + dx / 2 - side * height * dy / chord, start[1] + dy / 2 + side * height * dx / chord), clockwise
         )
-    ijk = dict(zip("XYZ", "IJK", strict=True))
     if modal.absolute_centre:
         centre = offsets.get(ijk[a], start[0]), offsets.get(ijk[b], start[1])
     else:

@@ -19,6 +19,7 @@ from ..loaded import Event
 from ..records import Array, Cell, Readings
 from ..state import (
     Frame,
+    Named,
     State,
     Tonight,
     Within,
@@ -31,11 +32,13 @@ from ..state import (
     start,
     stepped,
     updated,
+    warmed,
 )
 from ..state.filter import as_numbers
 from ..state.naming import SCALES
 from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
+from ..touches import from_readings
 from . import again, answered, parts
 from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
 from .behind import behind
@@ -43,7 +46,7 @@ from .control import Given, InControl, limited
 from .course import ALIKE
 from .doubt import Judged, attempted, believed
 from .drift import as_alarm
-from .goes_on import going_on
+from .goes_on import anew, going_on
 from .lag import lagging
 from .lag import sentence as lag_told
 from .learning import READ, Earlier
@@ -180,7 +183,7 @@ class Nights:
                 "night.analysis.last_full_run_days_old", age=f"{age:.0f}", full_every_days=f"{self.settings.full_every_days:g}"
             )
         measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
-        if measured is not None and (measured.verdict == "doubtful" or (measured.alarms and measured.kind != "full")):
+        if measured is not None and (measured.verdict == "doubtful" or self._asked(past, measured)):
             return "full", say("night.analysis.night_asked_for", night=measured.night, headline=measured.headline)
         repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
         if repaired:
@@ -191,6 +194,12 @@ class Nights:
                 "night.analysis.volume_only_known_allowed", std=f"{std:.1f}", volume_std_um=f"{self.settings.volume_std_um:g}"
             )
         return "check", say("night.analysis.nothing_too_uncertain")
+
+    def _asked(self, past: Past, measured: Night) -> bool:
+        """history, last night that measured → whether it was a check with an alarm that has asked for no full run yet."""
+        if not measured.alarms or measured.kind == "full":
+            return False
+        return anew(past.records_of([measured.entry])[measured.entry]["alarms"])
 
     # After ----------------------------------------------------------------------------------------------------------
 
@@ -244,7 +253,8 @@ class Nights:
         if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
-        judged = believed(judged, diagnosis, alarms, first) if inner is None else moved_within(known, inner, readings)
+        moves = -np.inf if first or not alarm or inner is not None else self._moves(ahead, readings, tonight, named)
+        judged = believed(judged, diagnosis, alarms, first, moves) if inner is None else moved_within(known, inner, readings)
         helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []
@@ -268,8 +278,8 @@ class Nights:
         alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
         alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
         if (newest := past.latest_knowledge(machine)) is not None:
-            anew = [g for g in self.given if g.utc >= newest[0].end_utc]
-            alarms = [anew[-1].told(a) for a in alarms] if anew else alarms
+            given = [g for g in self.given if g.utc >= newest[0].end_utc]
+            alarms = [given[-1].told(a) for a in alarms] if given else alarms
         found = parameters if judged.believed else {}
         waiting = standing(past, machine, day, found, kind, self.happened, tuple(a["id"] for a in alarms))
         waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
@@ -288,8 +298,8 @@ class Nights:
             waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         since_then = begun([*alarms, *waiting], moving)
-        behind_ = (behind(known, recent, after, limit, gone, since_then) for limit in (beyond if judged.believed else ()))
-        causes = [cause for cause in behind_ if cause is not None]
+        crossed = beyond if judged.believed else []
+        causes = [cause for limit in crossed for cause in behind(known, recent, after, limit, gone, since_then)]
         if self.control is not None and not self.control.measured:
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
@@ -326,10 +336,10 @@ class Nights:
         if not judged.believed:  # what is not believed must not teach the state anything
             told.pop("parameters")
             told.pop("state")
-            told |= {"within": as_json(inner)} if inner is not None else {}
+            told |= {"within": as_json(known, inner)} if inner is not None else {}
             return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
         files = {} if self.written is None or result is None else dict(self.written(result))
-        return told | {"next": self._next(past, after, day, bool(alarms), kind)}, parts.knowledge(after), files
+        return told | {"next": self._next(past, after, day, anew(alarms), kind)}, parts.knowledge(after), files
 
     def _last_ones(self, past: Past) -> Sequence[Mapping[str, Any]]:
         machine = self.cell.machine.name
@@ -362,6 +372,14 @@ class Nights:
         """prediction, readings, their judgement → the step of the machine within this run, where that alone explains it."""
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         return stepped(ahead, what, readings.time, hypotheses(self.followed, None), tonight.scale)
+
+    def _moves(self, ahead: State, readings: Readings, tonight: Tonight, named: Named | None) -> float:
+        """prediction, readings, their judgement, its best story → by how much a machine that moves on while it is measured explains
+        them better.
+        """
+        what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
+        normal = from_readings(self.cell.machine, self.cell.artefact, readings).machine_normal
+        return warmed(ahead, what, readings.time, normal, tonight, named)
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell

@@ -1,4 +1,4 @@
-"""What stands behind a crossed limit: the change of the last month that brought the volume there."""
+"""What stands behind a crossed limit: the changes of the last month that brought the volume there."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from .one_date import night_of
 from .words import value
 
 MONTH = 30  # nights that what stands behind a limit is looked for over
+NAMED = 3  # parameters that stand behind one limit, at most
+SHARE = 1 / 3  # of what the first of them does to the volume, from which another one stands behind the limit as well
+SURE = 3.0  # standard deviations that a parameter has moved by, and of another one beyond what it wanders in that time
 
 
 def behind(
@@ -26,14 +29,16 @@ def behind(
     limit: Mapping[str, Any],
     gone: Array | None = None,
     dates: Mapping[str, tuple[str, float]] | None = None,
-) -> dict[str, Any] | None:
-    """what is known, records newest first, state after tonight, limit that is crossed → the parameter that stands behind it.
+) -> list[dict[str, Any]]:
+    """what is known, records newest first, state after tonight, limit that is crossed → the parameters that stand behind it; what
+    does most comes first.
 
     `gone`: (p,) what the control takes away from parts, so that it does not stand behind anything. `dates`: {parameter: date since
     which its open alarm or its trend says that it has moved, and which way}: that date counts.
 
     Against the first of the last `MONTH` nights that kept the limit: what has moved most since, by what it does to the volume, and
-    the last night on which it had not. Where no night kept it, the parameter that does most, and no date.
+    the last night on which it had not; others that do `SHARE` of that at least, and more than they wander. Where no night kept it,
+    the parameter that does most, and no date.
     """
     known = [r for r in records[:MONTH] if r.get("parameters") and r.get("state")]
     kept = [r for r in known if any(x["what"] == limit["what"] and x["passed"] is not False for x in r.get("limits") or ())]
@@ -44,38 +49,62 @@ def behind(
         if limit["what"] not in ("volume", name) or then is None:
             continue
         size, std = float(after.mean[i]) - then["value"], float(np.hypot(after.std[i], then["std"]))
-        if abs(size) > 3 * std:
+        if abs(size) > SURE * std:
             share.append((k.worst(only(k, int(i), size)), int(i), size, std))
     if not share:
-        return None
-    worst, i, size, std = max(share)
-    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
-    told = {"what": limit["what"], "parameter": name, "unit": unit}
+        return []
+    share.sort(reverse=True)
     if not kept:
-        _, on_part, _ = effect_of(k, cause_of(k, i), name, size, unit, only(k, i, size))
-        text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
-        return (
-            told
-            | {"text": text, "since": "", "rate_per_day": None, "size": size, "std": std, "on_part": on_part}
-            | {"do": texts()("night.most_do")}
-        )
+        worst, i, size, std = share[0]
+        return [_most(k, limit, worst, i, size, std)]
+    days = after.day - float(kept[-1]["state"]["day"])
+    more = [
+        (i, std)
+        for worst, i, size, std in share[1:]
+        if worst > SHARE * share[0][0] and abs(size) > SURE * float(np.sqrt(std**2 + after.rates[i] * max(days, 0.0)))
+    ]
+    first = (share[0][1], share[0][3])
+    return [_moved(k, records, known, kept, after, limit, dates or {}, *one) for one in [first, *more][:NAMED]]
+
+
+def _most(k: Known, limit: Mapping[str, Any], worst: float, i: int, size: float, std: float) -> dict[str, Any]:
+    """what is known, limit that no night kept, µm that its largest parameter does, the parameter, its size ± std → that."""
+    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
+    _, on_part, _ = effect_of(k, cause_of(k, i), name, size, unit, only(k, i, size))
+    text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
+    return {
+        **{"what": limit["what"], "parameter": name, "unit": unit, "text": text, "since": "", "rate_per_day": None},
+        **{"size": size, "std": std, "on_part": on_part, "do": texts()("night.most_do")},
+    }
+
+
+def _moved(
+    k: Known,
+    records: Sequence[Mapping[str, Any]],
+    known: Sequence[Mapping[str, Any]],
+    kept: Sequence[Mapping[str, Any]],
+    after: State,
+    limit: Mapping[str, Any],
+    dates: Mapping[str, tuple[str, float]],
+    i: int,
+    std: float,
+) -> dict[str, Any]:
+    """what is known, records newest first, those of them that measured and those that kept the limit, state after tonight, limit,
+    dates, a parameter ± std → since when and how fast it has moved.
+    """
+    name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
     begun = kept[-1]["parameters"][name]
     still = [
         r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
     ]
-    own = night_of(dates or {}, name, size, records)
+    own = night_of(dates, name, float(after.mean[i]) - begun["value"], records)
     since = own if own is not None and name in own["parameters"] else still[0]
     found = drift_of(k, i, since, float(after.mean[i]) - since["parameters"][name]["value"], std, after, 0.0, 0.0, records)
     later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
     again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
-    return told | {
-        **{"cause": cause_of(k, i), "confirmed": again[-1] if again else None},
-        **{
-            "text": found.text,
-            "since": found.since,
-            "rate_per_day": found.rate_per_day if found.steady else None,
-            "size": found.size,
-            "std": found.std,
-        },
+    return {
+        **{"what": limit["what"], "parameter": name, "unit": unit},
+        **{"cause": cause_of(k, i), "confirmed": again[-1] if again else None, "text": found.text, "since": found.since},
+        **{"rate_per_day": found.rate_per_day if found.steady else None, "size": found.size, "std": found.std},
         **{"on_part": found.on_part, "do": found.do},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,9 +10,12 @@ from typing import Any
 from ..records import Cell, Readings
 from ..report.texts import texts
 from ..state.changes import change
+from ..state.naming import CLOSE
 from ..terms import serving
 from ..texts import unstopped
 from .words import every
+
+NEAR = 2 * CLOSE  # of the score: it pays for three ways and a bend, and a machine that warms up mostly goes one way
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,12 @@ def attempted(
         return {}, str(error) or type(error).__name__
 
 
-def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool) -> Judged:
-    """judgement, diagnosis ({} where none was made), alarms of the touches, whether nothing was known → the judgement of the night.
+def believed(
+    judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool, moves: float = -math.inf
+) -> Judged:
+    """judgement, diagnosis ({} where none was made), alarms of the touches, whether nothing was known, by how much a machine that
+    moves on while it is measured explains the touches better than what the alarms name (state/warming.py) → the judgement of the
+    night.
 
     Not believed: implausible, incomplete, doubtful without an alarm, and a machine that warmed up while it was measured. What such
     a night would have said by itself is told with the reasons. An alarm that may be warm-up as well says so. What the diagnosis
@@ -51,11 +59,12 @@ def believed(judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict
     blurred = bool(alarms) and change(alarms[0]["cause"]).blurred
     reasons = list(judged.reasons)
     restless = judged.walk > 1.0 and (blurred or judged.verdict == "doubtful")  # it moved while it was measured, whatever is named
-    warming = bool(judged.wandered) or restless or (blurred and warm is not None)
+    plain = bool(alarms) and moves > CLOSE
+    warming = bool(judged.wandered) or restless or plain or (blurred and warm is not None)
     if warming:
-        wandered = judged.wandered or t("night.warming")
+        wandered = judged.wandered or t("night.moves_on" if plain else "night.warming")
         reasons = [wandered, *(r for r in reasons if r != judged.wandered)]
-    if warm is not None and alarms:
+    if alarms and (warm is not None or moves > -NEAR):
         alarms[0]["instead"] = [t("night.warm_up"), *alarms[0]["instead"]]
     teaches = not (
         warming or judged.incomplete or judged.verdict == "implausible" or (judged.verdict == "doubtful" and (first or not alarms))

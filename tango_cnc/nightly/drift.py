@@ -24,7 +24,7 @@ from .course import (
     now_of,
     only,
 )
-from .words import changed, value, what_of
+from .words import changed, one_day, value, what_of
 
 LEAST = 2.0  # µm at the worst pose of the volume: a smaller drift is for the trend, not for the morning
 TOLD = 3.5  # standard deviations from which a drift is a sentence, though no alarm yet
@@ -64,7 +64,7 @@ class Drift:
         moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))
         if self.nights is None:
             return moved
-        return texts()("changed.reaches", moved=moved, what=what_of(self.limit), nights=f"{max(self.nights, 1.0):.0f}")
+        return texts()(f"changed.reaches{one_day(self.nights)}", moved=moved, what=what_of(self.limit), nights=f"{self.nights:.0f}")
 
 
 def limited(k: Known, d: Drift, after: State, limits: Sequence[Mapping[str, Any]], gone: Array | None) -> Drift:

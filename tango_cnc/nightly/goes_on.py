@@ -1,4 +1,8 @@
-"""An alarm that goes on: what moves the same way night after night is one alarm with one id, until somebody decides about it."""
+"""An alarm that goes on: what moves the same way night after night is one alarm with one id, until somebody decides about it.
+
+A step of `KNOCK` is a knock by itself. What comes the night after it may be another knock: it is another alarm, and says so. From
+the third night on it is something that goes on.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from datetime import date
 from typing import Any
 
 from ..history import Decision
+from ..records import Array
 from ..report.texts import texts
 from ..state import Named, State
 from ..texts import say
@@ -20,6 +25,8 @@ from .words import value
 
 ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm
 GREW = 0.25  # of its size, by which an alarm has grown by the last night where it goes on without a further alarm
+LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length
+KNOCK = 10.0  # µm that one night moves the tool tip by, from which it may be a knock by itself
 FASTER = 2.0  # times what it made a day, from which tonight's step is a knock on top of it
 
 
@@ -40,6 +47,11 @@ def going_on(
     last = {d.alarm: d for d in past.decisions(machine)}
     newest = newest_of(past, machine)
     return [_going_on(past, machine, k, after, a, before, newest, last, given) for a in alarms]
+
+
+def anew(alarms: Sequence[Mapping[str, Any]]) -> bool:
+    """alarms of a night → whether one of them asks for a full run: one that goes on has asked for it on its first night."""
+    return any(not a.get("goes_on") for a in alarms)
 
 
 def newest_of(past: Past, machine: str) -> dict[str, tuple[Any, Mapping[str, Any]]]:
@@ -80,6 +92,8 @@ def _going_on(
         m = moved(past, machine, k, after, stored, older)
         if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
             return alarm
+        if _knocks(k, m, older, alarm):
+            return alarm | {"follows": _followed(older, stored), "do": say("night.goes_on.twice_do")}
         return _told(k, after, alarm, stored, older, m, before, answer)
     return alarm
 
@@ -115,6 +129,28 @@ def _onward(m: Moved, alarm: Mapping[str, Any]) -> bool:
     return now - then > max(SURE * std, 0.5 * float(alarm["size"]))
 
 
+def _knocks(k: Known, m: Moved, older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
+    """what is known, how far it has moved, alarm of the night before, alarm of tonight → whether the two may be two knocks: both
+    came at once, no third one before them, and one of them is as large as a knock.
+    """
+    if older.get("rate_per_day") or alarm.get("rate_per_day") or older.get("follows"):
+        return False
+    return max(_tip(k, m.what.directions, a) for a in (older, alarm)) >= KNOCK
+
+
+def _tip(k: Known, directions: Array, alarm: Mapping[str, Any]) -> float:
+    """what is known, (p, m) directions of a cause, its alarm → µm: of a length the length, of an angle or a scale the tool tip."""
+    size = abs(float(alarm["size"]))
+    return size * 1e3 if alarm["unit"] == "mm" else k.worst(directions[:, 0] * size)
+
+
+def _followed(older: Mapping[str, Any], stored: Any) -> dict[str, Any]:
+    """alarm of the night before, its night → what tonight's alarm says of it."""
+    size, night = value(float(older["size"]), str(older["unit"]), float(older["std"])), str(stored.record["night"])
+    size = size.removeprefix("+") if older["cause"] in LENGTHS else size
+    return {"alarm": older["id"], "night": night, "text": say("night.goes_on.follows", size=size, night=night)}
+
+
 def _told(
     k: Known,
     after: State,
@@ -131,12 +167,14 @@ def _told(
     whole = of_cause(k, Since(since, since), Named(m.what, m.now, m.std, sigmas**2, 0.0, 0.0, ()))
     size, step = float(whole["size"]), float(alarm["size"])
     days = (date.fromisoformat(date_of(after.day)) - date.fromisoformat(since)).days
-    rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size)
+    twice = not older.get("rate_per_day") and not older.get("follows")  # two steps are no course yet
+    rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size) and not twice
     if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
         whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))
         whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
     told = value(step, unit, float(alarm["std"]))
     told = told if len(m.now) == 1 else told.removeprefix("+")
+    whole |= {"do": say("night.goes_on.twice_do")} if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
     whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}
     held = {"owner": answer.owner, "decision": "acknowledge"} if answer is not None and answer.action == "acknowledge" else {}

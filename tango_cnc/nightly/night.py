@@ -27,6 +27,7 @@ from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
 from .alarms import night_of, standing, unheard
 from .broken import stopped, unexplained
+from .dates import dated
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .words import headline, message
 
@@ -66,6 +67,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         with world.lock:
             left = _left_behind(machine, cell, settings, world, begun)
             base |= _before(machine, world, cell)
+            base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
             record = base | found

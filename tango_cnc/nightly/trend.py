@@ -35,7 +35,7 @@ from .course import (
 )
 from .creep import creeping
 from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
-from .words import is_gone, value, what_of
+from .words import is_gone, one_day, value, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 SLOPE = 21  # nights that a rate is told from
@@ -118,8 +118,9 @@ def looking_ahead(
     ):
         return alarm
     unit = k.followed.units[places_of(place)[0]]
-    words = {"rate": value(size / days, unit), "what": what_of(first[1]), "nights": f"{max(first[0], 1.0):.0f}"}
-    told = {"what": first[1], "days": first[0], "rate_per_day": size / days, "text": say("night.words.ahead", **words)}
+    words = {"rate": value(size / days, unit), "what": what_of(first[1]), "nights": f"{first[0]:.0f}"}
+    text = say(f"night.words.ahead{one_day(first[0])}", **words)
+    told = {"what": first[1], "days": first[0], "rate_per_day": size / days, "text": text}
     return alarm | {"ahead": told}
 
 

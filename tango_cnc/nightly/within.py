@@ -24,12 +24,13 @@ def moved_within(k: Known, found: Within, readings: Readings) -> Judged:
     return Judged("doubtful", (reason,), believed=False)
 
 
-def as_json(found: Within) -> dict[str, Any]:
-    """step within the run → member `within` of the record."""
+def as_json(k: Known, found: Within) -> dict[str, Any]:
+    """what is known, step within the run → member `within` of the record."""
     named = found.named
     size = float(named.size[0]) if len(named.size) == 1 else named.length
     return {
         **{"cause": named.hypothesis.cause, "parameter": named.hypothesis.parameter, "unit": named.hypothesis.unit},
-        **{"size": size, "std": float(named.std.max()), "sigmas": named.sigmas, "instead": list(named.instead)},
+        **{"size": size, "std": float(named.std.max()), "sigmas": named.sigmas},
+        "instead": others(k, named.hypothesis.parameter, named.instead),
         **{"touch_before": found.before, "touch_after": found.after},
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
@@ -46,6 +46,11 @@ def value(number: float, unit: str, std: float | None = None) -> str:
     return f"{number * factor:+.1f}{spread} {name}"
 
 
+def one_day(days: float) -> str:
+    """days to come → what the key of a sentence ends with where they are told as one; '' for more."""
+    return "_one" if round(days) <= 1 else ""
+
+
 def is_gone(now: str) -> bool:
     """what a night says of an older alarm by now → whether what moved is back where it was."""
     return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
@@ -72,12 +77,14 @@ def headline(record: Mapping[str, Any]) -> str:
         if record["status"] == "partial"
         else ""
     )
-    gap = _gap(record.get("unmeasured") or ())
+    gap = _gap(record)
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
-        by_alarm = {alarm.get("parameter") for alarm in alarms} & {x.get("parameter") for x in behind}
-        why = [x["text"] for x in behind[:1] if not by_alarm] + ([every(alarms)] if alarms else [])
+        by_alarm = {alarm.get("parameter") for alarm in alarms}
+        why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
+        own = [every(alarms)] if alarms else []
+        why = [*own, *why] if behind and behind[0].get("parameter") in by_alarm else [*why, *own]  # what does most comes first
         cause = joined("", (": ", joined("; ", why))) if why else ""
         crossed = say(
             "night.words.allowed",
@@ -89,7 +96,8 @@ def headline(record: Mapping[str, Any]) -> str:
             part=part,
             gap=gap,
         )
-        return crossed if put_right is None or alarms else say("night.words.besides", told=crossed, text=put_right)
+        crossed = crossed if put_right is None or alarms else say("night.words.besides", told=crossed, text=put_right)
+        return _who_ignores(crossed, record, {x.get("parameter") for x in behind})
     if standing := record.get("standing"):
         first = standing[0]
         more = say("night.words.more_wait", count=len(standing) - 1) if len(standing) > 1 else ""
@@ -144,6 +152,17 @@ def headline(record: Mapping[str, Any]) -> str:
     return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
 
 
+def _who_ignores(told: str, record: Mapping[str, Any], behind: Collection[Any]) -> str:
+    """sentence of a crossed limit, record, parameters that stand behind it → the same with who ignores what until when."""
+    silent = [*(record.get("ignored") or ()), *_unheard(record)]
+    if not silent:
+        return told
+    first = next((a for a in silent if a.get("parameter") in behind), silent[0])
+    more = say("night.words.more_ignored", count=len(silent) - 1) if len(silent) > 1 else ""
+    name = named(str(first.get("parameter") or first["text"]), texts())
+    return say("night.words.beyond_ignored", told=told, owner=first["owner"], until=first["until"], name=name, more=more)
+
+
 def _unheard(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """record → what somebody ignores and that has not gone again."""
     return [a for a in record.get("unheard") or () if not is_gone(a["now"])]
@@ -163,11 +182,16 @@ def _beside_unheard(told: str | None, silent: Sequence[Mapping[str, Any]], trend
 
 def every(alarms: Sequence[Mapping[str, Any]]) -> str:
     """alarms of a night, one at least → all of them in one sentence."""
-    texts_ = [joined("; ", (a["text"], (a.get("goes_on") or {}).get("text"))) if a.get("goes_on") else a["text"] for a in alarms]
+    texts_ = [joined("; ", (a["text"], more["text"])) if (more := beside(a)) else a["text"] for a in alarms]
     text = texts_[0]
     for other in texts_[1:]:
         text = say("changed.besides", text=text, other=other)
     return str(text)
+
+
+def beside(a: Mapping[str, Any]) -> Mapping[str, Any]:
+    """alarm of tonight → what its night says of the alarm that it goes on from or follows, with its `text`; {} for none."""
+    return a.get("goes_on") or a.get("follows") or {}
 
 
 def what_of(name: str) -> str:
@@ -175,14 +199,16 @@ def what_of(name: str) -> str:
     return say("followed.volume") if name == "volume" else name
 
 
-def _gap(unmeasured: Sequence[str]) -> str:
-    if not unmeasured:
+def _gap(record: Mapping[str, Any]) -> str:
+    """record of a night → what a headline says of the nights before: those that are missing, or one that is dated after it."""
+    if record.get("clock_back"):
+        return say("night.words.clock_went_back", newest=record["clock_back"])
+    count = record.get("unmeasured_count") or len(record.get("unmeasured") or ())
+    if not count:
         return ""
-    return (
-        say("night.words.night_before_was_not_measured")
-        if len(unmeasured) == 1
-        else say("night.words.nights_before_were_not_measured", count=len(unmeasured))
-    )
+    if count == 1:
+        return say("night.words.night_before_was_not_measured")
+    return say("night.words.nights_before_were_not_measured", count=count)
 
 
 def message(
@@ -212,7 +238,7 @@ def message(
     for alarm in record["alarms"]:
         since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")
         lines += [f"* {t.of(alarm['text'])}", f"  {since}"]
-        lines += [f"  {t.of(alarm['goes_on']['text'])}"] if alarm.get("goes_on") else []
+        lines += [f"  {t.of(more['text'])}"] if (more := beside(alarm)) else []
         taken = alarm["owner"] if alarm.get("decision") else ""
         lines += _about(alarm, alarm["owner"] or t("mail.nobody"), t)
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
@@ -260,6 +286,8 @@ def message(
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    if newest_night := record.get("clock_back"):
+        lines.append(f"* {t('mail.clock_back', night=record['night'], newest=newest_night)}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
     before = [t.of(text) for text in record.get("unmeasured") or ()]
     lines += [
@@ -285,13 +313,14 @@ def message(
 
 
 def _by_test(record: Mapping[str, Any]) -> bool:
-    """record → whether the one test of the night decided it: not a repair that was measured, a drift of many nights, an alarm of
-    another night, or somebody who ignores it.
+    """record → whether the one test of the night decided it: not a repair that was measured, what many nights have shown, an alarm
+    of another night, or somebody who ignores it. A size that many nights know is no matter of tonight's chance.
     """
     change = record["change"]
     if any(not a.get("repair") and not a.get("rate_per_day") for a in record["alarms"]):
         return bool(change["p_value"] < change["limit"])
-    return not any(record.get(member) for member in ("alarms", "repaired", "ignored", "standing"))
+    others = ("alarms", "repaired", "ignored", "standing", "unheard", "trend", "behind")
+    return not any(record.get(member) for member in others)
 
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:

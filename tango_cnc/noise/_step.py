@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate, Jump
+from ..kinematics import Slot
 from ..records import Array
 from ..touches import Touches
 from ._fit import LARGEST, Fitted, gls
@@ -26,6 +27,15 @@ LOST = 7.0  # what each touch without weight costs: as much as one that is a hun
 WHITE = 1.3  # times the white scatter beside walk and seating that it may leave: a drift leaves more
 MOST = 3  # moments that are fitted
 PAID = 4.0  # what one number more in the displacement costs
+AS_GOOD = 0.5  # cost by which what is less usual has to be better
+ALIKE = 12.0  # by which twice the log likelihood of what moved may be less than that of the best
+PLACES = {
+    "machine": ("machine", ""),
+    "table": ("table", ""),
+    "turned": ("table", ""),
+    "spindle": ("spindle", ""),
+    "tip": ("spindle", ""),
+}
 TIMES = 3.0  # white standard deviations that it has to be
 
 
@@ -50,7 +60,8 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
                 tried[name, at, until] = max(gain, tried.get((name, at, until), 0.0))
     if not tried:
         return None
-    few = sorted(tried, key=lambda one: -tried[one])[:MOST]
+    usual = list(frames)  # of what reads alike, what is more usual comes first
+    few = sorted(tried, key=lambda one: (-round(tried[one] / white**2), usual.index(one[0])))[:MOST]
     plain = _refit(s)
     # Where the fit without it drops many touches, those that it keeps scatter by less than a touch does.
     most = max(WHITE * white, SUSPECT * s.repeats) if (~plain[1]).mean() > UNFIT else WHITE * white
@@ -62,7 +73,7 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
         size = other[0].change[-frames[name].shape[1] :]
         lost = cost + LOST * float((~other[1]).sum()) + PAID * len(size)
         good = other[0].sigma < most and (~other[1]).mean() < UNFIT and cost < LEFT * before
-        if good and lost < least and np.abs(frames[name] @ size).max() > TIMES * white:
+        if good and lost < least - AS_GOOD and np.abs(frames[name] @ size).max() > TIMES * white:
             best, least = (name, at, until, other[0]), lost
     if best is None:
         return None
@@ -72,13 +83,15 @@ def moved(result: Estimate, found: Estimate) -> Jump | None:
     off = np.abs(result.values + other_fit.change[:p] - found.values)
     own = np.flatnonzero((off > found.std) | (std > 3 * found.std))
     names = tuple(result.model.names[i] for i in own if i < len(result.model.coefficients))
-    sign = 1.0 if name == "turned" else -1.0  # an error of the table moves it; a displacement of the touches is the other way
+    place, axis = PLACES.get(name, ("axis", name))
+    # An error of the table or of an axis moves it; a displacement of the touches is the other way.
+    sign = 1.0 if name == "turned" or axis else -1.0
     shift = (sign * other_fit.change[-frames[name].shape[1] :]).tolist()
     turn = (shift[3], shift[4], shift[5]) if len(shift) == 6 else (0.0, 0.0, 0.0)
     radius = shift[3] if len(shift) == 4 else 0.0
-    frame = "table" if name == "turned" else "spindle" if name == "tip" else name
+    instead = tuple(other for other in _alike(s, frames, rows, white, at, until) if other != (place, axis))
     before, after = int(touches.number[at - 1]), int(touches.number[until])
-    return Jump(before, after, frame, (shift[0], shift[1], shift[2]), names, turn, radius, until)
+    return Jump(before, after, place, (shift[0], shift[1], shift[2]), names, turn, radius, until, axis, instead)
 
 
 def _frames(touches: Touches) -> dict[str, Array]:
@@ -89,7 +102,26 @@ def _frames(touches: Touches) -> dict[str, Array]:
         "spindle": touches.spindle_normal,
         "turned": touches.of_table,
         "tip": np.hstack([touches.spindle_normal, np.ones((len(touches), 1))]),
+        **{axis: np.stack([touches.seen.slots[Slot(axis, "inter", i)] for i in range(3)], 1) for axis in touches.machine.carried},
     }
+
+
+def _alike(
+    s: System, frames: dict[str, Array], rows: list[NDArray[np.bool_]], white: float, at: int, until: int
+) -> list[tuple[str, str]]:
+    """system, (n, k) mm a unit by frame, masks of touches, mm, first touch after the step and the last that may be → what may have
+    moved, as (frame, axis): what takes as much out of the residuals at that moment, but for its numbers (Akaike 1974).
+    """
+    found = []
+    for keep in rows:
+        scans = {name: _scan(s, normal, keep, white) for name, normal in frames.items()}
+        worth = {name: gain / white**2 - 2 * frames[name].shape[1] for name, (gain, _, _) in scans.items()}
+        best = max(worth.values())
+        if best < WORTH:
+            continue
+        near = [name for name, (_, one, two) in scans.items() if worth[name] > best - ALIKE and one <= until and at <= two]
+        found += [PLACES.get(name, ("axis", name)) for name in near]
+    return list(dict.fromkeys(found))
 
 
 def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tuple[float, int, int]:

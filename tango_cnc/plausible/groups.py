@@ -78,9 +78,9 @@ def _step(result: Estimate) -> Iterator[Remark]:
             before=step.before,
             after=step.after,
             at=f"{at:.0f}",
-            place=say(f"plausible.moved_{step.frame}"),
+            place=joined(say("plausible.or"), [_place(*one) for one in ((step.frame, step.axis), *step.instead)]),
             size=size,
-            where=say(f"plausible.frame_{step.frame}"),
+            where=say(f"plausible.frame_{step.frame}", axis=step.axis),
             more=more,
         ),
         after,
@@ -90,6 +90,11 @@ def _step(result: Estimate) -> Iterator[Remark]:
         sure=True,
         moves=step.moves,
     )
+
+
+def _place(frame: str, axis: str) -> str:
+    """frame, letter of the axis that moved → what moved."""
+    return say(f"plausible.moved_{frame}", axis=axis)
 
 
 def _distance(result: Estimate) -> tuple[float, float] | None:
@@ -295,17 +300,17 @@ def _facets(result: Estimate) -> Iterator[Remark]:
         if not any(_together(dropped, pieces, choices=len(masks) * int(mask.sum()))):
             continue
         numbers = tuple(int(i) for i in touches.number[own])
-        off = abs(float(np.median(result.residuals[own])))
-        change = say("plausible.groups.look_for_chip_burr_on", facet=facet)
+        left = result.residuals[own]
+        off, most = abs(float(np.median(left))), float(np.abs(left).max())
+        both = min((left > 0).sum(), (left < 0).sum()) > 1  # a chip is on one side of where the facet was
+        change = say(f"plausible.groups.look_{'at_rough_facet' if both else 'for_chip_burr_on'}", facet=facet)
         yield Remark(
             "doubtful",
             say(
-                "plausible.groups.facet_elsewhere_between_touches_than",
+                f"plausible.groups.facet_{'scatters' if both else 'elsewhere'}_in_touches",
                 facet=facet,
-                median=f"{off * 1000.0:.0f}",
-                numbers=numbers[0],
-                numbers2=numbers[-1],
-                numbers3=listed(numbers),
+                size=f"{(most if both else off) * 1000.0:.0f}",
+                numbers=listed(numbers),
             ),
             numbers,
             "chip",

@@ -78,9 +78,10 @@ def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
     names = [result.model.names[int(j)] for j in np.argsort(-moved) if moved[j] > TOUCHED]
     number = result.model.touches.number
     between = _between(result.model.touches, best)
+    kind = "band_at" if best.what == "band" and between.get("low") == between.get("high") else best.what
     text = say(
         "plausible.lacking.found",
-        what=say(f"plausible.lacking.{best.what}", axis=best.axis, first=number[best.first], last=number[best.last], **between),
+        what=say(f"plausible.lacking.{kind}", axis=best.axis, first=number[best.first], last=number[best.last], **between),
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(moved.max()):.0f}",
     )

@@ -57,6 +57,12 @@ class Machine:
     overhead: float = 0.0  # s that the control needs for each touch beside its moves
     obstacles: tuple[Obstacle, ...] = ()  # on bodies other than the table: each says `on` which
 
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """→ rotary axes that another rotary axis carries: a table on its cradle, a head on its fork."""
+        rotary = [[name for name in branch if name in self.rotary] for branch in (self.workpiece_branch, self.tool_branch)]
+        return tuple(name for branch in rotary for name in branch[1:])
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """→ axis letters, the columns of every position array."""

@@ -80,7 +80,8 @@ def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
     days = days_between(asked, today)
     if days < 1:
         return t("morning.asked", owner=owner)
-    return t("morning.asked_since", owner=owner, date=day(asked, t), days=days)
+    key = "asked_yesterday" if days == 1 else "asked_since"
+    return t(f"morning.{key}", owner=owner, date=day(asked, t), days=days)
 
 
 def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:

@@ -49,8 +49,10 @@ def together(
         if first.get("total") is not None and not knocked:
             knocks = groups.get((parameter, settled, True), ())
             every = float(first["total"]) - sum(float(a["size"]) for a in knocks if _moment(a) > _moment(first))
-        knocks_told = _knocks(same, u, t) if spoken(parameter) != parameter else ""
-        drifts = any(a.get("rate_per_day") for a in same) or (not knocks_told and _one_way(same, events, repaired))
+        knocks_told = _knocks(same, known_of, u, t) if spoken(parameter) != parameter else ""
+        drifts = any(a.get("rate_per_day") and a.get("steady", True) for a in same) or (
+            not knocks_told and _one_way(same, events, repaired)
+        )
         open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
         first = first | {"begun": min(open_since, default=first["begun"])}
         first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
@@ -64,8 +66,11 @@ def together(
             goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
             first |= _whole(first, own, every, drifts, 1 if goes_on else len(same), u, t, machine)
             first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
+            first |= {"todo": same[-1]["todo"]} if knocks_told and str(known_of) <= str(same[-1]["first"]) else {}
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
+        elif len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
+            first["text"] = f"{first['text']} {t('morning.twice')}"
         elif first["older"] and first.get("now"):
             now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
@@ -127,21 +132,28 @@ def _one_way(same: Sequence[Mapping[str, Any]], events: Sequence[Any], repaired:
     return not broken(events, repaired, _moment(steps[0]), _moment(steps[-1]))
 
 
-def _knocks(same: Sequence[Mapping[str, Any]], u: Units, t: Texts) -> str:
-    """alarms of a parameter, oldest first → a sentence of two knocks, where it stood still between them; '' for any other story.
+def _knocks(same: Sequence[Mapping[str, Any]], known_of: str, u: Units, t: Texts) -> str:
+    """alarms of a parameter, oldest first, date of the last night that measured → a sentence of two knocks, where it stood still
+    between them or they came in two nights one after the other; '' for any other story.
 
     What a parameter was before the second one says that: it was where the first had left it.
     """
     if len(same) != 2 or any(a.get("rate_per_day") or a.get("was") is None or not a.get("size") for a in same):
         return ""
     one, other = same
-    left = float(other["was"]) - float(one["was"]) - float(one["size"])
-    if abs(left) > SAME * min(abs(float(a["size"])) for a in same) or days_between(one["first"], other["first"]) < 2:
+    least = min(abs(float(a["size"])) for a in same)
+    if abs(float(other["was"]) - float(one["was"]) - float(one["size"])) > SAME * least:
         return ""
+    key = "knocks"
+    if days_between(one["first"], other["first"]) < 2:
+        key = "knocks_tonight" if str(known_of) <= str(other["first"]) else "knocks_over"
+        moved_on = None if one.get("total") is None else float(one["total"]) - sum(float(a["size"]) for a in same)
+        if not other.get("follows") or (moved_on is not None and abs(moved_on) > SAME * least):
+            return ""
     factor, unit = shown(str(one.get("unit") or "mm"))
     words = {"date": day(one["first"], t), "other_date": day(other["first"], t)}
     words |= {"size": signed(float(one["size"]) * factor, unit, u, t), "other": signed(float(other["size"]) * factor, unit, u, t)}
-    return t("morning.knocks", **words)
+    return t(f"morning.{key}", **words)
 
 
 def _whole(

@@ -73,6 +73,6 @@ def unforeseen(text: str) -> str:
     """what an alarm said in its night → the same without what it expected of the nights to come, which have come since."""
     if not isinstance(text, Said):
         return text
-    if text.key == "changed.reaches":
+    if text.key in ("changed.reaches", "changed.reaches_one"):
         return str(text.values["moved"])
     return text.but(**{name: unforeseen(value) for name, value in text.values.items() if isinstance(value, Said)})

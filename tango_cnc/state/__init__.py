@@ -3,7 +3,7 @@
     last night ──predict──▶ tonight before the touches ──judge──▶ one decision ──update──▶ tonight
 
 `frame` says what is followed, `filter` carries it in square-root form, `rates` learns how fast it wanders, `naming`
-says what changed, `within` what changed while it was measured, `choose` which touches tell most tonight, `charts` are
+says what changed, `within` and `warming` what changed while it was measured, `choose` which touches tell most tonight, `charts` are
 the control charts of old.
 """
 
@@ -13,6 +13,7 @@ from .frame import Frame, Seen, frame, seen
 from .naming import Hypothesis, Named, hypotheses, name_change
 from .rates import learn
 from .smooth import smoothed
+from .warming import warmed
 from .within import Within, stepped
 
 __all__ = [
@@ -37,4 +38,5 @@ __all__ = [
     "start",
     "stepped",
     "updated",
+    "warmed",
 ]

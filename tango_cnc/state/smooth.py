@@ -20,11 +20,10 @@ class Filtered(NamedTuple):
 
 
 class Smoothed(NamedTuple):
-    """What is known of that night today; `lagged` is the covariance with the night after it (zeros for the last)."""
+    """What is known of that night today."""
 
     mean: Array
     covariance: Array
-    lagged: Array
     day: float
 
 
@@ -34,11 +33,11 @@ def smoothed(nights: Sequence[Filtered], rates: Array, opened: Sequence[int] = (
     Nothing is carried back over a change: what a machine was before a knock is not learned from what it is after it.
     """
     last = nights[-1]
-    result = [Smoothed(last.mean, last.covariance, np.zeros_like(last.covariance), last.day)]
+    result = [Smoothed(last.mean, last.covariance, last.day)]
     for place in range(len(nights) - 2, -1, -1):
         here, after = nights[place], result[-1]
         if place + 1 in opened:
-            result.append(Smoothed(here.mean, here.covariance, np.zeros_like(here.covariance), here.day))
+            result.append(Smoothed(here.mean, here.covariance, here.day))
             continue
         ahead = here.covariance + np.diag(rates * max(after.day - here.day, 0.0))
         scale = np.sqrt(np.diag(ahead))
@@ -46,5 +45,5 @@ def smoothed(nights: Sequence[Filtered], rates: Array, opened: Sequence[int] = (
         gain = (linalg.cho_solve(factor, (here.covariance / scale).T) / scale[:, None]).T
         covariance = here.covariance + gain @ (after.covariance - ahead) @ gain.T
         mean = here.mean + gain @ (after.mean - here.mean)
-        result.append(Smoothed(mean, (covariance + covariance.T) / 2, gain @ after.covariance, here.day))
+        result.append(Smoothed(mean, (covariance + covariance.T) / 2, here.day))
     return tuple(reversed(result))

@@ -15,6 +15,7 @@ from . import GAP, Coefficient, Shape
 Pattern = Callable[[Touches], Array]
 Variants = Iterator[dict[str, Any]]
 HOUR = 3600.0
+FEWEST = 6  # touches before and after a moment at which something moved
 
 
 def label(cause: str, *setting: Any) -> str:
@@ -37,6 +38,18 @@ def normals(touches: Touches, frame: str) -> Array:
     if frame == "spindle":
         return touches.spindle_normal
     raise InputError(f"terms: frame: found {frame!r}; allowed: machine, table, spindle")
+
+
+def moments(touches: Touches) -> list[int]:
+    """touches → first touches after which something may sit elsewhere: every fourth, and the first of every indexation."""
+    n = len(touches)
+    begins = np.flatnonzero(np.diff(touches.indexation)) + 2
+    return [int(at) for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}) if FEWEST < at <= n - FEWEST]
+
+
+def since(at: float) -> Pattern:
+    """first touch after something happened (1 = first touch used) → 0 before, 1 from there on, (n,)."""
+    return lambda t: (np.arange(1, len(t) + 1) >= int(at)).astype(float)
 
 
 def displaced(

@@ -9,29 +9,19 @@ import numpy as np
 from ..records import Machine
 from ..touches import Touches
 from . import Cause, Coefficient, Shape
-from ._cause import Variants, displaced, label, times, turns
-
-FEWEST = 6  # touches before and after
+from ._cause import Variants, displaced, label, moments, since, times, turns
 
 
 def variants(touches: Touches) -> Variants:
-    """touches → every fourth touch and the beginning of every indexation, in both frames where the table turns."""
-    n = len(touches)
-    begins = np.flatnonzero(np.diff(touches.indexation)) + 2
-    for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}):
-        if FEWEST < at <= n - FEWEST:
-            for frame in ("machine", "table") if turns(touches) else ("machine",):
-                yield {"at": int(at), "frame": frame}
+    """touches → every moment, in both frames where the table turns."""
+    for at in moments(touches):
+        for frame in ("machine", "table") if turns(touches) else ("machine",):
+            yield {"at": at, "frame": frame}
 
 
 def make(machine: Machine, at: float, frame: str = "machine", direction: Sequence[float] | None = None) -> list[Coefficient]:
     """machine, first touch after it (1 = first touch used) → displacement in x y z of that frame, mm."""
-    at = int(at)
-
-    def after(t: Touches) -> np.ndarray:
-        return (np.arange(1, len(t) + 1) >= at).astype(float)
-
-    return displaced(label("step", at, frame), frame, after, direction)
+    return displaced(label("step", int(at), frame), frame, since(at), direction)
 
 
 def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
@@ -48,7 +38,7 @@ TERM = Cause(
     source="change-point model; thesis section 7.3 (dismount and remount)",
     frame="machine or table",
     mistaken=("thermal_drift", "table_drift"),
-    says="everything moved {size} {towards} at touch {at}, {clock} after the start",
+    says="everything moved {size} {towards} {moment}, {clock} after the start",
     meaning="parts before and after that moment do not fit together; a calibration across it describes neither machine",
     advice="find out what happened at that moment and measure again; keep the term only if it cannot be repeated",
     refine={"at": "touch"},

@@ -14,7 +14,6 @@ from scipy import special
 from ..records import Array, InputError
 from .trials import Trials, merge
 
-THESIS_FACTOR = 2.6  # k_q for p = 0.95 in chapter 5 of the thesis
 DRAWS = 100_000
 
 

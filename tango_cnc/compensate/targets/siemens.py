@@ -13,11 +13,17 @@ from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, ro
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
 IM9 = "SINUMERIK 840D sl Commissioning Manual IM9 12/2017, p. 572"
+IM9_2013 = "SINUMERIK Operate (IM9) Commissioning Manual 03/2013, p. 502"
 K3 = "SINUMERIK Function Manual K3 03/2013, p. 242, 249"
 FACTS = (
     Fact("$TC_CARR1..3 = I1, 4..6 = I2, 15..17 = I3, 18..20 = I4; fine offsets are 40 higher", IM9),
     Fact("a tool carrier and TRAORI keep the same vectors in two places (table of IM9): both are written, or none", IM9),
     Fact("T: I1 = -(I2+I3); P: I4 = -(I2+I3); M: I1 = -I2, I4 = -I3", IM9),
+    Fact("T: I3 leads from the tool adapter to rotary axis 2, I2 from there to rotary axis 1", IM9_2013),
+    Fact("P: I2 leads from the reference point of the machine to rotary axis 1, I3 from there to rotary axis 2", IM9_2013),
+    Fact(
+        "M: I2 leads from the tool adapter to rotary axis 1, I3 from the reference point of the machine to rotary axis 2", IM9_2013
+    ),
     Fact("axis vectors of a table are entered reversed", IM9),
     Fact("$AN_CEC[t,i], INPUT_AXIS, OUTPUT_AXIS, STEP, MIN, MAX, DIRECTION 0 1 -1, IS_MODULO; M17 ends the file", K3),
     Fact("$AA_ENC_COMP[0,i,AX] in mm or degrees with _STEP _MIN _MAX _IS_MODULO", K3),
@@ -33,7 +39,6 @@ FACTS = (
     Fact("ENC_COMP is added to the position that the encoder gives", K3, confirmed=False),
     Fact("MD32450 is the whole reversal value, positive where the encoder is ahead of the table", "memory", confirmed=False),
     HALVES,
-    Fact("I2 of a table leads from the machine's reference to the first rotary axis, I3 from there to the second", IM9, False),
     Fact("fine offsets act when SD42974 is 1 and stay within MD20188", "memory", confirmed=False),
     Fact("CEC acts when MD32710 of the axis and SD41300 of the table are set", "memory", confirmed=False),
 )
@@ -50,7 +55,11 @@ OPTIONS = {
         "both", "both, or one of the two places of the vectors: then the other one is yours", ("both", "carrier", "traori")
     ),
 }
-FIRST = {"T": ("I2", "I3"), "P": ("I2", "I3"), "M": ("I2", "I3")}
+LEADS = {
+    "T": "I3 leads from the tool adapter to {1}, I2 from there to {0}, I1 closes the chain",
+    "P": "I2 leads from the reference point of the machine to {0}, I3 from there to {1}, I4 closes the chain",
+    "M": "I2 leads from the tool adapter to {0}, I3 from the reference point of the machine to {1}, I1 and I4 close the chains",
+}
 CARRIER = {"I1": 1, "I2": 4, "I3": 15, "I4": 18}
 TRAORI = {
     "T": {
@@ -183,7 +192,8 @@ def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, fl
                 moved[c] = numbers[place] - point_of(machine, axis)[c]
         shift.append(moved)
     lines = [f"; centres of {' and '.join(axes)} against machine.yaml, type {kind(request)}; mm in machine coordinates"]
-    found = vectors(request, shift)
+    lines.append(f"; {LEADS[kind(request)].format(*axes)}")
+    found = {name: vector + 0.0 for name, vector in vectors(request, shift).items()}  # nothing has no sign
     if request.options["only"] in ("both", "carrier"):
         for name, vector in sorted(found.items()):
             lines += [

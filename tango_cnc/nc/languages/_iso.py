@@ -73,25 +73,24 @@ class Style:
     inch: tuple[float, ...] = (20,)
     metric: tuple[float, ...] = (21,)
     cycles: bool = True
-    subprograms: tuple[int, ...] = (96, 97, 98, 198)
+    subprograms: tuple[int, ...] = (96, 97, 98, 99, 198)
     machine: tuple[float, ...] = (53,)
     radius: str = "R"
-    passed: frozenset[float] = frozenset()  # G functions that change nothing that is followed here
-    numbered: frozenset[float] = frozenset()  # those of them that have P, Q, L or E
-    offsets: tuple[range, ...] = (range(54, 60),)  # work offsets by their whole numbers
+    passed: frozenset[float] = frozenset()  # G functions that change nothing that is followed here, also beside a move
+    alone: frozenset[float] = frozenset()  # those that do so only where no axis is named: beside one they may take its word
+    numbered: frozenset[float] = frozenset()  # those of both that have P, Q, L or E
+    offsets: frozenset[float] = frozenset(range(54, 60))  # work offsets
+    dwell: str = ""  # axis words that may be the time of G4
     forgets: frozenset[float] = frozenset(FORGET)  # ways to reference and fixed points
     height: float | None = 43  # switches the tool's length on
 
     def known(self, code: float) -> bool:
         """number of a G function → whether it is known what it does to the path."""
-        own = {*MOTION, *PLANES, 4, 90, *self.machine, *self.forgets, *self.metric, *self.passed}
-        return code in own or self.offset(code) or (self.height is not None and code in (self.height, 49))
-
-    def offset(self, code: float) -> bool:
-        """number of a G function → whether it calls a work offset."""
-        return any(int(code) in among for among in self.offsets) and (code == int(code) or int(code) == 59)
+        own = {*MOTION, *PLANES, 4, 90, *self.machine, *self.forgets, *self.metric, *self.passed, *self.alone, *self.offsets}
+        return code in own or (self.height is not None and code in (self.height, 49))
 
 
+OTHERS = "GFSDH"  # words that leave the path alone, or whose meaning is looked at elsewhere
 LONGEST = 2000  # characters of a block
 
 
@@ -166,6 +165,7 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             raise refused(number, f"G{code:g}", "canned cycles are not expanded here: let the post-processor write their moves")
         if not style.known(code):
             raise refused(number, f"G{code:g}", UNKNOWN)
+    _stand_together(style, block, codes)
     modal.incremental = modal.incremental and 90 not in codes
     modal.absolute = modal.absolute or 90 in codes
     modal.metric = modal.metric or any(code in style.metric for code in codes)
@@ -196,11 +196,11 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 raise refused(number, f"M{w.value:g}", "what it switches back is not followed")
         elif w.letter in "UVW":
             raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")
-        elif w.letter == "H" and style.height in codes:
+        elif w.letter == "H" and style.height is not None and 49 not in codes:
             _height(block, w.value, modal)
         elif w.letter == "N":
             block.label = f"N{w.value:g}"
-        elif w.letter in ("P", "L", "Q", "E") and not set(codes) & {4, *style.numbered}:
+        elif w.letter not in OTHERS and not (w.letter in "PLQE" and set(codes) & {4, *style.numbered}):
             raise refused(number, f"{w.letter}{w.value:g}", UNKNOWN)
     if change:
         block.tool = modal.tool
@@ -212,7 +212,7 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             modal.motion = MOTION[int(code)]
         elif style.height is not None and code in (style.height, 49):
             block.length = code == style.height
-        elif style.offset(code):
+        elif code in style.offsets:
             name = f"G{code:g}"
             if modal.offset not in ("", name):
                 raise refused(
@@ -235,7 +235,11 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         return block
     if block.forgets:
         _forget(modal, block.forgets)
-    if 4 in codes or not (target or (offsets and modal.motion in ("cw", "ccw"))):
+    if 4 in codes:
+        return block
+    if not (target or (offsets and modal.motion in ("cw", "ccw"))):
+        if offsets or radius is not None:
+            _no_line(style, block)
         return block
     if modal.incremental:
         raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "G91 is still on: write G90 before it")
@@ -247,13 +251,34 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         block.arc = arc_of(number, modal, target, offsets, radius, clockwise=modal.motion == "cw")
         block.kind = "arc"
     elif offsets or radius is not None:
-        word = next(w for w in block.words if w.letter in ("I", "J", "K", style.radius))
-        raise refused(number, f"{word.letter}{word.value:g} in a line", "some controls round or break a corner by it")
+        _no_line(style, block)
     else:
         block.kind = "rapid" if modal.motion == "rapid" else "feed"
     block.target = target
     modal.position.update(target)
     return block
+
+
+def _stand_together(style: Style, block: Block, codes: Sequence[float]) -> None:
+    """Raises InputError where a G function takes words of axes, or of circles, for something else than a way to go."""
+    named = [w for w in block.words if w.letter in AXES or w.letter in "IJK" or w.letter == style.radius]
+    said = " ".join(f"{w.letter}{w.value:g}" for w in named)
+    planes = [f"G{c:g}" for c in codes if c in PLANES]
+    if len(planes) > 1:
+        raise refused(block.number, " and ".join(planes), "which one is meant is not known")
+    for code in codes:
+        if code in style.alone and named:
+            why = "it may take these words for itself, and then they are no move: give it a block of its own"
+            raise refused(block.number, f"G{code:g} with {said}", why)
+        if code == 4 and any(w.letter not in style.dwell for w in named):
+            raise refused(
+                block.number, f"G4 with {said}", "whether that is a time or a move is not known: give G4 a block of its own"
+            )
+    if 80 in codes and named and not MOTION.keys() & set(codes):
+        raise refused(block.number, f"G80 with {said}", "no G0, G1, G2 or G3 says how to go there")
+    stays = {4, *style.forgets, *style.machine}.intersection(codes)
+    if named and len(stays) > 1:
+        raise refused(block.number, " and ".join(f"G{c:g}" for c in sorted(stays)), "which one is meant is not known")
 
 
 def _step_to_reference(block: Block) -> None:
@@ -268,6 +293,11 @@ def _height(block: Block, value: float, modal: Modal) -> None:
         raise refused(block.number, "H0", "controls differ in whether it switches the tool's length off: write G49")
     if modal.tool is not None and value != modal.tool:
         raise refused(block.number, f"H{value:g} with tool {modal.tool}", "which length acts is not known: give them one number")
+
+
+def _no_line(style: Style, block: Block) -> None:
+    word = next(w for w in block.words if w.letter in ("I", "J", "K", style.radius))
+    raise refused(block.number, f"{word.letter}{word.value:g} in a line", "some controls round or break a corner by it")
 
 
 def _forget(modal: Modal, axes: str) -> None:

@@ -32,6 +32,8 @@ CALLED = {
     140: "where it retracts to is not known",
     144: REFUSED[43.4],
 }
+# Of the machine's builder up to 88; 90 to 92 and from 101 on: feeds, look-ahead, exact stops, limits, the laser.
+LEAVES = {*range(89), 90, 91, 92, *range(101, 112), 116, 117, 120, 127, 134, 135, 136, 137, 148, 149, 150, *range(200, 205)}
 WHY = {
     "LN": "surface normals are corrected by the control itself",
     "LP": "polar coordinates are not followed",
@@ -103,12 +105,18 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
             raise refused(number, rest, why)
     kind = {"L": "L", "CC": "CC", "C": "C", "CR": "CR"}.get(head)
     if kind is None:
-        if not (re.fullmatch(r"M\d+", head) and len(upper.split()) == 1):
+        if not re.fullmatch(r"(M\d+\s*)+", upper):
             raise refused(number, rest, "what this does to the path is not known")
-        if int(head[1:]) in CALLED:
-            raise refused(number, head, CALLED[int(head[1:])])
+        for code in re.findall(r"\d+", upper):
+            _function(number, float(code))
         return block
     return _motion(block, kind, rest[len(head) :], begin + len(head), modal, axes)
+
+
+def _function(number: int, code: float) -> None:
+    """Raises InputError for an M function that is not known to leave the path alone."""
+    if code not in LEAVES:
+        raise refused(number, f"M{code:g}", CALLED.get(int(code), "what this does to the path is not known"))
 
 
 def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: str) -> Block:
@@ -141,8 +149,9 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
         elif letter.startswith("DR"):
             clockwise = letter == "DR-"
         elif letter == "M":
-            if number_of in CALLED:
-                raise refused(number, f"M{number_of:g}", CALLED[int(number_of)])
+            if value is None:
+                raise refused(number, "M", "no number follows: parameters are not followed")
+            _function(number, number_of)
             machine = machine or number_of in (91, 92)
     if gap := text[at:].strip():
         why = "radius compensation changes the path after this program" if gap in ("RL", "RR") else "it is not followed"

@@ -17,6 +17,7 @@ OWN: dict[float, str] = {
     12: "pockets are cycles: let the post-processor write their moves",
     13: "pockets are cycles: let the post-processor write their moves",
     150: "pockets are cycles: let the post-processor write their moves",
+    63: "tapping is not compensated",
     47: "engraving is a cycle: let the post-processor write its moves",
     66.1: "macros are not followed: expand them in the post-processor",
     7.1: "polar and cylindrical interpolation is not followed",
@@ -37,10 +38,12 @@ STYLE = _iso.Style(
     re.compile(r"\([^)]*\)|^\s*[oO:]\d+|<[^>]*>"),
     {k: v for k, v in _iso.REFUSED.items() if k not in (5.1, 15)} | OWN,
     harmless=frozenset({"%", ";"}),
-    # 5.1 and 8 look ahead, 15 69 50 cancel, 22 23 25 26 supervise, 61 to 64 and 187 say how exactly, 103 how far ahead.
-    passed=frozenset(
-        {5.1, 8, 9, 13.1, 15, 17, 21, 22, 23, 25, 26, 40, 50, 61, 62, 63, 64, 67, 69, 80, 94, 95, 97, 98, 99, 103, 187}
-    ),
+    # 9, 61, 62 and 64 say how exactly, 94 and 95 what F is, 98 and 99 where cycles end.
+    passed=frozenset({9, 21, 40, 61, 62, 64, 80, 94, 95, 97, 98, 99}),
+    # 5.1, 8 and 103 look ahead, 187 says how exactly, 13.1 15 50 67 69 cancel; 22 23 25 26 supervise, and X of 22 is a limit.
+    alone=frozenset({5.1, 8, 13.1, 15, 22, 23, 25, 26, 50, 67, 69, 103, 187}),
+    forgets=frozenset({28, 30, 30.1}),
+    dwell="X",
     numbered=frozenset({5.1, 8, 103, 187}),
 )
 
