@@ -209,6 +209,7 @@ def _parts(kernel: Kernel) -> set[str]:
 
 
 def beside(s: State, others: Sequence[Picked]) -> State:
+    """state, shapes and noises → the state with these in the covariance."""
     for p in others:
         s = whiten(s, p.kernel, p.columns, s.seen(p.columns), p.tau, p.score)
     return s
