@@ -11,7 +11,6 @@ from ..records import Array, Machine
 from ..terms._shape import Form, values, weights
 from ._rows import Rows
 
-Function = Callable[[Array], Array]
 FEW = 40  # places of an axis between which each is tried
 AS_WELL = 0.9  # part of the shape's own pattern that a formula has to take
 INSTEAD = 0.95  # the same, where the formula is kept in place of the shape

@@ -15,7 +15,6 @@ from ..loaded import Event
 from ..records import Array, Cell
 from ..report.compensated import as_loaded, dated
 from ..report.texts import texts
-from ..report.units import shown
 from ..report.words import unforeseen
 from ..state import Frame, Named, State, Tonight
 from ..state.changes import change
@@ -436,8 +435,3 @@ def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapp
     made_before = alarm.get("rate_per_day") or alarm.get("repair")  # a drift, or what a repair left, was not made in its night
     step = alarm["size"] if made_before else then["change"]
     return float(now["value"] - (then["value"] - step))
-
-
-def factor_of(unit: str) -> tuple[float, str]:
-    """unit of a parameter → factor to what people read, and its name."""
-    return shown(unit)
