@@ -7,6 +7,10 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
     files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
     steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
     check(request)                → nothing; raises InputError for a machine that does not fit. `check = any_machine` where all do
+
+A target that writes numbers which it calculates from the held ones (the vector between two centers) says so, for the cap:
+
+    derived(request, held, numbers) → {name of a number in the files: `Derived`}
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ from typing import Any
 from ...files.checked import suggestion
 from ...records import InputError, Machine
 from ...terms import Coefficient
-from ..space import Limits
+from ..space import Held, Limits
 
 SIGN_TRIAL = "sign trial"  # a step; `loop.store` writes out what to try
 
@@ -43,6 +47,14 @@ class Option:
     default: Any
     text: str
     allowed: tuple[Any, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A number of the files that is calculated from held ones, as it is written."""
+
+    value: float
+    unit: str  # mm or deg
 
 
 @dataclass(frozen=True)
@@ -88,6 +100,12 @@ def options(target: ModuleType, given: Sequence[str]) -> dict[str, Any]:
         if points:
             raise InputError(f"--set: points: found {value}; allowed: 2 to 1000")
     return result
+
+
+def derived(target: ModuleType, request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """target, job, entries, numbers by place → the numbers of its files that it calculates from them; none for most targets."""
+    found: dict[str, Derived] = target.derived(request, held, numbers) if hasattr(target, "derived") else {}
+    return found
 
 
 def unconfirmed(target: ModuleType) -> list[str]:
