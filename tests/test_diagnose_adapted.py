@@ -79,6 +79,50 @@ def test_a_tilt_that_follows_an_angle_is_listed_as_a_shift_that_follows_a_place_
     assert [_levers(Kernel(Form((), f"tilt {c} of X"), "shape", np.zeros((1, 1))), touches) for c in "AC"] == [["Y"], []]
 
 
+@pytest.mark.long
+def test_a_pair_that_no_shape_had_is_told_in_the_place_of_two_that_follow_its_parts() -> None:
+    """What grows along Y beyond a tilt was a function of the tilt, and one of the tilt and Z that followed what this left."""
+    two = [("B", "machine z"), ("Z × B", "machine y")]
+    found = told(lambda t: (t.axis("B") > 0.1) * unit(t.axis("Y")), "machine z", two)
+    assert [covariate for covariate, _, _ in found] == ["Y × B"]
+
+
+@pytest.mark.long
+def test_two_shapes_that_are_two_stay_two() -> None:
+    m = means()
+    forms = [Form((Factor("time", LEGENDRE, float(m.seen.warm.min()), float(m.seen.warm.max()), 2),), "machine x")]
+    forms.append(Form((Factor("B", LEGENDRE, float(m.seen.axis("B").min()), float(m.seen.axis("B").max()), 2),), "machine z"))
+    field = Field([scaled(Kernel(f, "shape", f.columns(m.seen))) for f in forms], np.eye(len(m.seen)), np.ones(len(m.seen)), m)
+    x, z = (weights(m.seen, f"machine {c}")[:, 0] for c in "xz")
+    y = 5 * unit(m.seen.warm) * x + 5 * np.cos(m.seen.axis("B")) * z + np.random.default_rng(3).normal(size=len(x))
+    begun = [Picked(k, field.project(k), 1.0, 100.0) for k in field.kernels]
+    found = plainer(field, y, np.empty((len(y), 0)), begun)
+    assert {p.kernel.covariate for p in found} == {"time", "B"}
+
+
+@pytest.mark.long
+def test_of_three_shapes_two_that_are_one_are_told_as_one() -> None:
+    m = means()
+    time, angle, place = (
+        Factor(name, LEGENDRE, float(values(m.seen)[name].min()), float(values(m.seen)[name].max()), 2)
+        for name in ("time", "B", "Z")
+    )
+    forms = [Form((angle,), "machine z"), Form((place, angle), "machine y"), Form((time,), "machine x")]
+    field = Field([scaled(Kernel(f, "shape", f.columns(m.seen))) for f in forms], np.eye(len(m.seen)), np.ones(len(m.seen)), m)
+    x, z = (weights(m.seen, f"machine {c}")[:, 0] for c in "xz")
+    pattern = (m.seen.axis("B") > 0.1) * unit(m.seen.axis("Y")) * z + unit(m.seen.warm) * x
+    y = 7 * pattern / np.abs(pattern).max() + np.random.default_rng(3).normal(size=len(x))
+    found = plainer(field, y, np.empty((len(y), 0)), [Picked(k, field.project(k), 1.0, 100.0) for k in field.kernels])
+    assert {p.kernel.covariate for p in found} == {"Y × B", "time"}
+
+
+@pytest.mark.long
+def test_what_reverses_with_the_side_is_a_rival_where_every_touch_came_from_one_side() -> None:
+    three = [("Z", "machine z"), ("dZ × Z", "machine z"), ("time × Z", "machine z")]
+    (shape,) = told(lambda t: np.tanh(4 * unit(t.axis("Z"))), "machine z", three)
+    assert shape[0] == "Z" and "dZ × Z" in shape[2]
+
+
 def test_one_shape_at_least_is_told() -> None:
     found = told(lambda t: np.zeros(len(t)) + 1e-9, "machine y", [("C", "machine y"), ("B × C", "machine y")])
     assert len(found) == 1

@@ -4,28 +4,55 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from support.histories import knowledge, record
 
 from tango_cnc.history import opened
+from tango_cnc.history.store import History
 from tango_cnc.nightly.dates import dated
 from tango_cnc.nightly.words import headline, message
 
 MEASURED = datetime(2026, 10, 3, 2, 0, tzinfo=UTC)
 
 
+def dates_of(history: History, clock: datetime) -> dict[str, Any]:
+    return dated({}, history.as_of(lambda: clock), "M", clock, 1.0)
+
+
 def test_a_clock_that_went_back_is_said(tmp_path: Path) -> None:
     with opened(tmp_path / "history.db") as history:
         history.add_night(record(3), "touch\n1\n", knowledge(3))
-        assert dated({}, history, "M", MEASURED + timedelta(days=1), 1.0) == {}
-        found = dated({}, history, "M", MEASURED - timedelta(days=9), 1.0)
-        assert dated({}, history, "a machine without nights", MEASURED, 1.0) == {}
+        assert dates_of(history, MEASURED + timedelta(days=1)) == dates_of(history, MEASURED - timedelta(minutes=30)) == {}
+        found = dates_of(history, MEASURED - timedelta(days=9))
+        assert dated({}, history, "M", MEASURED - timedelta(days=9), 1.0) == {}, "an import has no clock"
     assert found == {"clock_back": record(3)["night"]}
-    night = (
-        record(1) | {"limits": [], "preflight": [], "status": "complete", "machine_time_s": 60.0, "planned": 1, "cell": "c"} | found
-    )
-    assert "its date is before 2026-10-03" in headline(night)
+    rest = {"limits": [], "preflight": [], "status": "complete", "machine_time_s": 60.0, "planned": 1, "cell": "c"}
+    night = record(1) | rest | found
+    assert "a night on record is dated 2026-10-03" in headline(night)
     assert "Look at the date and time of this computer" in message(night | {"headline": headline(night)}, (), ())[1]
+
+
+def test_a_night_with_a_clock_that_was_ahead_hides_no_later_one(tmp_path: Path) -> None:
+    """One night was dated 25 days too late; the next one, by a right clock, is the newest."""
+    alarm = {"id": "1", "text": "it moved"}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(2), "touch\n1\n", knowledge(2))
+        history.add_night(record(28, alarms=[alarm]), "touch\n1\n", knowledge(28))
+        history.add_night(record(3), "touch\n1\n", knowledge(3))
+        assert history.nights("M")[0].night == "2026-10-28"
+        right = history.as_of(lambda: MEASURED + timedelta(hours=4))
+        assert [n.night for n in right.nights("M")] == ["2026-10-03", "2026-10-02"]
+        assert [n.night for n in right.nights("M", last=1)] == ["2026-10-03"]
+        known, last = right.latest_knowledge("M"), right.last("M")
+        assert known is not None and known[0].night == "2026-10-03"
+        assert last is not None and last.night.night == "2026-10-03"
+        assert right.alarmed("M") == () and len(right.records("M")) == 2
+        assert right.trend("M", right.parameters("M")[0]).nights[-1] == "2026-10-03"
+        (standing,) = right.fleet((MEASURED + timedelta(days=3)).isoformat())
+        assert standing.last is not None and standing.last.night == "2026-10-03" and standing.late
+        assert standing.nights == 2 and standing.alarms_open == 0
+        assert right.ahead("M") == "2026-10-28" and history.ahead("M") == ""
 
 
 def test_all_missing_nights_are_counted_not_only_those_on_record(tmp_path: Path) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from support.nights import knock, night
+from support.nights import FIRST, knock, night
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -139,7 +139,8 @@ def test_every_night_under_a_new_name_says_what_waits_under_the_old_one(root: Pa
         old = night("OLD 5", 0, "changed", cell=str(folder))
         history.add_night(old | {"alarms": [knock(old["night"])]})
         settings = Nightly(diagnose=False)
-        played = nights(mine, read_world(folder / "world.yaml"), history, 3, 3, Story(), settings)
+        later = FIRST + timedelta(days=1)
+        played = nights(mine, read_world(folder / "world.yaml"), history, 3, 3, Story(), settings, first=later)
         record, _ = next(played)
         assert "under this name" in record["headline"]
         assert "nights of OLD 5 in this history are of this cell: 1" in message(record, (), ())[1]

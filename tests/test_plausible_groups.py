@@ -108,6 +108,15 @@ def test_directions_that_lead_away_from_the_facets_turn_every_backlash(cell: Cel
 
 
 @pytest.mark.long
+def test_a_facet_that_scatters_is_no_chip(cell: Cell, readings: Readings) -> None:
+    own = np.array(readings.facet) == "5"
+    to_and_fro = np.zeros(len(readings))
+    to_and_fro[own] = np.random.default_rng(2).normal(0.0, 0.02, own.sum())
+    said = only(judged(cell, pushed(cell, readings, to_and_fro)), "doubtful")
+    assert "facet 5 is up to " in said and "some early and some late" in said
+
+
+@pytest.mark.long
 def test_residuals_that_follow_the_feed_are_named(cell: Cell, readings: Readings) -> None:
     fast = np.arange(len(readings)) % 3 == 0
     late = pushed(cell, readings, np.where(fast, -0.030, -0.003))  # 1 ms at 1800 and at 180 mm/min

@@ -97,7 +97,7 @@ def counted(example: str, seeds: range, folder: Path, tool: float | None = None)
     ("text", "words"),
     [
         ("checks: [{kind: circularity, of: N1}]\ntool: {length_um: 0.002}\n", "0.002 mm is written 2"),
-        ("checks: [{kind: circularity, of: N1}]\ntool: {length_um: 200}\n", "at most 100"),
+        ("checks: [{kind: circularity, of: N1}]\ntool: {length_um: 200}\n", "0.1 to 100"),
         ("checks: [{kind: circularity, of: N1}]\ntool: {length_um: 0}\n", "no tool is measured better"),
         ("checks: [{kind: circularity, of: N1}]\ntool: {eccentricity_um: 1}\n", "length_um"),
         ("checks: [{kind: circularity, of: N1}]\ntool: {length_um: 2, runout: 1}\n", "runout"),

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.runs import Result
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
@@ -36,6 +37,10 @@ def budget(cell: Path, tmp_path: Path) -> Path:
     file = tmp_path / "budget.yaml"
     file.write_text(BUDGET, encoding="utf-8")
     return file
+
+
+def run(*args: object) -> str:
+    return Result(*args).out
 
 
 def as_json(capsys: pytest.CaptureFixture[str], *args: object) -> dict[str, Any]:
@@ -132,3 +137,17 @@ def test_wrong_options_end_with_2_and_say_what_is_allowed(
 ) -> None:
     assert call("uncertainty", "-C", cell, *options) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_values_that_are_not_those_of_the_estimate_are_said(cell: Path, tmp_path: Path) -> None:
+    """A machine that drifts by 12 µm: the estimate follows that, and this command does not."""
+    folder = tmp_path / "drifting"
+    write_example(folder, "hu40t")
+    world = folder / "world.yaml"
+    drift = "effects: [{cause: thermal_drift, amplitude: 0.012, tau: 1800, direction: [0, 1, 1]}]"
+    world.write_text(world.read_text(encoding="utf-8").replace("effects: []", drift), encoding="utf-8")
+    assert call("simulate", "-C", folder) == 0
+    said = run("uncertainty", "-C", folder, "--trials", 1000)
+    assert "'tango estimate' lets them count by how the machine wandered, and shows other values: E" in said
+    assert "shows other values" not in run("uncertainty", "-C", cell, "--trials", 1000)

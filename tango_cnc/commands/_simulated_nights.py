@@ -226,5 +226,5 @@ def nights(
         machine.truth = replace(truth, errors=now, facets=facets, stylus=stylus)
         clock = Time(moment + timedelta(days=number - 1, minutes=float(rng.uniform(0, 5))))
         machine.clock = clock
-        world = Ports(clock, Folder(keep), machine, Nobody(), history, analysis, nullcontext())
+        world = Ports(clock, Folder(keep), machine, Nobody(), history.as_of(clock.now), analysis, nullcontext())
         yield night(cell.machine.name, str(cell.folder), settings, world), machine.truth

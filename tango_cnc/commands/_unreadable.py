@@ -92,6 +92,10 @@ class NoHistory:
         """Raises what is wrong."""
         self._no()
 
+    def ahead(self, machine: str) -> str:
+        """Raises what is wrong."""
+        self._no()
+
     def knows(self, machine: str) -> bool:
         """Raises what is wrong."""
         self._no()

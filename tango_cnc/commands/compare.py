@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,7 @@ def command(folder: Path, other: Path, file: Path | None, period: float | None, 
     file = current(folder, file)
     readings, others = (read_readings(f, cell.machine, cell.artefact) for f in (file, other))
     found = compare(cell.machine, cell.artefact, readings, others)
-    judgement = _together(_judged(cell, r, f) for r, f in ((readings, file), (others, other)))
+    judgement = _together({f: _judged(cell, r, f) for r, f in ((readings, file), (others, other))})
     expected = None if period is None else latch(found.feed, period)
     if not write_json(json_file, _as_json(found, period, expected) | members(judgement)):
         click.echo("\n".join([*told(judgement), _as_text(found, file, other, period, expected)]))
@@ -61,13 +61,13 @@ def _judged(cell: Cell, readings: Readings, source: Path) -> Judgement:
         return error.judgement
 
 
-def _together(judgements: Iterable[Judgement]) -> Judgement:
-    """judgements on both files → the worse of them, with what is said of either."""
-    both = tuple(judgements)
-    worse = max(both, key=lambda j: ORDER.index(j.verdict))
-    reasons = tuple(dict.fromkeys(line for j in both for line in j.reasons))
-    remarks = tuple(dict.fromkeys(line for j in both for line in j.remarks))
-    return replace(worse, reasons=reasons, remarks=remarks)
+def _together(both: Mapping[Path, Judgement]) -> Judgement:
+    """file → judgement on it → the worse of them, with what is said of either, and of which file."""
+    worse = max(both.values(), key=lambda j: ORDER.index(j.verdict))
+    reasons = tuple(f"{file}: {line}" for file, j in both.items() for line in j.reasons)
+    every = [line for j in both.values() for line in j.remarks]
+    remarks = [line if every.count(line) > 1 else f"{file}: {line}" for file, j in both.items() for line in j.remarks]
+    return replace(worse, reasons=reasons, remarks=tuple(dict.fromkeys(remarks)))
 
 
 def _groups(found: Comparison) -> dict[str, Any]:

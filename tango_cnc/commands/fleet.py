@@ -109,7 +109,8 @@ def command(
             found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
             continue
         try:
-            with opened(place, create=False) as history:
+            with opened(place, create=False) as whole:
+                history = whole.as_of(lambda: datetime.fromisoformat(now))
                 wanted = {c.name: hours or c.late_hours for c in known} or {"": hours or LATE}
                 own = [s for name, most in wanted.items() for s in history.fleet(now, most) if name in ("", s.machine)]
                 for s in own:

@@ -98,7 +98,8 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
-            world = Ports(_Held(begun), disk, control, mail, history, analysis, locked(folder), analysis.happened)
+            past = history.as_of(lambda: begun)
+            world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened)
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
             seen = _known(history, record)
@@ -267,7 +268,8 @@ def _status(
     except TangoError as error:
         wrong = wrong or error
     place = history_of(folder, settings, where)
-    with opened(_looked_at(place)) as history:
+    with opened(_looked_at(place)) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
         name = name or machine_of(folder, history.machines())
         renamed = formers(history, name, folder, of_folder(place, folder))
         nights = history.nights(name, last=7) if name in history.machines() else ()

@@ -269,7 +269,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
     from ..report.pace import ahead
 
     machine = chain.name
-    with opened(place, create=False) as history:
+    with opened(place, create=False) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
         newest = history.nights(machine, last=1) if machine in history.machines() else ()
         if not newest:
             return None
@@ -310,7 +311,8 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
     from ..history import opened  # slow to load
 
     allowed = read_nightly(folder).limits
-    with opened(place, create=False) as history:
+    with opened(place, create=False) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
         if machine not in history.machines():
             return None
         known = history.parameters(machine)

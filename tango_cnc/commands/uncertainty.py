@@ -33,6 +33,7 @@ PLACE = "Understand 20"  # in the list of commands
 CONTRADICTED = 1.5  # times what the budget allows for that a touch may scatter before the result is doubtful
 ABSURD = 5.0  # times what is plausible of a parameter at which its limit decides nothing
 APART = 5.0  # of the larger standard deviation that the two estimates may differ by
+SHOWN = 4  # parameters that a remark names
 
 
 @click.command()
@@ -202,12 +203,22 @@ def _beside(found: analysis.Analysis, robust: Estimate, judgement: Judgement, st
         (reasons if far else remarks).append(text)
     labels = [found.selection.label(name) for name in found.study.names]
     own = {robust.selection.label(n): (v, s) for n, v, s in zip(robust.model.names, robust.values, robust.std, strict=True)}
+    differ = list[tuple[float, str]]()
     for label, value, std in zip(labels, found.values, found.std, strict=True):
         other, spread = own.get(label, (value, std))
         if found.pool == "none" and abs(value - other) > APART * max(std, spread):
             reasons.append(
                 f"{label} is not what 'tango estimate' shows: the two weigh the touches differently, and cannot both be right"
             )
+        if found.pool == "none" and abs(value - other) > spread > 0:
+            differ.append((abs(value - other) / spread, label))
+    if differ:
+        names = ", ".join(f"{name} by {sigmas:.1f}" for sigmas, name in sorted(differ, reverse=True)[:SHOWN])
+        remarks.append(
+            "values here are those of touches that all count alike; 'tango estimate' lets them count by how the machine wandered, "
+            f"and shows other values: {names} of its standard deviations. Either interval is for its own value; where the "
+            "parameter is trusted, that of 'tango estimate' knows more"
+        )
     verdict = "doubtful" if len(reasons) > len(judgement.reasons) and judgement.verdict == "trustworthy" else judgement.verdict
     return replace(judgement, verdict=verdict, reasons=tuple(reasons), remarks=tuple(remarks))
 

@@ -34,6 +34,7 @@ from . import (
     _shapes,
     _spread,
     _stable,
+    _suited,
     _together,
 )
 from ._candidates import candidate
@@ -44,7 +45,7 @@ from ._explain import Explanation
 from ._field import Field
 from ._look import explained, kernels, tried
 from ._moments import Moment
-from ._names import akin
+from ._names import akin, foreign
 from ._plainer import plainer
 from ._records import Dropped, Finding, Remainder, Why
 from ._refused import refused, shift_of
@@ -290,6 +291,18 @@ def _told(
         outcome = contest(field, found.place.y, alone, [c for c in accepted if c not in weak])
         outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
         accepted = [c for c in accepted if any(c is o for o in outcome.named)]
+    suited = _suited.suited(field, found.place.y, alone, accepted, outcome)
+    beaten = next((one for one in suited if one.lost), None)
+    if beaten is not None:
+        why |= {id(c): "shape" for c in beaten.names}
+        lost = outcome.resembled
+        still = [c for c in accepted if not any(c is o for o in beaten.names)]
+        outcome = contest(field.plain().more(beaten.kernels), found.place.y, alone, still)
+        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
+        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
+    noises_beside = [p for p in outcome.picked if p.kernel.noise]
+    suited += (both_ways := _suited.turned(field, found.place.y, alone, accepted, noises_beside))
+    outcome = _suited.nearer(outcome, [one for one in suited if all(any(c is o for o in accepted) for c in one.names)])
     named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
     extended = (*terms, *(m.item for m in moments), *named_items)
     machine = before.model.touches.machine
@@ -312,7 +325,7 @@ def _told(
             gains[id(c)],
             shift,
             tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
-            (*telling, *_aliases.where(found, touches, c, [o for o, _ in other])),
+            (*telling, *_aliases.where(found, touches, c, [o for o, _ in other]), *_suited.telling(both_ways, c)),
             s.effect,
             raw[id(c)] @ s.values if means.all else candidate(touches, c.candidate.cause, c.candidate.setting).columns @ s.values,
             tuple((o.candidate.setting, behind) for o, behind in other),
@@ -362,7 +375,13 @@ def _told(
         remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
     if not remains:
         remains += _undecided(
-            findings, n, [any(o is not c and akin(c.candidate, over(o.candidate)) for o in accepted) for c in accepted]
+            findings,
+            n,
+            [
+                any(o is not c and akin(c.candidate, over(o.candidate)) for o in accepted)
+                or (len(accepted) > 1 and foreign(c.candidate, outcome.nearest.get(id(c), "")))
+                for c in accepted
+            ],
         )
     if not remains:
         for c, covariate in unsteady(field, found.place.y, alone, accepted, outcome.picked):
@@ -396,7 +415,8 @@ def _undecided(findings: Sequence[Finding], n: int, akin_to: Sequence[bool] = ()
     """what is named, number of rows, whether another name follows what the first of them do → of which of these another cause, or
     a shape, does nearly as well: that one of them is there explains the touches, and not what it is.
 
-    A name may follow what another one leaves that only resembles what is there: names of one covariate have to be sure.
+    A name may follow what another one leaves that only resembles what is there: names of one covariate have to be sure, and
+    so has one of several where the shape follows something that the name does not.
     """
     found = []
     for i, f in enumerate(findings):

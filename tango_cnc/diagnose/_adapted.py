@@ -8,8 +8,8 @@ anywhere near are compared again, each with the functions and the frame that sui
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from ..records import Array
 from ..terms._shape import BEYOND, CYCLE, EVEN, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
 from ._field import Field, State, score
-from ._smooth import CYCLES, HALF, WHOLE, Kernel, between, scaled
+from ._smooth import CYCLES, HALF, WHOLE, Kernel, between, moves, scaled
 
 SETS = 10  # sets of covariates that are compared again
+WIDER = 6  # sets with a covariate that is told already, and any other one
 NEAR = 0.4  # of the likelihood of the best: what has less comes no nearer by better functions
+NEARER = 0.5  # the same once functions nearly suit
 POLYNOMIALS, WAVY, EVENS, TURNS = (1, 2, 4, 6), (6, 14), (1, 2, 4), (4, 8)  # numbers of functions that are tried
 LOBES = (4, 6, 12)
 BREAKS = 12  # places from which on something is elsewhere
@@ -37,7 +39,7 @@ class Adapted:
     kernel: Kernel
     score: float  # twice the log likelihood ratio at its best τ
     tau: float
-    choice: float  # what it costs that its place or period was chosen among several
+    choice: float  # what it costs that its place, its period or the pair itself was chosen among several
 
 
 def factors(touches: Touches, name: str, v: Array) -> list[Factor]:
@@ -86,47 +88,106 @@ class Adapting:
         self.known = values(self.touches)
         self.options: dict[str, list[Factor]] = {}
         self.felt: dict[str, Array] = {}
+        self.drawn: dict[Factor, Array] = {}  # functions of a covariate at every touch
         self.frames = tuple(frames(self.touches))
+        self.covariates = [n for n, v in self.known.items() if not n.startswith("facet ") and moves(self.touches, n, v)]
+        self.place: tuple[State, Array] | None = None  # a state, and what it leaves of every row
 
     def _of(self, name: str) -> list[Factor]:
         if name not in self.options:
             self.options[name] = factors(self.touches, name, self.known[name])
         return self.options[name]
 
-    def _tried(self, s: State, form: Form) -> tuple[float, float, Kernel]:
+    def _tried(self, s: State, form: Form) -> tuple[float, float]:
+        """state, shape → its likelihood, at its best τ."""
+        if self.place is None or self.place[0] is not s:
+            self.place = s, (s.seen(self.field.basis.T * self.field.weight)).astype(np.float32)
+        columns = self._columns(form)[self.field.rows]
+        size = float(np.sum(np.square(columns)))
+        if not size:
+            return -np.inf, 0.0
+        own = self.place[1] @ (columns * np.sqrt(len(columns) / size)).astype(np.float32)
+        return score(s.y, own.astype(float))
+
+    def _columns(self, form: Form) -> Array:
+        """shape → (r, k) features of the rows."""
         if form.weight not in self.felt:
             self.felt[form.weight] = weights(self.touches, form.weight)
-        columns = self.field.means.of(form.columns(self.touches, self.known, self.felt[form.weight]))
-        if not np.any(columns):
-            return -np.inf, 0.0, Kernel(form, "shape", columns)
-        kernel = scaled(Kernel(form, "shape", columns))
-        return *score(s.y, s.seen(self.field.project(kernel))), kernel
+        for f in form.factors:
+            if f not in self.drawn:
+                self.drawn[f] = f.functions(self.known[f.covariate])
+        return self.field.means.of(form.product([self.drawn[f] for f in form.factors], self.felt[form.weight]))
 
-    def near(self, s: State, best: Array, order: Sequence[int]) -> list[Adapted]:
-        """state, scores (b,) of the shapes of the field, numbers of those with a form, the best first → those covariates that come
-        near, each with the functions that suit it best.
+    def near(self, s: State, best: Array, order: Sequence[int], told: Sequence[Kernel] = ()) -> list[Adapted]:
+        """state, scores (b,) of the shapes of the field, numbers of those with a form, the best first, shapes that are told → those
+        covariates that come near, and others beside one of these shapes, each with the functions that suit it best.
         """
-        felt: dict[frozenset[str], list[str]] = {}
-        names: dict[frozenset[str], tuple[str, ...]] = {}
+        felt: dict[tuple[str, ...], list[str]] = {}
+        begun: dict[tuple[str, ...], float] = {}
         for i in order:
             form = self.field.kernels[i].form
             if form is None or best[i] < NEAR * best[order[0]]:
                 break
-            own = tuple(f.covariate for f in form.factors)
-            key = frozenset(own)
-            if key not in felt and len(felt) == SETS:
+            own = self._sorted(f.covariate for f in form.factors)
+            if own not in felt and len(felt) == SETS:
                 continue
-            names.setdefault(key, own)
-            weight = felt.setdefault(key, [])
+            weight = felt.setdefault(own, [])
+            begun.setdefault(own, float(best[i]))
             if form.weight not in weight and len(weight) < 2:
                 weight.append(form.weight)
-        return [self.adapt(s, names[key], weight) for key, weight in felt.items()]
+        for own in felt:
+            begun[own] = max(begun[own], *(self._glance(s, own, frame) for frame in felt[own]))
+        among: dict[tuple[str, ...], float] = {}
+        for own, frame, likelihood, picked in self._wider(s, [k.form for k in told if k.form is not None]):
+            among |= {own: picked} if own not in felt else {}
+            felt.setdefault(own, [frame])
+            begun[own] = max(begun.get(own, -np.inf), likelihood)
+        top = max(begun.values(), default=0.0)
+        found: list[Adapted] = []
+        for own in sorted((one for one in begun if begun[one] >= NEARER * top), key=lambda one: -begun[one])[:SETS]:
+            one = self.adapt(s, own, felt[own], max((a.score for a in found), default=0.0))
+            found.append(replace(one, choice=one.choice + among.get(own, 0.0)))
+        return found
 
-    def adapt(self, s: State, names: Sequence[str], felt: Sequence[str]) -> Adapted:
-        """state, covariates of a shape, frames in which it came nearest → the same with the best functions and frame."""
-        names = sorted(names, key=lambda name: self._of(name)[0].kind != SIDE)
+    def _wider(self, s: State, told: Sequence[Form]) -> list[tuple[tuple[str, ...], str, float, float]]:
+        """state, shapes that are told → each of their covariates alone, and the pairs of one of these and any other one that come
+        nearest: covariates, the frame in which they do, how near, and what it costs that they were picked among many.
+
+        Two covariates act together in frames, and with functions, that the contest does not try for every pair.
+        """
+        each = list(dict.fromkeys(f.covariate for form in told for f in form.factors))
+        pairs = (self._sorted((one, other)) for one in each for other in self.covariates if one != other)
+        sets = [*((one,) for one in each), *(p for p in dict.fromkeys(pairs) if self._of(p[-1])[0].kind != SIDE)]
+        every = []
+        for names in sets:
+            likelihood, weight = max((self._glance(s, names, weight), weight) for weight in {f.weight for f in told})
+            every.append((names, weight, likelihood))
+        picked = 2 * float(np.log(max(len(sets) - len(each), 1)))
+        pairs_near = sorted(every[len(each) :], key=lambda one: -one[2])[:WIDER]
+        return [*((*one, 0.0) for one in every[: len(each)]), *((*one, picked) for one in pairs_near)]
+
+    def _sorted(self, names: Iterable[str]) -> tuple[str, ...]:
+        """covariates → in one order: a side before what it acts together with, an axis or the time last."""
+        plain = ("time", *self.touches.machine.names)
+        rank = {name: (self._of(name)[0].kind != SIDE, name in plain, i) for i, name in enumerate(self.known)}
+        return tuple(sorted(names, key=lambda name: rank[name]))
+
+    def _glance(self, s: State, names: Sequence[str], weight: str) -> float:
+        """state, covariates, frame → likelihood with functions that follow most of what they may do, nearly well enough."""
+        factors = []
+        for name in names:
+            options = self._of(name)
+            waves = [f for f in options if f.kind == WAVES]
+            factors.append(waves[-1 if name == "time" else 0] if waves else options[0])
+        return self._tried(s, Form(tuple(factors), weight))[0]
+
+    def adapt(self, s: State, names: Sequence[str], felt: Sequence[str], reached: float = 0.0) -> Adapted:
+        """state, covariates of a shape, frames in which it came nearest, the likelihood that others reached → the same with the
+        best functions and frame; far below the others no other frame is tried.
+        """
+        names = self._sorted(names)
         every = [self._of(name) for name in names]
-        known: dict[Form, tuple[float, float, Kernel]] = {}
+        known: dict[Form, tuple[float, float]] = {}
 
         def worth(form: Form) -> float:
             if form not in known:
@@ -145,13 +206,13 @@ class Adapting:
 
         first = tuple(options[min(1, len(options) - 1)] for options in every)
         best = max((improved(Form(first, weight)) for weight in felt), key=worth)
-        frame = () if any(name.startswith(OWN) for name in names) else self.frames
-        other = max((Form(best.factors, weight) for weight in (best.weight, *frame)), key=worth)
+        own = any(name.startswith(OWN) for name in names) or worth(best) < NEARER * reached
+        other = max((Form(best.factors, weight) for weight in (best.weight, *(() if own else self.frames))), key=worth)
         if other != best:
             best = max((best, improved(other)), key=worth)
-        likelihood, tau, kernel = known[best]
+        likelihood, tau = known[best]
         alike = [sum(o.kind == f.kind for o in options) for f, options in zip(best.factors, every, strict=True) if f.kind in PLACED]
-        return Adapted(kernel, likelihood, tau, 2 * float(np.sum(np.log(alike))))
+        return Adapted(scaled(Kernel(best, "shape", self._columns(best))), likelihood, tau, 2 * float(np.sum(np.log(alike))))
 
 
 __all__ = ["Adapted", "Adapting", "factors", "frames"]

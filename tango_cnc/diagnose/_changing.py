@@ -100,7 +100,7 @@ def over(c: Candidate) -> str:
         return FOLLOWS[c.cause].format(**{"axis": "", **setting})
     if drawn:
         return {"probe": "probe direction"}.get(drawn, drawn)
-    place = next((str(setting[key])[-1] for key in ("axis", "by", "name") if key in setting), "time")
+    place = next(((str(setting[key]).rstrip("0123456789") or "?")[-1] for key in ("axis", "by", "name") if key in setting), "time")
     return "facet" if "facet" in setting else place
 
 

@@ -59,6 +59,14 @@ class Field:
         found.asked = {}
         return found
 
+    def more(self, kernels: Sequence[Kernel]) -> Field:
+        """shapes → the field with these as well."""
+        found = copy(self)
+        more = [self.project(k).astype(np.float32) for k in kernels]
+        found._set([*self.kernels, *kernels], np.hstack([self.columns, *more]).T.copy().T)
+        found.asked = {}
+        return found
+
     def __len__(self) -> int:
         return len(self.kernels)
 
@@ -222,14 +230,13 @@ def grown(
 def score(y: Array, own: Array) -> tuple[float, float]:
     """data and one shape as a state sees them → twice the log likelihood ratio at its best τ, and that τ."""
     value, vector = np.linalg.eigh(own.T @ own)
+    value = np.maximum(value, 0.0)[:, None]
     turned = (vector.T @ (own.T @ y)) ** 2
-    whole = float(y @ y)
-    value = np.maximum(value, 0.0)
-    found = [
-        (float(-np.log1p(t * value).sum() - len(y) * np.log(max(1e-9, 1 - np.sum(t / (1 + t * value) * turned) / whole))), t)
-        for t in TAUS
-    ]
-    return max(found)
+    grown = 1 + np.multiply(TAUS, value)
+    left = np.maximum(1 - turned @ (TAUS / grown) / float(y @ y), 1e-9)
+    each = -np.log(grown).sum(axis=0) - len(y) * np.log(left)
+    i = int(np.argmax(each))
+    return float(each[i]), TAUS[i]
 
 
 def edges(field: Field, s: State, kernel: Kernel) -> tuple[Kernel, Array, Array, float, float]:

@@ -46,8 +46,15 @@ def akin(c: Candidate, covariate: str) -> bool:
     return bool(_follows(c) & _things(covariate))
 
 
+def foreign(c: Candidate, covariate: str) -> bool:
+    """a name, covariates of a shape, "" for none → whether the shape follows something that the name does not: it is another cause,
+    and not the same one with other functions.
+    """
+    return bool(covariate) and bool(_things(covariate) - _follows(c))
+
+
 def _follows(c: Candidate) -> set[str]:
-    own = {str(c.setting[key])[-1] for key in ("axis", "by", "name") if key in c.setting}
+    own = {(str(c.setting[key]).rstrip("0123456789") or "?")[-1] for key in ("axis", "by", "name") if key in c.setting}
     drawn = families.causes()[c.cause].over if c.cause in families.causes() else None
     own |= _things(drawn) if drawn else set()
     return own | ({"facet"} if "facet" in c.setting or "facets" in c.setting else set()) or {"time"}
@@ -95,4 +102,4 @@ def discounts(y: Array, chosen: Sequence[Chosen], names: Sequence[Chosen]) -> di
     return found
 
 
-__all__ = ["akin", "discounts", "once"]
+__all__ = ["akin", "discounts", "foreign", "once"]

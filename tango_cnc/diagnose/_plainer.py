@@ -11,16 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE, weights
+from ..terms._shape import LEGENDRE, SIDE, weights
 from ..touches import Touches
 from ._adapted import Adapting, frames
 from ._catalogue import STRONG
 from ._contest import SURE
-from ._field import Field, Picked, State, begin, price, scores, whiten
+from ._field import Field, Picked, State, begin, price, score, scores, whiten
 from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
@@ -36,18 +37,61 @@ def plainer(field: Field, y: Array, names: Array, picked: Sequence[Picked]) -> t
     What is not worth its price beside the others, now that their functions suit them, is a part of them and left out.
     """
     found, one_by_one = list(picked), Adapting(field)
-    for _ in range(TURNS):
+    known: dict[tuple[int, ...], Picked | None] = {}
+    kept: list[Picked] = []  # so that no id comes twice
+    for turn in range(TURNS):
         before = len(found)
         for p in tuple(found):
-            told = _plainer(one_by_one, y, names, p, [o for o in found if o is not p])
-            if told is not None or sum(map(_told, found)) > 1:
+            others = [o for o in found if o is not p]
+            key = (id(p), *(id(o.kernel) for o in others))
+            if key not in known:
+                known[key] = _plainer(one_by_one, y, names, p, others)
+                kept += [p, *others]
+            told = known[key]
+            if told is not None or sum(map(told_of, found)) > 1:
                 found = [o for one in found for o in ([one] if one is not p else [] if told is None else [told])]
-        if sum(map(_told, found)) < 2 and len(found) == before:
+                if told is not None:
+                    known[(id(told), *key[1:])] = told
+        if turn == 0:
+            found = _joined(one_by_one, y, names, found)
+        if sum(map(told_of, found)) < 2 and len(found) == before:
             break
     return tuple(found)
 
 
-def _told(p: Picked) -> bool:
+def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked]) -> list[Picked]:
+    """what adapts shapes, data (m,), columns of the names (m, s), what was chosen → the same, with one shape in the place of two
+    where it has as much evidence.
+
+    The first shape that is chosen takes what it can follow of a pair that was not tried, or not in this frame; a second one then
+    follows what that leaves. Neither of them comes nearer beside the other.
+    """
+    field, m = adapting.field, len(y)
+    found = list(found)
+    for p, q in combinations([p for p in found if p.kernel.form is not None], 2):
+        if not any(o is p for o in found) or not any(o is q for o in found):
+            continue
+        s = beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
+        alone = [score(s.y, s.seen(one.columns))[0] - price(field, m, one.kernel) for one in (p, q)]
+        there = beside(s, [p])
+        both = alone[0] + score(there.y, there.seen(q.columns))[0] - price(field, m, q.kernel)
+        larger = _parts((p if alone[0] >= alone[1] else q).kernel)
+        best = scores(field, s)[0][:, 0]
+        formed = [int(i) for i in np.argsort(-best) if field.kernels[int(i)].form is not None]
+        near = adapting.near(s, best, formed, [p.kernel, q.kernel])
+        if not near:
+            continue
+        # One with more covariates than the larger of the two follows anything a little better, as where it stands alone.
+        worths = [a.score - a.choice - (SURE - STRONG if larger < _parts(a.kernel) else 0.0) for a in near]
+        one, worth = near[int(np.argmax(worths))], max(worths) - price(field, m, near[0].kernel)
+        if worth >= both:
+            at = next(i for i, o in enumerate(found) if o is p)
+            found[at] = Picked(one.kernel, field.project(one.kernel), one.tau, worth)
+            found = [o for o in found if o is not q]
+    return found
+
+
+def told_of(p: Picked) -> bool:
     """what was chosen → whether people read which covariates this shape follows."""
     return p.kernel.form is not None or "like" in p.kernel.setting
 
@@ -58,9 +102,9 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     None where it is not worth its price beside them.
     """
     field = adapting.field
-    if not _told(p):
+    if not told_of(p):
         return p
-    s = _beside(begin(field, y, names), others)
+    s = beside(begin(field, y, names), others)
     best, at = scores(field, s)
     rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
     every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
@@ -68,14 +112,14 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     taus = [float(at[r, 0]) for r in rows]
     known = len(rows)  # from there on, functions were adapted
     formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
-    for a in adapting.near(s, best[:, 0], formed):
+    for a in adapting.near(s, best[:, 0], formed, [p.kernel]):
         every.append(a.kernel)
         parts.append(_parts(a.kernel))
         worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
         taus.append(a.tau)
     own = _parts(p.kernel)
     # Functions that were adapted are chosen among hundreds: with one more covariate they follow anything a little better.
-    worth -= [SURE - STRONG if k >= known and own < parts[k] else 0.0 for k in range(len(parts))]
+    worth -= [SURE - STRONG if k >= known and own < parts[k] and _inside(every[k], own) else 0.0 for k in range(len(parts))]
     order = [int(k) for k in np.argsort(-worth)]
     if worth[order[0]] < 0:
         return None
@@ -84,12 +128,15 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     first = first if worth[first] > worth[order[0]] - STRONG else order[0]
     less = [k for k in order if worth[k] > worth[first] - STRONG and _less(parts[k], parts[first])]
     j = min(less, key=lambda k: _much(parts[k])) if less else first  # the best of those that follow as little
-    near = [k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not parts[j] <= parts[k]]
+    near = [
+        k for k in order if worth[k] > max(worth[j] - STRONG, 0.0) and not (parts[j] <= parts[k] and _inside(every[k], parts[j]))
+    ]
     wider = [every[first].covariate] if parts[j] < parts[first] else []  # the pair, where one of its two does as well
     wider += [p.kernel.covariate] if parts[j] < own else []
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
     levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
-    rivals = tuple(dict.fromkeys([*levers, *wider, *(every[k].covariate for k in near)]))[:TOLD]
+    told = {frozenset(one.split(" × ")): one for one in reversed([*levers, *wider, *(every[k].covariate for k in near)])}
+    rivals = tuple(reversed(told.values()))[:TOLD]
     if j >= known:  # functions that were not adapted know their size better, unless they clearly cannot follow it
         j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - SURE, 0.0)), j)
     j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
@@ -137,6 +184,14 @@ def _richer(one: Kernel, other: Kernel) -> bool:
     return all(f.count == CURVED and f.kind == LEGENDRE for f in b) and all(f.count > CURVED for f in a)
 
 
+def _inside(kernel: Kernel, less: set[str]) -> bool:
+    """shape, some of its covariates → whether it can do what one of these alone can, and more.
+
+    What reverses with the side from which an axis came does not contain what does not.
+    """
+    return kernel.form is None or all(f.kind != SIDE or f.low == 0.0 or f.covariate in less for f in kernel.form.factors)
+
+
 def _much(parts: set[str]) -> tuple[int, int]:
     """covariates → how many they are, and how many of them are what was before the touch."""
     return len(parts), sum(x.startswith(BEFORE) for x in parts)
@@ -153,7 +208,8 @@ def _parts(kernel: Kernel) -> set[str]:
     return set(kernel.covariate.split(" × ")) if "like" in kernel.setting else set()
 
 
-def _beside(s: State, others: Sequence[Picked]) -> State:
+def beside(s: State, others: Sequence[Picked]) -> State:
+    """state, shapes and noises → the state with these in the covariance."""
     for p in others:
         s = whiten(s, p.kernel, p.columns, s.seen(p.columns), p.tau, p.score)
     return s

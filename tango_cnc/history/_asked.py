@@ -15,11 +15,12 @@ COLUMNS = (  # of a night in a list
 )
 _NEWEST_FIRST = (t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
 _OF_MACHINE = t.night.c.machine_id == bindparam("machine")
+_BEFORE_UNTIL = t.night.c.start_utc <= bindparam("until")
 
 
 @cache
 def nights(given: frozenset[str]) -> Select[Any]:
-    """which of machine, since, before, last are given → nights as they are listed, newest first."""
+    """which of machine, since, before, until, last are given → nights as they are listed, newest first."""
     columns: tuple[Any, ...] = (t.night.c.entry_id, t.machine.c.name, *(t.night.c[key] for key in COLUMNS))
     wanted = select(*columns).join(t.machine, t.machine.c.id == t.night.c.machine_id)
     if "machine" in given:
@@ -33,14 +34,14 @@ def nights(given: frozenset[str]) -> Select[Any]:
 
 @cache
 def records(given: frozenset[str]) -> Select[Any]:
-    """whether last is given beside the machine → its records, newest first."""
+    """which of last, until are given beside the machine → its records, newest first."""
     wanted = select(t.night_record.c.json).join(t.night, t.night.c.entry_id == t.night_record.c.entry_id)
     return _first(wanted.where(_OF_MACHINE).order_by(*_NEWEST_FIRST), given)
 
 
 @cache
 def alarmed(given: frozenset[str]) -> Select[Any]:
-    """whether last is given beside the machine → its nights with alarms and their records, newest first."""
+    """which of last, until are given beside the machine → its nights with alarms and their records, newest first."""
     wanted = (
         select(t.machine.c.name, t.night, t.night_record.c.json)
         .join(t.machine, t.machine.c.id == t.night.c.machine_id)
@@ -49,7 +50,19 @@ def alarmed(given: frozenset[str]) -> Select[Any]:
     return _first(wanted.where(_OF_MACHINE, t.night.c.alarms > 0).order_by(*_NEWEST_FIRST), given)
 
 
+@cache
+def knowledge(given: frozenset[str]) -> Select[Any]:
+    """whether until is given beside the machine → its newest night that left an estimate."""
+    wanted = (
+        select(t.machine.c.name, t.night, t.night_estimate)
+        .join(t.machine, t.machine.c.id == t.night.c.machine_id)
+        .join(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
+    )
+    return _first(wanted.where(_OF_MACHINE).order_by(*_NEWEST_FIRST), given).limit(1)
+
+
 def _first(wanted: Select[Any], given: frozenset[str]) -> Select[Any]:
+    wanted = wanted.where(_BEFORE_UNTIL) if "until" in given else wanted
     return wanted.limit(bindparam("last")) if "last" in given else wanted
 
 
@@ -60,14 +73,6 @@ NIGHT = (
     .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
     .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
     .where(t.night.c.entry_id == bindparam("entry"))
-)
-KNOWLEDGE = (  # the newest
-    select(t.machine.c.name, t.night, t.night_estimate)
-    .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-    .join(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
-    .where(_OF_MACHINE)
-    .order_by(*_NEWEST_FIRST)
-    .limit(1)
 )
 _OF_ENTRIES: BindParameter[Any] = bindparam("entries", expanding=True)
 RECORDS_OF = select(t.night_record).where(t.night_record.c.entry_id.in_(_OF_ENTRIES))

@@ -22,10 +22,13 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
     """history, moment, hours after which a machine is late → how every machine is doing, those that need
     somebody first. `told`: {entry: ids of its alarms} as far as they are known; those of new entries are added.
     """
+    # A night that lies after now had a wrong clock; it would hide every later one.
+    counts_now = t.night.c.start_utc <= stamp_of(datetime.fromisoformat(now_utc) + timedelta(hours=1))
     limit = stamp_of(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
     # The last one is the one that ended last: a night that was refused began after the one at work, and tells less.
     newest = (
         select(t.night.c.machine_id, func.max(t.night.c.end_utc).label("end"), func.count().label("nights"))
+        .where(counts_now)
         .group_by(t.night.c.machine_id)
         .subquery()
     )
@@ -38,6 +41,7 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
                 func.max(t.night.c.start_utc).filter(t.night.c.status == "complete").label("complete"),
             )
             .join(t.night, t.night.c.machine_id == t.machine.c.id)
+            .where(counts_now)
             .group_by(t.machine.c.name)
         )
     }
@@ -51,7 +55,7 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
     alarmed = history._rows(
         select(t.machine.c.name, t.night.c.entry_id)
         .join(t.machine, t.machine.c.id == t.night.c.machine_id)
-        .where(t.night.c.alarms > 0)
+        .where(t.night.c.alarms > 0, counts_now)
     )
     new = [row.entry_id for row in alarmed if row.entry_id not in told]
     for at in range(0, len(new), MANY):

@@ -12,10 +12,10 @@ from __future__ import annotations
 import json
 import unicodedata
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ from ._database import connect, first_line
 from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, over, stamp_of
 
 FORMAT = "tango-night/1"
+AHEAD = timedelta(hours=1)  # by which a clock may go back without a word
 REFUSED = 8  # nights that others at work may have refused, one after the other
 _NIGHT = asked.COLUMNS
 
@@ -43,6 +44,19 @@ class History:
     engine: Engine
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
     _alarms: dict[int, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
+
+    clock: Callable[[], datetime] | None = field(default=None, compare=False, repr=False)
+
+    def as_of(self, clock: Callable[[], datetime]) -> History:
+        """clock → the same history, read as it is by that clock: without nights that it dates in the future.
+
+        The clock of such a night was wrong. Where it was the newest by its date, it would hide every night after it.
+        """
+        return replace(self, clock=clock)
+
+    def _until(self) -> dict[str, Any]:
+        """→ the last moment at which a night may have begun, where there is a clock."""
+        return {} if self.clock is None else {"until": stamp_of(self.clock() + AHEAD)}
 
     # Adding ---------------------------------------------------------------------------------------------------------
 
@@ -162,11 +176,19 @@ class History:
             "since": None if since is None else _date(since),
             "before": None if before is None else _date(before),
             "last": last,
+            **self._until(),
         }
         given = {key: value for key, value in limits.items() if value is not None}
         if last is not None:
             given["last"] = last + REFUSED
         return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
+
+    def ahead(self, machine: str) -> str:
+        """machine → date of its newest night that the clock dates in the future; '' for none, or without a clock."""
+        if self.clock is None or not self.knows(machine):
+            return ""
+        newest = replace(self, clock=None).nights(machine, last=1)
+        return newest[0].night if newest and newest[0].start_utc > self._until()["until"] else ""
 
     def night(self, entry: int) -> Stored:
         """number of an entry → that night whole. Raises InputError when there is none."""
@@ -201,12 +223,13 @@ class History:
         """machine → its newest night that left an estimate, and that; None when there is none."""
         if not self.knows(machine):
             return None
-        row = self._rows(asked.KNOWLEDGE, {"machine": self._machine(machine)})
+        given = {"machine": self._machine(machine)} | self._until()
+        row = self._rows(asked.knowledge(frozenset(given)), given)
         return (_whole.night(row[0]), _whole.knowledge(row[0].names, row[0].numbers)) if row else None
 
     def records(self, machine: str, last: int | None = None) -> tuple[Mapping[str, Any], ...]:
         """machine, how many → tango-night/1 of its nights, newest first."""
-        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
+        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last}) | self._until()
         return tuple(_whole.record(row.json) for row in self._rows(asked.records(frozenset(given)), given))
 
     def parameters(self, machine: str) -> tuple[str, ...]:
@@ -223,6 +246,8 @@ class History:
         )
         if since is not None:
             wanted = wanted.where(t.night.c.night >= _date(since))
+        if until := self._until():
+            wanted = wanted.where(c.start_utc <= until["until"])
         rows = self._rows(wanted.order_by(c.start_utc, c.entry_id))
         if not rows and name not in (known := self.parameters(machine)):
             raise InputError(f"history: {machine} has no parameter {name!r}; allowed: {_listed(known)}")
@@ -233,7 +258,7 @@ class History:
 
     def alarmed(self, machine: str, last: int | None = None) -> tuple[Stored, ...]:
         """machine, how many → its nights with alarms, newest first; readings and unknowns are left out."""
-        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last})
+        given = {"machine": self._machine(machine)} | ({} if last is None else {"last": last}) | self._until()
         rows = self._rows(asked.alarmed(frozenset(given)), given)
         return tuple(Stored(_whole.night(row), _whole.record(row.json, row.entry_id), None, None) for row in rows)
 

@@ -103,8 +103,8 @@ def _tool(node: Node) -> Tool:
     least, most = SUREST
     length, eccentricity = fields["length_um"], fields.get("eccentricity_um")
     for one in filter(None, (length, eccentricity)):
-        value = one.number(0, most)
-        if value < least and (value > 0 or one is length):
+        value = one.number()
+        if not least <= value <= most and (value or one is length):
             raise one.wrong(f"{least:g} to {most:g} (µm); 0.002 mm is written 2, and no tool is measured better than {least:g} µm")
     return Tool(length.number() * 1e-3, eccentricity.number() * 1e-3 if eccentricity is not None else 0.0)
 

@@ -14,7 +14,7 @@ def dated(before: Mapping[str, Any], past: Past, machine: str, begun: datetime, 
     """what is known of the nights before, history, machine, begin of this night, days from night to night → more of the same.
 
     `unmeasured_count`: nights missing since the last one that measured, where more are missing than are on record one by one;
-    `clock_back`: date of the newest night on record, where that lies after this one, so that one of both dates is wrong.
+    `clock_back`: date of the newest night on record, where the clock dates it in the future: one of both is wrong.
     """
     found: dict[str, Any] = {}
     tonight = night_of(begun)
@@ -22,7 +22,6 @@ def dated(before: Mapping[str, Any], past: Past, machine: str, begun: datetime, 
         days = (date.fromisoformat(tonight) - date.fromisoformat(before["last_measured"])).days
         missing = int(days / every_days + 0.5) - 1
         found |= {"unmeasured_count": missing} if missing > len(before["unmeasured"]) else {}
-    newest = past.nights(machine, last=1) if past.knows(machine) else ()
-    if newest and datetime.fromisoformat(newest[0].start_utc) > begun:
-        found["clock_back"] = newest[0].night
+    if ahead := past.ahead(machine):
+        found["clock_back"] = ahead
     return found

@@ -127,6 +127,9 @@ class Past(Protocol):
     def knows(self, machine: str) -> bool:
         """→ whether it has this machine."""
 
+    def ahead(self, machine: str) -> str:
+        """machine → date of its newest night that lies in the future by the clock, so that one of both is wrong; '' for none."""
+
     def records_of(self, entries: Sequence[int]) -> dict[int, Any]:
         """numbers of entries → {number: record of that night}."""
 

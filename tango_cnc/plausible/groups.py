@@ -300,17 +300,17 @@ def _facets(result: Estimate) -> Iterator[Remark]:
         if not any(_together(dropped, pieces, choices=len(masks) * int(mask.sum()))):
             continue
         numbers = tuple(int(i) for i in touches.number[own])
-        off = abs(float(np.median(result.residuals[own])))
-        change = say("plausible.groups.look_for_chip_burr_on", facet=facet)
+        left = result.residuals[own]
+        off, most = abs(float(np.median(left))), float(np.abs(left).max())
+        both = min((left > 0).sum(), (left < 0).sum()) > 1  # a chip is on one side of where the facet was
+        change = say(f"plausible.groups.look_{'at_rough_facet' if both else 'for_chip_burr_on'}", facet=facet)
         yield Remark(
             "doubtful",
             say(
-                "plausible.groups.facet_elsewhere_between_touches_than",
+                f"plausible.groups.facet_{'scatters' if both else 'elsewhere'}_in_touches",
                 facet=facet,
-                median=f"{off * 1000.0:.0f}",
-                numbers=numbers[0],
-                numbers2=numbers[-1],
-                numbers3=listed(numbers),
+                size=f"{(most if both else off) * 1000.0:.0f}",
+                numbers=listed(numbers),
             ),
             numbers,
             "chip",

@@ -6,7 +6,7 @@ a product of functions. `learned/<name>.yaml` of a cell holds them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,15 +84,19 @@ class Form:
         for f in self.factors:
             if f.covariate not in known:
                 raise InputError(f"terms: the learned shape follows {f.covariate!r}, which these touches do not have")
-        n = len(touches)
-        every = [np.column_stack([np.ones(n), f.functions(known[f.covariate])]) for f in self.factors]
+        felt = weights(touches, self.weight) if felt is None else felt
+        return self.product([f.functions(known[f.covariate]) for f in self.factors], felt)
+
+    def product(self, functions: Sequence[Array], felt: Array) -> Array:
+        """(n, c) functions of each factor, (n, w) how a touch feels the shape → (n, k) features."""
+        n = len(felt)
+        every = [np.column_stack([np.ones(n), own]) for own in functions]
         if len(every) == 1:
             product = every[0][:, 1:]
         elif self.factors[0].kind == SIDE:  # without the sign there is no interaction with it
             product = every[0][:, 1:] * every[1]
         else:
             product = (every[0][:, :, None] * every[1][:, None, :]).reshape(n, -1)[:, 1:]
-        felt = weights(touches, self.weight) if felt is None else felt
         return (product[:, :, None] * felt[:, None, :]).reshape(n, -1)
 
 

@@ -200,7 +200,7 @@ class Places:
             return self._histories[where]
         if not must and "://" not in where and not Path(where).exists():
             return None
-        history = self._stack.enter_context(opened(where, create=False))
+        history = self._stack.enter_context(opened(where, create=False)).as_of(lambda: datetime.now(UTC))
         self._histories[where] = history
         return history
 
