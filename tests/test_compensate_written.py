@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.compensated import proposed
+from support.compensated import ROOT, proposed
 
 from tango_cnc.compensate import targets
 from tango_cnc.compensate.proposal import Proposal, beyond, capped, changes
+from tango_cnc.compensate.targets import fanuc, siemens
+from tango_cnc.files import read_cell
 from tango_cnc.records import TangoError
 
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?")
@@ -57,6 +59,19 @@ def test_every_number_that_changes_in_a_file_is_one_that_the_cap_looks_at(target
                 seen += 1
                 assert np.abs(sizes - abs(two - one)).min() < 2e-6, (name, one, two)
     assert seen >= 3
+
+
+def test_a_vector_between_two_centers_is_derived_from_both() -> None:
+    machine = read_cell(ROOT / "examples" / "hu40t").machine
+    limits = {axis: (0.0, 1.0) for axis in (*machine.linear, *machine.rotary)}
+    for module, name in ((siemens, "$TC_CARR55[1], I3 X"), (fanuc, "19703 (VECTOR AB X)")):
+        request = targets.Request(machine, limits, targets.options(module, ()))
+        held = module.held(request)
+        before = {h.place: h.base for h in held}
+        moved = {h.place: -0.04 if "B" in h.place else 0.04 for h in held if h.table == "centres" and "X" in h.place}
+        after = before | {place: before[place] + far for place, far in moved.items()}
+        change = module.derived(request, held, after)[name].value - module.derived(request, held, before)[name].value
+        assert abs(change) == pytest.approx(0.08)
 
 
 @pytest.mark.long

@@ -138,7 +138,8 @@ def changes(proposal: Proposal) -> list[tuple[str, float, bool, str]]:
         size = abs(proposal.numbers[h.place] - proposal.present[h.place])
         turn = h.kind == "angle"
         found.append((h.place, math.degrees(size) if turn and h.unit != "deg" else size, turn, ""))
-    new, now = (targets.derived(proposal.module, proposal.request, proposal.held, n) for n in (proposal.numbers, proposal.present))
+    derived = proposal.module.derived
+    new, now = (derived(proposal.request, proposal.held, n) for n in (proposal.numbers, proposal.present))
     found += [(name, abs(d.value - now[name].value), d.unit == "deg", "") for name, d in new.items()]
     return found
 

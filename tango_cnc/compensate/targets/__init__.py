@@ -7,10 +7,8 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
     files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
     steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
     check(request)                → nothing; raises InputError for a machine that does not fit. `check = any_machine` where all do
-
-A target that writes numbers which it calculates from the held ones (the vector between two centers) says so, for the cap:
-
-    derived(request, held, numbers) → {name of a number in the files: `Derived`}
+    derived(request, held, numbers) → {name of a number in the files: `Derived`}, of those that it calculates from the held ones, as
+        the vector between two centers: the cap looks at them, too. `derived = none_derived` where the files have the held ones
 """
 
 from __future__ import annotations
@@ -102,12 +100,6 @@ def options(target: ModuleType, given: Sequence[str]) -> dict[str, Any]:
     return result
 
 
-def derived(target: ModuleType, request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
-    """target, job, entries, numbers by place → the numbers of its files that it calculates from them; none for most targets."""
-    found: dict[str, Derived] = target.derived(request, held, numbers) if hasattr(target, "derived") else {}
-    return found
-
-
 def unconfirmed(target: ModuleType) -> list[str]:
     """target → its facts that nobody has confirmed."""
     return [fact.text for fact in target.FACTS if not fact.confirmed]
@@ -115,3 +107,8 @@ def unconfirmed(target: ModuleType) -> list[str]:
 
 def any_machine(request: Request) -> None:
     """request → nothing: the `check` of a target that fits every machine."""
+
+
+def none_derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """job, entries, numbers → no number: the `derived` of a target whose files have the held ones as they are."""
+    return {}
