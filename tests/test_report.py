@@ -520,6 +520,26 @@ def test_a_machine_beyond_its_limit_ends_with_a_status_of_its_own(limit: str, st
     assert found.exception is None and found.return_value == status
 
 
+@pytest.mark.long
+def test_a_no_by_the_last_night_ends_with_a_status_of_its_own(tmp_path: Path) -> None:
+    """These readings are within the limit; the night after them was not."""
+    from support.nights import night
+
+    from tango_cnc.history import opened
+
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    (cell / "nightly.yaml").write_text("nightly: 1\nlimits: {volume: 60}\n")
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)], standalone_mode=False).exception is None
+    arguments = ("--no-diagnosis", "--no-pictures", "-o", str(tmp_path / "r.html"))
+    assert report(cell, *arguments).return_value == 0
+    limit = {"what": "volume", "value": 102.0, "low": 100.0, "high": 104.0, "limit": 60.0, "unit": "µm", "passed": False}
+    last = night("trunnion", 0, "out_of_limits", limits=[limit], volume={"worst_um": 102.0, "std_um": 1.0})
+    with opened(cell / "history.db") as history:
+        history.add_night(last, "touch\n1\n")
+    assert report(cell, *arguments).return_value == 1
+
+
 def test_a_looser_limit_judges_the_night_as_well_as_a_stricter_one() -> None:
     limit = {"what": "volume", "value": 51.0, "unit": "µm", "low": 50.0, "high": 52.0, "limit": 30.0, "passed": False}
     record = {"verdict": "out_of_limits", "limits": [limit], "volume": {"worst_um": 51.0, "std_um": 0.5}}

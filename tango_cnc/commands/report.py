@@ -95,7 +95,8 @@ def command(
     """Writes one page that stands alone: verdict, what to do, parameters with intervals, pictures, statement of uncertainty.
 
     It needs no network and no other file. The verdict is the worst of plausibility, completeness, fit, prediction, diagnosis
-    and limit. Exit status 1 where the numbers must not be used, and where the tool tip is beyond its limit.
+    and limit. Exit status 1 where the numbers must not be used, where the tool tip is beyond its limit, and where no parts may be
+    made by what the last night has measured.
     """
     if output is not None and output.suffix.lower() == ".pdf":
         raise InputError(
@@ -154,7 +155,8 @@ def command(
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
-    return status(judgement, despite) or int(crossed or (data["overall"] == "stop" and not despite))
+    no = data["overall"] == "stop" or data["may_make_parts"] == "no"
+    return status(judgement, despite) or int(crossed or (no and not despite))
 
 
 def _sheet(folder: Path, result: Estimate) -> Sheet | str:
