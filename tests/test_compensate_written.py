@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.compensated import ROOT, proposed
 
+from tango_cnc.commands._compensate import text
 from tango_cnc.compensate import targets
 from tango_cnc.compensate.proposal import Proposal, beyond, capped, changes
 from tango_cnc.compensate.targets import fanuc, siemens
@@ -86,6 +87,13 @@ def test_a_vector_that_changes_more_than_its_centers_is_refused_by_its_name() ->
     capped(proposal, 0.09, 0.01)
     said = beyond(proposed("hu40t", "fanuc"), 0.05, 0.01)
     assert any(text.startswith("19703 (VECTOR AB X): changes by 0.11") for text in said)
+
+
+@pytest.mark.long
+def test_that_tables_and_centers_belong_together_is_said() -> None:
+    said = "Indexed work without it gets the tables alone"
+    assert said in text(proposed("hu40t", "siemens")) and "read with B and C always" in text(proposed("hu40t", "siemens"))
+    assert said not in text(proposed("hu40t", "fagor")) and said not in text(proposed("hu40t", "centroid"))
 
 
 @pytest.mark.long
