@@ -71,6 +71,11 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
     assert any("SIMULATED READINGS, FOR NO MACHINE" in line for line in out.read_text().splitlines()[:2])
     predicted = run("predict", "-C", mill, part, "--zero", "X=0,Y=0,Z=0")
     assert predicted.stdout.splitlines()[0] == predict.SIMULATED
+    for zero, said in (("X=0,Y=0,Z=0", "with this estimate and zero"), ("X=1,Y=0,Z=0", "another estimate or another zero")):
+        again = run("predict", "-C", mill, out, "--zero", zero)
+        text = str(again.exception)
+        assert isinstance(again.exception, InputError) and said in text and "found the mark of a compensated program" in text
+        assert "Predict the program that it was made from" in text and "a guess by its text" in text
 
 
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 from support.compensated import ROOT
 
-from tango_cnc.nc.blocks import Block, Modal, language, languages
+from tango_cnc.nc.blocks import Block, Modal, guessed, language, languages
 from tango_cnc.records import InputError
 
 AXES = "XYZABC"
@@ -146,3 +146,21 @@ def test_what_leaves_the_path_alone_is_taken() -> None:
         ("klartext", "5 M5"),
     ):
         assert read(language(name), text).number == 7
+
+
+@pytest.mark.parametrize(
+    ("head", "suffix", "post", "said"),
+    [
+        ('; CAM "X99" Ä\nN1 G71 G90\n', ".mpf", "fanuc", "siemens"),
+        ('; CAM "X99" Ä\nN1 G71 G90\n', ".nc", "fanuc", "siemens"),
+        ("N1 G71 G90 ; millimeters\n", "", "fanuc", "siemens"),
+        ("G71 G90\n", ".SPF", None, "siemens"),
+        ("%\nO1 (A; B)\nG21 G90;\nG0 X1.;\n", ".nc", "fanuc", "macro_b"),
+        ("; part\nG21 G90\n", ".nc", "linuxcnc", "rs274"),
+        ("; part\nG21 G90\n", ".nc", None, "rs274"),
+        ("; part\nG21 G90\n", ".ngc", "fanuc", "rs274"),
+        ("0 BEGIN PGM A MM ; X\n", ".nc", "fanuc", "klartext"),
+    ],
+)
+def test_a_language_is_guessed_by_text_name_and_cell(head: str, suffix: str, post: str | None, said: str) -> None:
+    assert guessed(head.splitlines(keepends=True), post, suffix) == said

@@ -124,11 +124,28 @@ def text(proposal: Proposal) -> str:
         own = [h for h in proposal.held if h.table == name]
         most = max(abs(proposal.numbers[h.place] - proposal.present[h.place]) for h in own)
         lines.append(f"  {name}: table of {len(own)} numbers, largest change {most:.6f} {own[0].unit}")
+    lines += _together(proposal)
     if not proposal.given:
         lines += ["", "present values: taken as empty tables and the geometry of machine.yaml; give them with --present"]
     lines += ["", "not confirmed; check each on your control before you write:"]
     lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
     return "\n".join(lines)
+
+
+def _together(proposal: Proposal) -> list[str]:
+    """proposal → a sentence where kinematics and tables of rotary axes change together: without one, the other is no help."""
+    changed = [h for h in proposal.held if proposal.numbers[h.place] != proposal.present[h.place]]
+    kinematics = any(h.tcp for h in changed)
+    read = [axis for axis in proposal.request.machine.rotary if any(h.axis == axis and h.at is not None for h in changed)]
+    if not kinematics or not read:
+        return []
+    return [
+        "",
+        "centers and directions act with tool center point control only, "
+        f"tables that are read with {' and '.join(read)} always. They are fitted together, so what is promised holds with it on. "
+        "Indexed work without it gets the tables alone, and its error may grow: propose for such work without the kinematics "
+        "(--set, see docs/compensate.md)",
+    ]
 
 
 def _worse(best: Fit) -> list[str]:

@@ -23,7 +23,7 @@ from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
 from ..nc.predict import touched_of
-from ..nc.program import HEAD, Account, Settings, compensated, mark_text
+from ..nc.program import Account, Settings, compensated, made_with, mark_text
 from ..records import Cell, InputError
 
 path = click.Path(path_type=Path)
@@ -78,8 +78,8 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
     if given is not None:
         return blocks.language(given)
     with opened(file) as text:
-        head = list(islice(text, HEAD))
-    return blocks.language(blocks.guessed(head, cell.controller.post if cell.controller else None))
+        head = list(islice(text, blocks.HEAD))
+    return blocks.language(blocks.guessed(head, cell.controller.post if cell.controller else None, file.suffix))
 
 
 @contextmanager
@@ -94,8 +94,8 @@ def opened(file: Path) -> Iterator[TextIO]:
 
 
 @contextmanager
-def blamed(file: Path, language: ModuleType) -> Iterator[None]:
-    """program, language → what is wrong with a line of it is said with its name, and as what it was read."""
+def blamed(file: Path, language: ModuleType, given: str | None = None) -> Iterator[None]:
+    """program, language, `--language` → what is wrong with a line of it is said with its name, and as what it was read."""
     try:
         yield
     except InputError as error:
@@ -103,13 +103,27 @@ def blamed(file: Path, language: ModuleType) -> Iterator[None]:
             raise
         name = language.__name__.rpartition(".")[2]
         said = str(error).encode("utf-8", "replace").decode()
-        raise InputError(f"{file}: {said}. It was read as {name}; others: --language {' '.join(blocks.languages())}") from None
+        others = " ".join(n for n in blocks.languages() if n != name)
+        how = "as --language says" if given is not None else "a guess by its text, its name and the dialect of the cell"
+        raise InputError(f"{file}: {said}. It was read as {name} ({how}); others: --language {others}") from None
 
 
 def found_of(result: Estimate) -> Known:
     """estimate → what of it acts at a pose."""
     touches = result.model.touches
     return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40))
+
+
+def digest_of(found: Known) -> str:
+    """what is known → its hash, as the mark of a program has it."""
+    return hashlib.sha256(repr(list(zip([c.name for c in found.coefficients], found.values, strict=True))).encode()).hexdigest()[
+        :12
+    ]
+
+
+def mark_of(found: Known, setup: Setup) -> str:
+    """what is known, set-up → what the mark of a program that is compensated with them says of them."""
+    return made_with(digest_of(found), setup.zero)
 
 
 def ends_of(file: Path) -> str:
@@ -133,15 +147,14 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     setup, found, account = setup_of(cell, options), found_of(result), Account()
     touched = touched_of(result.model.touches)
     settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched)
-    digest = hashlib.sha256(repr(list(zip([c.name for c in found.coefficients], found.values, strict=True))).encode())
-    mark = mark_text(digest.hexdigest()[:12], setup.zero, simulated=options["of_no_machine"])
+    mark = mark_text(digest_of(found), setup.zero, simulated=options["of_no_machine"])
     ends = ends_of(source)
     target.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
     try:
         with (
             os.fdopen(handle, "w", encoding="utf-8", errors="surrogateescape", newline="") as out,
-            blamed(source, language),
+            blamed(source, language, options["language"]),
             opened(source) as text,
         ):
             for line in compensated(text, language, setup, found, settings, account, mark):

@@ -71,8 +71,8 @@ def command(**options: Any) -> int:
     language = _program.language_of(source, cell, options["language"])
     touched = predict.touched_of(result.model.touches)
     wanted = features.read(options["checks"]) if options["checks"] is not None else None
-    with _program.blamed(source, language), _program.opened(source) as lines:
-        way, labels = predict.along(lines, language, setup, known, touched)
+    with _program.blamed(source, language, options["language"]), _program.opened(source) as lines:
+        way, labels = predict.along(lines, language, setup, known, touched, _program.mark_of(known, setup))
     if not way.points:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
     tool = None if wanted is None else wanted.tool

@@ -21,6 +21,7 @@ from .targets import Request
 
 FORMAT = "tango-compensation/1"
 CAP_MM, CAP_DEG = 0.05, 0.01
+EVEN = 1e-9  # mm, deg: what adding decimal numbers leaves
 POSES = 1024
 
 
@@ -113,19 +114,34 @@ def _some(places: set[str]) -> str:
 
 
 def beyond(proposal: Proposal, cap_mm: float, cap_deg: float) -> list[str]:
-    """proposal, largest change allowed → a sentence for every number that changes more, the largest first."""
+    """proposal, largest change allowed → a sentence for every number of the files that changes more, the largest first."""
+    found = []
+    for name, size, turn, over in changes(proposal):
+        cap, unit = (cap_deg, f"deg{over}") if turn else (cap_mm, f"mm{over}")
+        if size > cap + EVEN:
+            found.append((size / cap, f"{name}: changes by {size:.4g} {unit}; allowed: {cap:g} {unit}"))
+    return [text for _, text in sorted(found, reverse=True)]
+
+
+def changes(proposal: Proposal) -> list[tuple[str, float, bool, str]]:
+    """proposal → of every number of the files: its name, by how much it changes (mm or deg), whether deg, " over the volume".
+
+    A ratio counts by the most that it does over the volume. The numbers that a target calculates count as well as those held.
+    """
     machine, found = proposal.request.machine, []
     longest = max(high - low for name, (low, high) in proposal.request.limits.items() if name in machine.linear)
     for h, change in zip(proposal.held, proposal.fit.change, strict=True):
-        size, over = abs(float(change)), ""
         if h.kind == "ratio":
-            size, over = size * (longest if h.reach is None else h.reach), " over the volume"
-        turn = h.kind == "angle" or (h.kind == "ratio" and h.unit.startswith("rad"))
-        size, cap, unit = (math.degrees(size), cap_deg, "deg") if turn else (size, cap_mm, "mm")
-        unit += over
-        if size > cap:
-            found.append((size / cap, f"{h.place}: changes by {size:.4g} {unit}; allowed: {cap:g} {unit}"))
-    return [text for _, text in sorted(found, reverse=True)]
+            turn, size = h.unit.startswith("rad"), abs(float(change)) * (longest if h.reach is None else h.reach)
+            found.append((h.place, math.degrees(size) if turn else size, turn, " over the volume"))
+            continue
+        size = abs(proposal.numbers[h.place] - proposal.present[h.place])
+        turn = h.kind == "angle"
+        found.append((h.place, math.degrees(size) if turn and h.unit != "deg" else size, turn, ""))
+    derived = proposal.module.derived
+    new, now = (derived(proposal.request, proposal.held, n) for n in (proposal.numbers, proposal.present))
+    found += [(name, abs(d.value - now[name].value), d.unit == "deg", "") for name, d in new.items()]
+    return found
 
 
 def capped(proposal: Proposal, cap_mm: float, cap_deg: float) -> None:
@@ -134,7 +150,7 @@ def capped(proposal: Proposal, cap_mm: float, cap_deg: float) -> None:
     if over:
         more = f" and {len(over) - 5} more" if len(over) > 5 else ""
         raise TangoError(
-            f"compensate: {len(over)} of {len(proposal.held)} numbers change by more than is allowed; nothing was written. "
+            f"compensate: {len(over)} of {len(changes(proposal))} numbers change by more than is allowed; nothing was written. "
             + "; ".join(over[:5])
             + more
             + ". See whether machine.yaml and readings belong to this machine; if the change is right, allow it with --cap-mm and "

@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
@@ -20,6 +21,7 @@ from ..files.checked import SHOWN, printable, suggestion
 from ..records import InputError
 
 MARK = "TANGO COMPENSATED"
+HEAD = 40  # lines in which a mark is looked for
 
 
 class Arc(NamedTuple):
@@ -88,13 +90,20 @@ def language(name: str) -> ModuleType:
     return importlib.import_module(f"{__package__}.languages.{name}")
 
 
-def guessed(head: Sequence[str], post: str | None) -> str:
-    """first lines, dialect of the cell → language."""
+def guessed(head: Sequence[str], post: str | None, suffix: str = "") -> str:
+    """first lines, dialect of the cell, ending of the file's name (.mpf) → language.
+
+    Macro B has no comment after a semicolon, Klartext and SINUMERIK have no other one, RS-274 has both.
+    """
     text = "\n".join(head).upper()
     if "BEGIN PGM" in text:
         return "klartext"
+    if suffix.lower() in (".mpf", ".spf"):
+        return "siemens"
     if "%_N_" in text or "TRAORI" in text or "CYCLE8" in text or (" ;" in text and "SUPA" in text):
         return "siemens"
+    if suffix.lower() == ".ngc":
+        return "rs274"
     by_post = {
         "heidenhain": "klartext",
         "siemens": "siemens",
@@ -103,7 +112,13 @@ def guessed(head: Sequence[str], post: str | None) -> str:
         "mach3": "rs274",
         "mach4": "rs274",
     }
-    return by_post.get(post or "", "macro_b" if post else "rs274")
+    found = by_post.get(post or "", "macro_b" if post else "rs274")
+    return "siemens" if found == "macro_b" and re.search(r"(?m)^[^(\n]*;[ \t]*\w", text) else found
+
+
+def marked(head: Sequence[str]) -> int | None:
+    """first lines → the line from 1 that bears the mark of a compensated program; None: none does."""
+    return next((i for i, line in enumerate(head[:HEAD], 1) if MARK in line.upper()), None)
 
 
 def refused(number: int, what: str, why: str) -> InputError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
+from itertools import chain, islice
 from types import ModuleType
 
 import numpy as np
@@ -13,8 +13,9 @@ import numpy as np
 from ..compensate.fit import Known
 from ..compensate.space import Poses
 from ..iso230.poses import at_poses
-from ..records import Array, Machine
+from ..records import Array, InputError, Machine
 from ..touches import Touches
+from .blocks import HEAD, MARK, marked
 from .correct import Machinery
 from .follow import Motion, Setup, arc_points, axes_beyond, beyond, follow, positions, senses
 
@@ -54,14 +55,24 @@ def machinery(setup: Setup, known: Known, length: float) -> Machinery:
 
 
 def along(
-    lines: Iterable[str], language: ModuleType, setup: Setup, known: Known, touched: Mapping[str, tuple[float, float]]
+    lines: Iterable[str],
+    language: ModuleType,
+    setup: Setup,
+    known: Known,
+    touched: Mapping[str, tuple[float, float]],
+    made_with: str = "",
 ) -> tuple[Way, dict[str, list[Motion]]]:
     """lines, language, set-up, what is known, touched range by axis (mm, rad) → the way, and motions by their label.
 
-    Motions at feed are looked at; rapids cut nothing. Raises InputError by name for what cannot be followed.
+    Motions at feed are looked at; rapids cut nothing. Raises InputError by name for what cannot be followed, and for a program
+    that is compensated: where it means the tip to be, its words no longer say. `made_with`: what the mark of one compensated
+    with this estimate and zero says.
     """
-    way, labels = Way(), dict[str, list[Motion]]()
-    motions = follow((line.rstrip("\r\n") for line in lines), language, setup)
+    way, labels, source = Way(), dict[str, list[Motion]](), iter(lines)
+    head = list(islice(source, HEAD))
+    if (place := marked(head)) is not None:
+        raise _compensated(place, same=bool(made_with) and made_with.upper() in head[place - 1].upper())
+    motions = follow((line.rstrip("\r\n") for line in chain(head, source)), language, setup)
     while batch := list(islice(motions, BATCH)):
         way.blocks += len(batch)
         for m in batch:
@@ -76,6 +87,20 @@ def along(
             way.extrapolated, way.line = way.extrapolated[::2], way.line[::2]
             way.at, way.tool = way.at[::2], way.tool[::2]
     return way, labels
+
+
+def _compensated(place: int, *, same: bool) -> InputError:
+    by = (
+        "It was compensated with this estimate and zero: by the errors that are known, rounding is all that is left"
+        if same
+        else "It was compensated with another estimate or another zero, and what they took out is not known here"
+    )
+    return InputError(
+        f"line {place}: found the mark of a compensated program ({MARK}); allowed: the program before it was compensated. The "
+        "words of this one are moved, so where it means the tip to be cannot be read from it: the correction itself would look "
+        f"like an error. {by}. Predict the program that it was made from: that shows what is there without compensation. What is "
+        "left after it, 'tango compensate PROGRAM -o FILE' says of the same program"
+    )
 
 
 def points_of(motion: Motion) -> list[dict[str, float]]:

@@ -12,12 +12,11 @@ import numpy as np
 
 from ..compensate.fit import Known
 from ..records import Array, InputError
-from .blocks import MARK, Block, refused
+from .blocks import HEAD, MARK, Block, marked, refused
 from .correct import Machinery, pieces
 from .follow import Motion, Setup, arc_points, beyond, follow, positions, words
 
 BATCH = 2000  # motions at a time: memory does not grow with the program
-HEAD = 40  # lines in which a mark is looked for
 MOST = 2000  # parts of a block
 STRETCH = np.pi / 6  # rad that a rotary axis turns at most between two looks at a line
 
@@ -71,7 +70,7 @@ def compensated(
     """
     source = iter(lines)
     head = [line.rstrip("\r\n") for line in islice(source, HEAD)]
-    if any(MARK in line.upper() for line in head):
+    if marked(head) is not None:
         account.marked = True
         for line in chain(head, (line.rstrip("\r\n") for line in source)):
             account.blocks += 1
@@ -274,8 +273,12 @@ def _judge(
     account.outside += int(beyond(setup.machine, at, settings.touched).sum())
 
 
+def made_with(digest: str, zero: Mapping[str, float]) -> str:
+    """hash of the errors, zero of the program → what the mark says of them."""
+    return f"{digest} ZERO {' '.join(f'{a}{v:g}' for a, v in zero.items())}"
+
+
 def mark_text(digest: str, zero: Mapping[str, float], *, simulated: bool = False) -> str:
     """hash of the errors, zero of the program, whether they are those of no machine → the text of the mark."""
-    place = " ".join(f"{a}{v:g}" for a, v in zero.items())
     warning = " FROM SIMULATED READINGS, FOR NO MACHINE" if simulated else ""
-    return f"{MARK}{warning} {digest} ZERO {place}"
+    return f"{MARK}{warning} {made_with(digest, zero)}"

@@ -7,6 +7,8 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
     files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
     steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
     check(request)                → nothing; raises InputError for a machine that does not fit. `check = any_machine` where all do
+    derived(request, held, numbers) → {name of a number in the files: `Derived`}, of those that it calculates from the held ones, as
+        the vector between two centers: the cap looks at them, too. `derived = none_derived` where the files have the held ones
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from typing import Any
 from ...files.checked import suggestion
 from ...records import InputError, Machine
 from ...terms import Coefficient
-from ..space import Limits
+from ..space import Held, Limits
 
 SIGN_TRIAL = "sign trial"  # a step; `loop.store` writes out what to try
 
@@ -43,6 +45,14 @@ class Option:
     default: Any
     text: str
     allowed: tuple[Any, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A number of the files that is calculated from held ones, as it is written."""
+
+    value: float
+    unit: str  # mm or deg
 
 
 @dataclass(frozen=True)
@@ -97,3 +107,8 @@ def unconfirmed(target: ModuleType) -> list[str]:
 
 def any_machine(request: Request) -> None:
     """request → nothing: the `check` of a target that fits every machine."""
+
+
+def none_derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """job, entries, numbers → no number: the `derived` of a target whose files have the held ones as they are."""
+    return {}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import rows, scale_of, tables, trims
 
 TEXT = "Centroid CNC11, CNC12: cnc-?.tab, correction forward and reverse of each axis"
@@ -27,6 +27,7 @@ OPTIONS = {
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
 }
 check = any_machine
+derived = none_derived
 
 
 def held(request: Request) -> list[Held]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "Etalon exchange form, variant Vendor: what TRAC-CAL writes and ISG kernels and others read"
@@ -23,6 +23,7 @@ OPTIONS = {
     "sign": Option(1, "1: errors as they are; -1: turned round, as a sign trial may find", (1, -1)),
 }
 check = any_machine
+derived = none_derived
 
 
 def held(request: Request) -> list[Held]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request, none_derived
 from ._parts import across, centre
 
 TEXT = "Fagor 8060, 8065, 8070: user offsets of the kinematics (OFTDATA)"
@@ -22,6 +22,7 @@ OPTIONS = {
     "first": Option(1, "nb of X of the first rotary axis"),
     "max_offset": Option(0.2, "MAX OFFSET of the maker, mm: a larger one would be cut off"),
 }
+derived = none_derived
 
 
 def check(request: Request) -> None:

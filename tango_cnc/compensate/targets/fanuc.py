@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Derived, Fact, Option, Request
 from ._parts import HALVES, centre, point_of, reversal, rotary_order, rows, tables, trims
 
 TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
@@ -89,23 +89,37 @@ def held(request: Request) -> list[Held]:
     return result
 
 
+def _written(request: Request, numbers: Mapping[str, float]) -> list[tuple[int, str, float]]:
+    """job, numbers → parameter, which component of which vector it is, mm."""
+    machine, found = request.machine, []
+
+    def place(axis: str) -> np.ndarray:
+        if axis == "":
+            return np.zeros(3)
+        if axis == "t":
+            return np.array(machine.spindle.point)
+        point = point_of(machine, axis)
+        return np.array([numbers.get(f"centre of {axis}, {c}", point[i]) for i, c in enumerate("XYZ")])
+
+    for group, (to, start) in vectors(request).items():
+        vector = place(to) - place(start)
+        found += [(FIRST[group] + i, f"VECTOR {group} {'XYZ'[i]}", float(vector[i])) for i in range(3)]
+    return found
+
+
+def derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """job, entries, numbers → the vectors of vectors.nc, by parameter."""
+    if request.options["vectors"] == "no":
+        return {}
+    return {f"{parameter} ({what})": Derived(value, "mm") for parameter, what, value in _written(request, numbers)}
+
+
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → vectors.nc, compensation.txt."""
     machine, result = request.machine, {}
     if machine.rotary and request.options["vectors"] == "yes":
         lines = ["%", "O9190 (CENTRES OF THE ROTARY AXES)", "G10 L52"]
-
-        def place(axis: str) -> np.ndarray:
-            if axis == "":
-                return np.zeros(3)
-            if axis == "t":
-                return np.array(machine.spindle.point)
-            point = point_of(machine, axis)
-            return np.array([numbers.get(f"centre of {axis}, {c}", point[i]) for i, c in enumerate("XYZ")])
-
-        for group, (to, start) in vectors(request).items():
-            vector = place(to) - place(start)
-            lines += [f"N{FIRST[group] + i} R{vector[i]:.4f} (VECTOR {group} {'XYZ'[i]})" for i in range(3)]
+        lines += [f"N{parameter} R{value:.4f} ({what})" for parameter, what, value in _written(request, numbers)]
         result["vectors.nc"] = "\n".join([*lines, "G11", "M30", "%"]) + "\n"
     if request.options["tables"] == "yes":
         lines = []

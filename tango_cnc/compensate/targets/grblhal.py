@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Fact, Option, Request, none_derived
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "grblHAL with rtcp_ac (XYZAC): settings $640 to $645"
@@ -18,6 +18,7 @@ FACTS = (
     Fact("the senses of A and C are those of machine.yaml", SOURCE, confirmed=False),
 )
 OPTIONS: dict[str, Option] = {}
+derived = none_derived
 USED = {640: ("A", 0), 641: ("A", 1), 642: ("A", 2), 643: ("C", 0), 644: ("C", 1), 645: ("C", 2)}
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...records import InputError
 from ..space import Held, Lever
-from . import Fact, Option, Request
+from . import Fact, Option, Request, none_derived
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "Haas: machine rotary zero point (MRZP), settings 255 to 257"
@@ -17,6 +17,7 @@ FACTS = (
     Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
 )
 OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm")}
+derived = none_derived
 
 
 def check(request: Request) -> None:

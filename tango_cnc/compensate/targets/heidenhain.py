@@ -9,7 +9,7 @@ import numpy as np
 
 from ...records import Array
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine
+from . import SIGN_TRIAL, Derived, Fact, Option, Request, any_machine
 from ._parts import across, centre, point_of, reversal, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
@@ -62,6 +62,23 @@ def held(request: Request) -> list[Held]:
     return result
 
 
+def _column(value: float, back: float, *, own: bool) -> float:
+    """number of a table, BACKLASH of its file, whether it is the column of its own axis → what is written there."""
+    return value - (back / 2 if own else 0.0)
+
+
+def derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """job, entries, numbers → the own column of every .COM file."""
+    machine, found = request.machine, {}
+    for axis in (*machine.linear, *machine.rotary) if request.options["tables"] == "yes" else ():
+        back, unit = numbers[f"{axis}.COM, BACKLASH"], "mm" if axis in machine.linear else "deg"
+        for i, h in enumerate(rows(held, f"{axis}.COM, column {axis}")):
+            found[f"{axis}.COM, NR {i}, column {axis} with half of BACKLASH"] = Derived(
+                _column(numbers[h.place], back, own=True), unit
+            )
+    return found
+
+
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
     """job, entries, numbers → one .COM an axis, AXIS.CMA, kinematics.txt."""
     machine, result = request.machine, {}
@@ -76,7 +93,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
                 assert h.at is not None
                 # The own column has half of the reversal against BACKLASH: values for negative travel are the others' sum.
                 own = {out: numbers[columns[out][i].place] if columns[out] else 0.0 for out in axes}
-                values = [f"{value - (back / 2 if out == by else 0.0):+.6f}" for out, value in own.items()]
+                values = [f"{_column(value, back, own=out == by):+.6f}" for out, value in own.items()]
                 lines.append(f"{i} {h.at * scale_of(machine, by):+.6f} {back:+.6f} {' '.join(values)}")
             result[f"{by}.COM"] = "\r\n".join([*lines, "[END]"]) + "\r\n"
         line = " ".join(f"{axis}.COM" for axis in axes)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "ISG kernel, Beckhoff TwinCAT TF5280: volumetric compensation (ISG_CSV) with its configuration list"
@@ -29,6 +29,7 @@ OPTIONS = {
     "folder": Option("C:\\vc", "folder of the files on the control"),
 }
 check = any_machine
+derived = none_derived
 
 
 def held(request: Request) -> list[Held]:

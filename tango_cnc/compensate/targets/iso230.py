@@ -10,7 +10,7 @@ import numpy as np
 
 from ...records import COMPONENTS
 from ..space import Held, by_slot, sample
-from . import Fact, Option, Request, any_machine
+from . import Fact, Option, Request, any_machine, none_derived
 from ._parts import point_of
 
 TEXT = "ISO 230-1 names and values in a YAML file, with frames and signs, for programs that compensate by themselves"
@@ -19,6 +19,7 @@ FACTS = (
 )
 OPTIONS = {"digits": Option(9, "digits of each value", tuple(range(4, 16)))}
 check = any_machine
+derived = none_derived
 
 
 def held(request: Request) -> list[Held]:

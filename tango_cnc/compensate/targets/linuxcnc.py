@@ -11,7 +11,7 @@ from ... import kinematics
 from ...kinematics import Slot
 from ...records import InputError, Machine
 from ..space import Held, Lever, by_slot
-from . import Fact, Option, Request
+from . import Fact, Option, Request, none_derived
 from ._parts import centre, rotary_order, rows, scale_of, tables, trims
 
 TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins or xyzbc-trt-kins; parameters of matrixkins"
@@ -45,6 +45,7 @@ OPTIONS = {
     "points": Option(33, "points of each COMP_FILE, at most 256"),
     "comp": Option("yes", "write COMP_FILEs", ("yes", "no")),
 }
+derived = none_derived
 
 
 def module(request: Request) -> str:

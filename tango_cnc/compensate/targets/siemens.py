@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request
+from . import SIGN_TRIAL, Derived, Fact, Option, Request
 from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
@@ -180,20 +180,39 @@ def vectors(request: Request, shift: Sequence[np.ndarray]) -> dict[str, np.ndarr
     return {"I1": -one, "I2": one, "I3": two, "I4": -two}
 
 
-def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> str:
-    machine, number = request.machine, int(request.options["carrier"])
-    axes = order(request)
-    shift = []
-    for i, axis in enumerate(axes):
+def _vectors(request: Request, numbers: Mapping[str, float]) -> dict[str, np.ndarray]:
+    """job, numbers → what is added to I1 … I4, mm; nothing has no sign."""
+    machine, shift = request.machine, []
+    for i, axis in enumerate(order(request)):
         moved = np.zeros(3)
         for c in range(3):
             place = f"rotary axis {i + 1} ({axis}), {'XYZ'[c]} of its centre"
             if place in numbers:
                 moved[c] = numbers[place] - point_of(machine, axis)[c]
         shift.append(moved)
+    return {name: vector + 0.0 for name, vector in vectors(request, shift).items()}
+
+
+def derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
+    """job, entries, numbers → the vectors between the centers, by their places in the tool carrier and in TRAORI."""
+    if not any(h.table == "centres" for h in held):
+        return {}
+    found, carrier = {}, int(request.options["carrier"])
+    for name, vector in sorted(_vectors(request, numbers).items()):
+        for c in range(3):
+            where = f"$TC_CARR{40 + CARRIER[name] + c}[{carrier}]"
+            if request.options["only"] == "traori":
+                where = TRAORI[kind(request)][name]
+            found[f"{where}, {name} {'XYZ'[c]}"] = Derived(float(vector[c]), "mm")
+    return found
+
+
+def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> str:
+    machine, number = request.machine, int(request.options["carrier"])
+    axes = order(request)
     lines = [f"; centres of {' and '.join(axes)} against machine.yaml, type {kind(request)}; mm in machine coordinates"]
     lines.append(f"; {LEADS[kind(request)].format(*axes)}")
-    found = {name: vector + 0.0 for name, vector in vectors(request, shift).items()}  # nothing has no sign
+    found = _vectors(request, numbers)
     if request.options["only"] in ("both", "carrier"):
         for name, vector in sorted(found.items()):
             lines += [

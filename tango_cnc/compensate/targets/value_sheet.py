@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine
+from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import HALVES, across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
@@ -25,6 +25,7 @@ OPTIONS = {
     "increment": Option(0.001, "what the control stores in steps of, mm or degrees"),
 }
 check = any_machine
+derived = none_derived
 
 
 def held(request: Request) -> list[Held]:
