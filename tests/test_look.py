@@ -19,9 +19,7 @@ from tango_cnc.report.look import MOST, looks
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import joined, say
 
-CHIP = say(
-    "plausible.groups.facet_elsewhere_between_touches_than", facet="12", median="212", numbers="20", numbers2="33", numbers3="3"
-)
+CHIP = say("plausible.groups.facet_elsewhere_in_touches", facet="12", size="212", numbers="20, 33")
 SLIP = say(
     "plausible.groups.something_moved_between_touches_after",
     before="20",
@@ -37,7 +35,7 @@ FEW = say("plausible.judge.touches_do_not_fit", count="41", count2="74", numbers
 
 def test_each_reason_has_its_own_place_to_look_at() -> None:
     t = texts()
-    assert looks([CHIP], t) == [t("look.plausible.groups.facet_elsewhere_between_touches_than")]
+    assert looks([CHIP], t) == [t("look.plausible.groups.facet_elsewhere_in_touches")]
     assert looks([joined("; ", [CHIP, "measure again"])], t) == looks([CHIP], t)  # what is filled in counts as well
     assert looks([say("plausible.judge.nobody_can_tell_which_wrong", text=FEW)], t)[0].startswith("Look for chips")
     assert looks([FEW, CHIP, CHIP, SLIP], t) == [*looks([FEW], t), *looks([CHIP], t), *looks([SLIP], t)]
