@@ -58,6 +58,7 @@ class Catalogue:
     nameless: bool = True  # whether shapes without a name are allowed
     expected: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # causes that every machine has: rivals of each
     plainer: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cause, what is named first where it comes near
+    twins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cause, what is tried in its place alone
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,7 @@ def catalogue(
     steady: bool = False,
     expected: Mapping[str, tuple[str, ...]] | None = None,
     plainer: Mapping[str, tuple[str, ...]] | None = None,
+    twins: Mapping[str, tuple[str, ...]] | None = None,
 ) -> tuple[Catalogue, Array]:
     """space, candidates, parameters to refine → catalogue of those that can be seen, and the visibility (all candidates,).
 
@@ -99,7 +101,9 @@ def catalogue(
     length = [np.maximum(np.linalg.norm(projected[i], axis=0), 1e-300) for i in keep]
     blocks = library([projected[i] for i in keep])
     rules = refine, rebuild, plausible, compatible, steady
-    return Catalogue(kept, blocks, length, price, group, names, *rules, expected=expected or {}, plainer=plainer or {}), seen
+    return Catalogue(
+        kept, blocks, length, price, group, names, *rules, expected=expected or {}, plainer=plainer or {}, twins=twins or {}
+    ), seen
 
 
 def cost(c: Candidate, tried: int, m: int) -> float:

@@ -65,6 +65,7 @@ def explain(
     steady: bool = False,
     expected: Mapping[str, tuple[str, ...]] | None = None,
     plainer: Mapping[str, tuple[str, ...]] | None = None,
+    twins: Mapping[str, tuple[str, ...]] | None = None,
     seed: int = 0,
 ) -> Explanation:
     """residuals (n + known,), Jacobian (n + known, p), candidates, noise kernels (n, n) → explanation.
@@ -72,7 +73,7 @@ def explain(
     The rows are weighted so that white noise is equal on all of them; the first n are touches, on which candidates act.
     """
     place = space(residual, jacobian, n, kernels)
-    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady, expected, plainer)
+    cat, seen = catalogue(place, candidates, refine, rebuild, VISIBLE, plausible, compatible, steady, expected, plainer, twins)
     visibility: dict[str, float] = {}
     for c, value in zip(candidates, seen, strict=True):
         if c.named:
@@ -143,6 +144,11 @@ def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
             behind = best - total(e.place, [*others, other])
             if behind < UNDECIDED:
                 result.append((other, behind))
+    for cause in (c for c in e.catalogue.twins.get(one.candidate.cause, ()) if c in e.catalogue.causes):
+        other = rival(e.place, e.catalogue, cause, selected, settings[-1])[1]
+        behind = best - total(e.place, [*others, other])
+        if behind < DECISIVE:
+            result.append((other, behind))
     return sorted(result, key=lambda pair: pair[1])
 
 

@@ -190,6 +190,8 @@ class _Glance:
 
     def _compatible(self, c: Candidate, others: Sequence[Candidate]) -> bool:
         """Waves of nearly one period, or kinks upon kinks, cancel each other and follow anything."""
+        if c.cause in self.causes and self.causes[c.cause].in_place_of:
+            return False  # it is tried where the other one was found
         same = [o.setting for o in others if o.cause == c.cause and o.setting.get("axis") == c.setting.get("axis")]
         return c.cause not in self.causes or self.causes[c.cause].beside(self.means.whole, c.setting, same)
 
@@ -232,6 +234,7 @@ class _Glance:
                 self._compatible,
                 expected=self.awaited,
                 plainer={name: cause.plainer for name, cause in causes.items() if cause.plainer},
+                twins=twins(causes),
                 seed=self.seed,
             )
             # Plausible beside what was there when it was chosen, and no longer beside what is there now.
@@ -292,3 +295,12 @@ def kernels(touches: Touches) -> tuple[Array, Array]:
 
 
 __all__ = ["Tried", "explained", "kernels", "tried"]
+
+
+def twins(causes: Mapping[str, families.Cause]) -> dict[str, tuple[str, ...]]:
+    """causes by name → {one that is searched for: those that are tried in its place alone}."""
+    found: dict[str, tuple[str, ...]] = {}
+    for name, cause in causes.items():
+        if cause.in_place_of:
+            found[cause.in_place_of] = (*found.get(cause.in_place_of, ()), name)
+    return found

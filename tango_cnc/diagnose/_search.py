@@ -108,7 +108,7 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
         names = searched(place, replace(cat, nameless=False), limits, usual, [])
         if names and total(place, names) > total(place, chosen):
             chosen = names
-    chosen = plainest(place, cat, chosen)
+    chosen = twinned(place, cat, plainest(place, cat, chosen))
     return [*chosen, *awaited(place, cat, chosen, usual)]
 
 
@@ -133,6 +133,27 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
         value, new = max(options, key=lambda one: one[0], default=(-np.inf, old))
         if value > best - STRONG:
             found[i] = new
+    return found
+
+
+def twinned(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chosen]:
+    """chosen → chosen, where one twin has the place of all that was found of a cause: it has to be `STRONG` better than one of
+    them, and as good as several.
+    """
+    found = list(chosen)
+    for cause, names in cat.twins.items():
+        old = [c for c in found if c.candidate.cause == cause]
+        rest = [c for c in found if c.candidate.cause != cause]
+        least = total(place, found) + (STRONG if len(old) == 1 else 0.0)
+        selected = columns_of(place, rest)
+        for name in names if old else ():
+            if name not in cat.causes:
+                continue
+            ratios, _ = best_noise(place, selected)
+            new = rival(place, cat, name, selected, ratios)[1]
+            value = total(place, [*rest, new])
+            if value > least and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
+                least, found = value, [*rest, new]
     return found
 
 

@@ -10,7 +10,7 @@ from sqlalchemy import func, select
 
 from . import _tables as t
 from . import _whole
-from .records import HELD, Standing, date_of, over, stamp_of
+from .records import AHEAD, HELD, Standing, date_of, over, stamp_of
 
 if TYPE_CHECKING:
     from .store import History
@@ -23,7 +23,7 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
     somebody first. `told`: {entry: ids of its alarms} as far as they are known; those of new entries are added.
     """
     # A night that lies after now had a wrong clock; it would hide every later one.
-    counts_now = t.night.c.start_utc <= stamp_of(datetime.fromisoformat(now_utc) + timedelta(hours=1))
+    counts_now = t.night.c.start_utc <= stamp_of(datetime.fromisoformat(now_utc) + AHEAD)
     limit = stamp_of(datetime.fromisoformat(now_utc) - timedelta(hours=late_hours))
     # The last one is the one that ended last: a night that was refused began after the one at work, and tells less.
     newest = (

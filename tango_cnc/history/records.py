@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from ..records import Array
 
 ACTIONS = ("accept", "acknowledge", "repaired", "ignore")
 HELD = ("acknowledge", "ignore")  # after these an alarm is answered and not closed
+AHEAD = timedelta(hours=1)  # by which a clock may go back without a word: nights further in the future are left out
 
 
 @dataclass(frozen=True)

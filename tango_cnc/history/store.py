@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -29,10 +29,9 @@ from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, over, stamp_of
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, over, stamp_of
 
 FORMAT = "tango-night/1"
-AHEAD = timedelta(hours=1)  # by which a clock may go back without a word
 REFUSED = 8  # nights that others at work may have refused, one after the other
 _NIGHT = asked.COLUMNS
 
@@ -44,7 +43,6 @@ class History:
     engine: Engine
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
     _alarms: dict[int, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
-
     clock: Callable[[], datetime] | None = field(default=None, compare=False, repr=False)
 
     def as_of(self, clock: Callable[[], datetime]) -> History:

@@ -60,7 +60,7 @@ FIRST = (
 )
 LOCATIONS = ("EB0Z", "EC0Y", "EA0Y", "EX0S", "EY0S", "EA0B", "EC0B", "EX0C", "EA0C", "EB0C")
 S3 = ("EXX1", "EYY1", "EZZ1", *LOCATIONS, "EXXb", "EYYb", "EBBb", "ECCb")  # of the HU40T
-LARGEST = {1e-3: 0.1, 1e-6: 1e-3}  # mm, rad: what no machine has would be needed to see it, by the unit amplitude that is drawn
+LARGEST = ((1e-4, 0.1), (0.0, 1e-3))  # mm; rad, mm/mm: what no machine has would be needed to see it, by the least drawn amplitude
 PLAY = ("EXXb", "EYYb", "EZZb")
 RARE = ("swapped_facets", "backlash")  # drawn alone: one has the size that it has, the other one is in S3
 NOT_DRAWN = {
@@ -219,7 +219,8 @@ def visible(b: Bench, effect: dict[str, Any], peak: float, outside: np.ndarray, 
     if whole == 0 or np.linalg.norm(left) < 0.05 * whole:
         return None
     factor = peak / float(np.abs(left).max())
-    if "amplitude" in effect and factor * effect["amplitude"] > LARGEST[effect["amplitude"]]:
+    drawn = abs(effect.get("amplitude", 0.0))
+    if drawn and factor * drawn > next(most for least, most in LARGEST if drawn > least):
         return None
     return Visible(scaled(effect, factor), change * factor)
 
