@@ -20,7 +20,7 @@ from ._field import Field, State, score
 from ._smooth import CYCLES, HALF, WHOLE, Kernel, between, moves, scaled
 
 SETS = 10  # sets of covariates that are compared again
-WIDER = 6  # sets with a covariate that is told already, and any other one
+WIDER = 6  # sets that are tried of a covariate that a shape already has and any other one
 NEAR = 0.4  # of the likelihood of the best: what has less comes no nearer by better functions
 NEARER = 0.5  # the same once functions nearly suit
 POLYNOMIALS, WAVY, EVENS, TURNS = (1, 2, 4, 6), (6, 14), (1, 2, 4), (4, 8)  # numbers of functions that are tried
@@ -119,8 +119,8 @@ class Adapting:
         return self.field.means.of(form.product([self.drawn[f] for f in form.factors], self.felt[form.weight]))
 
     def near(self, s: State, best: Array, order: Sequence[int], told: Sequence[Kernel] = ()) -> list[Adapted]:
-        """state, scores (b,) of the shapes of the field, numbers of those with a form, the best first, shapes that are told → those
-        covariates that come near, and others beside one of these shapes, each with the functions that suit it best.
+        """state, scores (b,) of the shapes of the field, numbers of those with a form, the best first, shapes that people
+        read → covariates that come near, and others beside one of these shapes, each with the functions that suit it best.
         """
         felt: dict[tuple[str, ...], list[str]] = {}
         begun: dict[tuple[str, ...], float] = {}
@@ -150,8 +150,8 @@ class Adapting:
         return found
 
     def _wider(self, s: State, told: Sequence[Form]) -> list[tuple[tuple[str, ...], str, float, float]]:
-        """state, shapes that are told → each of their covariates alone, and the pairs of one of these and any other one that come
-        nearest: covariates, the frame in which they do, how near, and what it costs that they were picked among many.
+        """state, shapes that people read → each of their covariates alone, and the pairs of one of them with any other one that
+        come nearest: covariates, the frame in which they do, how near, and what it costs that they were picked among many.
 
         Two covariates act together in frames, and with functions, that the contest does not try for every pair.
         """

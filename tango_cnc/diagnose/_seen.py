@@ -228,7 +228,7 @@ def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Cho
                 names=names,
             )
         )
-    return tuple(dict.fromkeys(result))  # of more facets than are told, two proposals may read alike
+    return tuple(dict.fromkeys(result))  # six facets stand in a proposal, so two of more facets may read alike
 
 
 __all__ = ["Extra", "Test", "axes_of", "bins", "columns_of", "extras", "seen_over", "separate", "tests"]

@@ -47,7 +47,7 @@ def value(number: float, unit: str, std: float | None = None) -> str:
 
 
 def one_day(days: float) -> str:
-    """days to come → what the key of a sentence ends with where they are told as one; '' for more."""
+    """days to come → ending of the key of the sentence: _one for one day or less, '' for more."""
     return "_one" if round(days) <= 1 else ""
 
 

@@ -52,6 +52,13 @@ def since(at: float) -> Pattern:
     return lambda t: (np.arange(1, len(t) + 1) >= int(at)).astype(float)
 
 
+def onsets(touches: Touches, rows: int) -> Iterator[Array]:
+    """touches, rows that are searched → (n, 1) columns, 0 before a moment and 1 from there on, every eight searched rows."""
+    stride = 8 * -(-len(touches) // rows)
+    for at in range(stride, len(touches) - stride, stride):
+        yield since(at + 1)(touches)[:, None]
+
+
 def displaced(
     stem: str, frame: str, shape: Pattern, direction: Sequence[float] | None = None, unit: str = "mm"
 ) -> list[Coefficient]:

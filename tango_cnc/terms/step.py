@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from ..records import Machine
 from ..touches import Touches
 from . import Cause, Coefficient, Shape
-from ._cause import Variants, displaced, label, moments, since, times, turns
+from ._cause import Variants, displaced, label, moments, onsets, since, times, turns
 
 
 def variants(touches: Touches) -> Variants:
@@ -26,9 +24,7 @@ def make(machine: Machine, at: float, frame: str = "machine", direction: Sequenc
 
 def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
     """touches, rows that are searched → steps, without its name."""
-    stride = 8 * -(-len(touches) // rows)
-    for at in range(stride, len(touches) - stride, stride):
-        after = (np.arange(len(touches)) >= at).astype(float)[:, None]
+    for after in onsets(touches, rows):
         yield "time", "machine", "step", times(after, touches.machine_normal)
         yield "time", "table", "step", times(after, touches.normal)
 

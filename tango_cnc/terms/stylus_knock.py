@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from ..records import Machine
 from ..touches import Touches
 from . import Cause, Coefficient, Shape
-from ._cause import Variants, displaced, label, moments, since, times
+from ._cause import Variants, displaced, label, moments, onsets, since, times
 
 
 def variants(touches: Touches) -> Variants:
@@ -24,9 +22,7 @@ def make(machine: Machine, at: float, direction: Sequence[float] | None = None) 
 
 def unnamed(touches: Touches, rows: int) -> Iterator[Shape]:
     """touches, rows that are searched → steps of the stylus, without its name."""
-    stride = 8 * -(-len(touches) // rows)
-    for at in range(stride, len(touches) - stride, stride):
-        after = (np.arange(len(touches)) >= at).astype(float)[:, None]
+    for after in onsets(touches, rows):
         yield "time", "spindle", "step", times(after, touches.spindle_normal)
 
 
