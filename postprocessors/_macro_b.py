@@ -192,13 +192,13 @@ class _Steps:
         proof = proving(job)
         if job.options.get("show") == "stop" and leg.kind != "prove":
             yield f"#3006=1({TOUCH})"
-        yield f"({common.proves(job, leg)})"
+        yield self.words.shown.format(common.proves(job, leg))
         yield from self._measured(job if job.options["macros"] == "called" else proof, leg, proof.plan.strategy.approach.feed)
         yield self.words.unless(job, f"#{FLAG}EQ0", text.UNPROVEN)
         if leg.kind == "prove":
             yield self._off(job, leg)
             return
-        yield f"({common.LETTING_GO})"
+        yield self.words.shown.format(common.LETTING_GO)
         yield self.words.dwell.format(common.RELEASE)
         yield from self._protected(job, replace(leg, to=leg.came))
 

@@ -221,6 +221,29 @@ def test_the_text_does_not_stand_on_the_screen_when_the_hand_has_gone(name: str)
     assert any(TOUCH in text for text in asked) and not any(word in asked[-1] for word in ("STYLUS", "LET GO")), asked
 
 
+def test_centroid_shows_each_text_for_some_seconds_and_goes_on_by_itself() -> None:
+    """Nobody presses cycle start: the hand is at the stylus."""
+    found = ran("centroid", golden())
+    shown = [data.get("text", "") for event, data in found.events if event in ("message", "stop")]
+    assert [text.partition(" - ")[0] for text in shown] == [TOUCH, "LET GO OF THE STYLUS"]
+    assert events(found).index("message") < events(found).index("finger") and not found.stops
+
+
+@pytest.mark.parametrize(
+    ("instead", "words"),
+    [
+        ("#29125 = 0", "shows its text for 0 s; allowed: up to 10 s, and not 0, which waits for cycle start"),
+        ("#29125 = 60", "shows its text for 60 s"),
+        ("", "#29125 is read before it has a value"),
+    ],
+)
+def test_a_text_of_centroid_that_would_hold_the_program_up_is_refused(instead: str, words: str) -> None:
+    made = golden()
+    lines = [instead if line == "#29125 = 4" else line for line in program(load("centroid"), made, {}, plan_hash(made))[2]()]
+    with pytest.raises(InputError, match=words):
+        readback.check(lambda: iter(lines), made, settings_of(load("centroid"), {}), {}, written_in="centroid")
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", [n for n in sorted(EVERY) if load(n).language == "macro_b"])
 @pytest.mark.parametrize("macros", ["inline", "called"])
