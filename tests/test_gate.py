@@ -259,3 +259,26 @@ def test_a_control_that_shows_no_comment_stops_with_the_text_before_the_slow_mov
     for text in ([*lines[:early], lines[at], *lines[early:at], *lines[at + 1 :]], [*lines[: at + 1], *lines[at:]]):
         with pytest.raises(InputError):  # a person is not stopped for anywhere else
             readback.check(lambda text=text: iter(text), made, options, {}, written_in="macro_b")  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("okuma", f"M00({TOUCH})"), ("heidenhain", f"STOP ; {TOUCH}")])
+def test_okuma_and_heidenhain_stop_with_the_text_before_the_slow_move(name: str, shown: str) -> None:
+    """Their comments move off the screen, or stand in the block before the one that is carried out."""
+    post, made, given = load(name), golden(), {"show": "stop"}
+    texts = list(program(post, made, given, plan_hash(made))[2]())
+    blocks = [line.partition(" ")[2] for line in texts] if name == "heidenhain" else texts
+    at, options = blocks.index(shown), settings_of(post, given)
+
+    def read(lines: list[str], stated: Mapping[str, Any] = options) -> None:
+        numbered = [f"{i} {line}" for i, line in enumerate(lines)] if name == "heidenhain" else lines
+        readback.check(lambda: iter(numbered), made, stated, companions(post, made, given), written_in=post.language)
+
+    read(blocks)
+    found = ran(name, made, given)
+    assert found.stops == [TOUCH] and not found.why and events(found).count("contact") == len(made.touches)
+    assert events(found).index("stop") < events(found).index("finger")
+    early = [*blocks[: at // 2], shown, *blocks[at // 2 : at], *blocks[at + 1 :]]
+    twice = [*blocks[: at + 1], *blocks[at:]]
+    for lines, stated in ((early, options), (twice, options), (blocks, settings_of(post, {}))):
+        with pytest.raises(InputError):  # a person is not stopped for anywhere else, nor without being asked to
+            read(lines, stated)
