@@ -180,7 +180,9 @@ def test_a_clause_that_is_answered_in_part_names_what_is_not_stated(tmp_path: Pa
     assert set(found.lacks) == set(found.missing) == set(page.as_json(found)["lacks"])
     assert found.lacks["7.8.2.1 b) laboratory"] == "write address into part.yaml"
     assert found.lacks["7.8.2.1 o) authorised by"] == "write role into part.yaml"
-    assert found.lacks["7.8.4.1 b) conditions"] == "write conditions.machine_temperature, conditions.table_temperature into part.yaml"
+    assert (
+        found.lacks["7.8.4.1 b) conditions"] == "write conditions.machine_temperature, conditions.table_temperature into part.yaml"
+    )
 
 
 @pytest.mark.parametrize("key", ["signed_by", "contact", "specification", "adjustment", "replaces"])

@@ -79,7 +79,9 @@ def later(one: Readings, two: Readings) -> Readings:
 
 def _read(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     if file.suffix.lower() in SHEETS:
-        raise complaint(file, None, "", "found a spreadsheet", "allowed: a text file. Save the sheet as CSV (UTF-8), and name that file")
+        raise complaint(
+            file, None, "", "found a spreadsheet", "allowed: a text file. Save the sheet as CSV (UTF-8), and name that file"
+        )
     return read_readings_text(read_text(file), machine, artefact, file)
 
 
@@ -166,7 +168,9 @@ def _micrometres(position: Array, machine: Machine, name: str) -> str:
     if name not in machine.linear or 2 * far < len(linear) or linear.max() > 1e3 * MACHINE:
         return ""
     axes = ", ".join(machine.linear)
-    return f". {far} of {len(linear)} rows are more than {MACHINE / 1e3:g} m away: if {axes} are in µm, divide these columns by 1000"
+    return (
+        f". {far} of {len(linear)} rows are more than {MACHINE / 1e3:g} m away: if {axes} are in µm, divide these columns by 1000"
+    )
 
 
 def _rows(file: Path, lines: Sequence[str]) -> list[list[str]]:

@@ -190,7 +190,9 @@ def _with_bar(result: Estimate, scales: Sequence[str]) -> str:
     told = []
     for c, off, std in zip(coefficients, moved, result.std, strict=False):
         if c.name not in scales and abs(off) > 2 * std:
-            told.append((abs(off) / std, say("plausible.groups.moves_with_bar", name=result.selection.label(c.name), size=_sized(c, off))))
+            told.append(
+                (abs(off) / std, say("plausible.groups.moves_with_bar", name=result.selection.label(c.name), size=_sized(c, off)))
+            )
     first = len(coefficients)
     facets = moved[first : first + len(result.model.touches.facets)]
     beyond = np.abs(facets) > 2 * result.std[first : first + len(facets)]
