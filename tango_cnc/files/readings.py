@@ -162,7 +162,7 @@ def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Pa
 
 
 def _micrometres(position: Array, machine: Machine, name: str) -> str:
-    """(n, k) mm rad as if the file had mm, machine, axis that is too far → the unit that the file may have, where the rows show it."""
+    """(n, k) mm rad as if the file had mm, machine, axis that is too far → the unit that it may have, where the rows show it."""
     linear = np.abs(position[:, [machine.column(axis) for axis in machine.linear]])
     far = int((linear.max(axis=1) > MACHINE).sum())
     if name not in machine.linear or 2 * far < len(linear) or linear.max() > 1e3 * MACHINE:
