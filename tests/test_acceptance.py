@@ -172,6 +172,19 @@ def test_every_clause_that_nothing_answers_is_named(tmp_path: Path) -> None:
         assert clause in missing
 
 
+def test_a_clause_that_is_answered_in_part_names_what_is_not_stated(tmp_path: Path) -> None:
+    part = tmp_path / "part.yaml"
+    stated = "laboratory: Measuring room\nsigned_by: A. Person\nconditions: {air_temperature: 20 °C, warm_up: 1 h}\n"
+    part.write_text("limits: {straightness EXZ: 10}\n" + stated, encoding="utf-8")
+    found = made(read_order(part, TODAY), sheet(1.0), GOOD, CELL, MEASURED, (), (), "1", TODAY)
+    assert set(found.lacks) == set(found.missing) == set(page.as_json(found)["lacks"])
+    assert found.lacks["7.8.2.1 b) laboratory"] == "write address into part.yaml"
+    assert found.lacks["7.8.2.1 o) authorised by"] == "write role into part.yaml"
+    assert (
+        found.lacks["7.8.4.1 b) conditions"] == "write conditions.machine_temperature, conditions.table_temperature into part.yaml"
+    )
+
+
 @pytest.mark.parametrize("key", ["signed_by", "contact", "specification", "adjustment", "replaces"])
 @pytest.mark.parametrize("blank", ["   ", "-", "…", None])
 def test_a_dash_is_nobody(tmp_path: Path, key: str, blank: str | None) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from ..iso230.signed import Sheet
 from .order import CONDITIONS, Order
@@ -100,3 +101,35 @@ def _conditions(stated: Mapping[str, str], sheet: Sheet) -> str:
 
 def _both(p: Mapping[str, str], one: str, two: str) -> str:
     return f"{p[one]}, {p[two]}" if p.get(one) and p.get(two) else ""
+
+
+ASKED: Mapping[str, tuple[str, ...]] = {
+    "7.8.2.1 b) laboratory": ("laboratory", "address"),
+    "7.8.2.1 c) location": ("location",),
+    "7.8.2.1 d) number and end": ("number",),
+    "7.8.2.1 e) customer and contact": ("customer", "contact"),
+    "7.8.2.1 f) method": ("method",),
+    "7.8.2.1 g) item": ("item",),
+    "7.8.2.1 i) performed": ("performed",),
+    "7.8.2.1 n) additions, deviations": ("remarks",),
+    "7.8.2.1 o) authorised by": ("signed_by", "role"),
+    "7.8.2.1 p) external providers": ("external",),
+    "7.8.2.2 supplied by the customer": ("supplied",),
+    "7.8.4.1 b) conditions": tuple(f"conditions.{name}" for name in CONDITIONS),
+    "7.8.4.1 d) before and after adjustment": ("adjustment",),
+    "7.8.6.2 b) specification": ("specification",),
+    "7.8.8 replaces": ("replaces",),
+}  # clause → keys of acceptance.yaml that answer it
+
+
+def unstated(order: Order, answers: Mapping[str, str]) -> dict[str, str]:
+    """order, clause: what answers it → of every clause that nothing answers, the keys of acceptance.yaml that are not stated, in
+    words.
+    """
+    stated = {name for name, text in order.people.items() if text}
+    stated |= {f"conditions.{name}" for name, text in order.conditions.items() if text}
+    stated |= {"remarks"} if order.remarks else set()
+    stated |= {"performed"} if order.performed else set()
+    name = Path(order.file).name
+    open_keys = {clause: [key for key in keys if key not in stated] for clause, keys in ASKED.items() if not answers.get(clause)}
+    return {clause: f"write {', '.join(keys)} into {name}" for clause, keys in open_keys.items() if keys}

@@ -20,7 +20,7 @@ from scipy import special
 from ..iso230.signed import OnPart, Sheet
 from ..judgement import Judgement
 from ..records import Cell, InputError
-from .clauses import checklist
+from .clauses import checklist, unstated
 from .fitting import contradictions, untraced
 from .order import Order
 
@@ -110,7 +110,7 @@ def made(
     lacks = {"7.8.4.1 c) traceability": "; ".join(lacking)} if lacking else {}
     remarks = (*source.remarks, *judgement.remarks)
     answers = checklist(order, sheet, not lacking, source.text, remarks, files, version, day.isoformat())
-    return Signed(order, rows, stands, answers, lacks)
+    return Signed(order, rows, stands, answers, unstated(order, answers) | lacks)
 
 
 def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence[str]) -> str:
