@@ -146,8 +146,9 @@ def of_part(
     left = Left(wide, cold, known_of(sheet, setup, True, MEASURED, False), lengths(touches))
     found, note = [], "" if tool is None else features.stated(tool)
     for f, why, _ in decided(wanted, setup, known, left, labels, touched_of(touches)):
-        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, note, bounds=f.bounds)
-        if not why and f.kind in ("distance", "position") and sheet.temperature == "not stated":
+        expands = f.kind in ("distance", "position")
+        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, note, bounds=f.bounds, expands=expands)
+        if not why and expands and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         found.append(replace(figure, value=None, interval=None, text=why) if why else figure)
     return tuple(found)
