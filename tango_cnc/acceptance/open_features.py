@@ -39,7 +39,7 @@ LENGTH = (
     "did. As long as the stylus ({stylus:g} mm){measured} it would leave {std:.1f} µm. Touch again with a second stylus about as "
     "long as the tool (docs/verify.md, A second stylus){state}"
 )
-MIXED = "; these touches do not tell {motions} from each other"
+MIXED = "; these touches cannot separate {motions} from each other"
 
 
 @dataclass(frozen=True)
