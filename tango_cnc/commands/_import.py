@@ -95,7 +95,8 @@ def imported(history: History, folders: Sequence[Path], home: Path, despite: boo
         if any(n.start_utc == when.strftime("%Y-%m-%dT%H:%M:%SZ") for n in known):
             raise InputError(f"{cell.folder}: its run of {when:%Y-%m-%d %H:%M} UTC is in the history already; nothing was added")
     for when, cell, readings, text, origin in found:
-        settings = replace(quiet, diagnose=own.diagnose, owner=own.owner, volume_std_um=own.volume_std_um, every_days=own.every_days, limits=own.limits)
+        kept = {key: getattr(own, key) for key in ("diagnose", "owner", "volume_std_um", "every_days", "limits")}
+        settings = replace(quiet, **kept)
         analysis, clock = replace(nights_of(cell, settings, plan(cell)), old=True), Time(when.astimezone())
         old, nothing = _Old(cell, readings, text, origin, clock), Folder(lambda stamp, name, text: None)
         world = Ports(clock, nothing, old, Nobody(), history, analysis, nullcontext())

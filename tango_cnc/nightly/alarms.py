@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..loaded import Event
 from ..history.records import merged
+from ..loaded import Event
 from ..records import Array, Cell
 from ..report.compensated import as_loaded, dated
 from ..report.texts import texts

@@ -111,7 +111,7 @@ def _going_on(
 def _begun(
     newest: Mapping[str, tuple[Any, Mapping[str, Any]]], last: Mapping[str, Decision], older: Mapping[str, Any], today: str
 ) -> tuple[Any, Mapping[str, Any]] | None:
-    """→ the night and the alarm that the older one followed as what might have been a second knock; None where there is no such, and
+    """→ the night and the alarm that the older one followed as what might have been a second knock; None where there is none, and
     where somebody has closed it.
     """
     first = (older.get("follows") or {}).get("alarm")

@@ -21,7 +21,6 @@ from .lacking import MOVED, SHOWN, TOUCHED, Left, steady
 from .shapes import TURNED
 from .spindle import PLACE
 
-
 CREPT = "plausible.lacking.creeping"  # key of the sentence
 
 
