@@ -114,7 +114,7 @@ def _begun(
     """→ the night and the alarm that the older one followed as what might have been a second knock; None where there is none, and
     where somebody has closed it.
     """
-    first = (older.get("follows") or {}).get("alarm")
+    first = str((older.get("follows") or {}).get("alarm"))
     return None if first not in newest or _over(last.get(first), today) else newest[first]
 
 
