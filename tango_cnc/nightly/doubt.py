@@ -65,7 +65,8 @@ def believed(
     if warming:
         wandered = judged.wandered or t("night.moves_on" if plain else "night.warming")
         reasons = [wandered, *(r for r in reasons if r != judged.wandered)]
-        reasons = [judged.crept, *reasons] if judged.crept else reasons  # the touches do not show which of both it was
+        if judged.crept:  # the touches do not show which of both it was
+            reasons = [reasons[0], judged.crept, *reasons[1:]]
     if alarms and (warm is not None or moves > -NEAR):
         alarms[0]["instead"] = [t("night.warm_up"), *alarms[0]["instead"]]
     teaches = not (
