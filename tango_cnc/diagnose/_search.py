@@ -154,7 +154,8 @@ def twinned(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chos
             new = rival(place, cat, name, selected, ratios)[1]
             trial = pruned(place, [*rest, new])
             value = total(place, trial)
-            if value > least and any(c is new for c in trial) and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
+            possible = cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios))
+            if value > least and possible and any(c is new for c in trial):
                 least, found = value, trial
     return found
 

@@ -15,6 +15,7 @@ from ._world import Effects
 
 DIFFER = 0.1  # of a wave: what waves at some orientations must differ by
 
+
 def variants(touches: Touches) -> Variants:
     """touches → an orientation that differs from the others, and an error periodic in S."""
     places = np.unique(np.round(np.degrees(touches.axis("S")), 2))
