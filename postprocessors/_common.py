@@ -53,6 +53,23 @@ UNTOUCHED, UNMET = (
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end", "gate")
 
 
+def showing(stop: str) -> Option:
+    """block that stops and shows a remark → the option show: where TOUCH THE STYLUS stands."""
+    said = f"stop: {stop} shows it and waits for start before the slow move"
+    return Option(
+        "show",
+        "comment",
+        f"where TOUCH THE STYLUS stands: in a comment, which the block display shows, or {said}",
+        True,
+        ("comment", "stop"),
+    )
+
+
+def stops_for(job: Job, leg: Leg) -> bool:
+    """job, the move of the gate → whether the program stops before it, so that the person reads what to do."""
+    return job.options.get("show") == "stop" and leg.kind != "prove"
+
+
 def proves(job: Job, leg: Leg) -> str:
     """job, the move of the gate → what the program says before it: to a person, or to whoever reads it later."""
     return f"{PROVING} {comment(leg.touch.facet, 20)}" if leg.kind == "prove" else TOUCHING

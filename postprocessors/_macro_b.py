@@ -43,10 +43,6 @@ PROBE_STATE = "number of the variable that is not 0 while the probe is deflected
 STATES = range(1000, 1064)
 WANTED, RAN = 121, 122  # number of the set of macros: that of the program, that of the macro which has run last
 MACROS = ("inline", "called")
-SHOW = (
-    "where TOUCH THE STYLUS stands: in a comment, which the block display shows, or stop: #3006 shows it and waits for start "
-    "before the slow move"
-)
 POSITIONS = "what #5021 #5041 #5061 of X Y Z come in, whatever G21 says; inch: the program makes mm of them, records too"
 ALARM = (
     "tidy: an alarm first jumps (GOTO) to blocks that switch the probe off and close the port; at once: it does not, for controls "
@@ -74,7 +70,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
     Option("probe_state", 0, PROBE_STATE),
-    Option("show", "comment", SHOW, True, ("comment", "stop")),
+    common.showing("#3006"),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
     Option("position_unit", "mm", POSITIONS, True, ("mm", "inch")),
@@ -190,15 +186,15 @@ class _Steps:
 
     def gate(self, job: Job, leg: Leg) -> Iterator[str]:
         proof = proving(job)
-        if job.options.get("show") == "stop" and leg.kind != "prove":
+        if common.stops_for(job, leg):
             yield f"#3006=1({TOUCH})"
-        yield f"({common.proves(job, leg)})"
+        yield self.words.shown.format(common.proves(job, leg))
         yield from self._measured(job if job.options["macros"] == "called" else proof, leg, proof.plan.strategy.approach.feed)
         yield self.words.unless(job, f"#{FLAG}EQ0", text.UNPROVEN)
         if leg.kind == "prove":
             yield self._off(job, leg)
             return
-        yield f"({common.LETTING_GO})"
+        yield self.words.shown.format(common.LETTING_GO)
         yield self.words.dwell.format(common.RELEASE)
         yield from self._protected(job, replace(leg, to=leg.came))
 

@@ -43,6 +43,7 @@ class Words:
     end: str = "M30"
     wait: str = "G53"  # where it is no option: a block after which #5021 is read with the axes at rest
     dwell: str = "G4 X{}."  # s
+    shown: str = "({})"  # a text for the person at the machine
     look: str = ""  # where it is an M code of ours: the block that stops while the probe is deflected
     settle: str = ""  # a block behind the words that switch the probe on
     alarm: str = "#3000={number}({text})"

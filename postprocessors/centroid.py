@@ -1,7 +1,8 @@
 """Centroid CNC11 and CNC12: protected moves of the control's own (M125), M115 with L1 for touches, M223 into a file.
 
 M-Series operator's manual (M115 … M126, M120, M121, M223, M225, G53, formatted strings) and the macros that Centroid ships, which
-use #9011 as P, #24301 … for the place of the contact and #25022 for whether there was one. A program ends with its last line:
+use #9011 as P, #24301 … for the place of the contact and #25022 for whether there was one. M225 with a variable of 0 shows its text
+until cycle start, with more for that many seconds: so in macros of Centroid and of builders. A program ends with its last line:
 M2 and M30 send Z home and start again.
 """
 
@@ -21,10 +22,11 @@ from ._remedies import CENTROID
 
 FRAME, PLACE, FAR = 29100, 29110, 29130  # #29101 … machine minus work; #29111 … of the touch; #29131 … from the stand-off
 FLAG, MISSES, SUM, SPINDLE, TOUCH, SECONDS = 29110, 29109, 29118, 29119, 29120, 29121
-BIT, ON, FROM = 29122, 29123, 29124
+BIT, ON, FROM, SHOWN = 29122, 29123, 29124, 29125
 WAIT = "IF #50010"  # reading an input stops the look-ahead
 TRIPPED = "#25022"
 ARRIVED = 0.000087  # sine of half of 0.01 deg
+READ = 4  # s that a text stands on the screen
 OLD = 1.0  # mm between the place of a contact and where the axes have stopped
 LAST = 9999
 STOPS = (
@@ -183,15 +185,24 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
-    yield f"; {common.proves(job, leg)}"
+    if leg.kind == "prove":
+        yield f"; {common.proves(job, leg)}"
+    else:
+        yield f"#{SHOWN} = {READ}"
+        yield _shown(common.proves(job, leg))
     yield from _measured(proving(job), leg)
     yield f"IF [#{FLAG} == 0] THEN GOTO {UNTOUCHED}"
     if leg.kind == "prove":
         yield _off(job, leg)
         return
-    yield f"; {common.LETTING_GO}"
+    yield _shown(common.LETTING_GO)
     yield f"G4 P{common.RELEASE}."
     yield from move(job, replace(leg, to=leg.came))
+
+
+def _shown(text: str) -> str:
+    """text for the person at the machine → the line that shows it, and goes on after some seconds."""
+    return f'M225 #{SHOWN} "{text}"'
 
 
 def record(job: Job, leg: Leg) -> Iterator[str]:

@@ -86,6 +86,7 @@ OPTIONS = (
     Option("distance", "DIST", "word of the way in TCH PROBE 4.3; some English manuals have ABST", choices=("DIST", "ABST")),
     Option("orient", True, "cycle 13 and M19 orient the spindle; false: it is not turned"),
     Option("shortest", True, "endless axes get angles of 0 to 360 under M126, the short way; false: as planned"),
+    common.showing("STOP"),
     *common.clamping("M11", "M10"),
     *common.PROBE_SWITCHES,
     Option("decimals", 4, "decimals of positions", verified=True, choices=(3, 4)),
@@ -190,6 +191,8 @@ def probe(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back, by the labels that find or measure."""
+    if common.stops_for(job, leg):
+        yield f"STOP ; {common.TOUCH}"
     yield f"; {common.proves(job, leg)}"
     start = dict(zip(job.machine.names, leg.touch.standoff, strict=True))
     for name in "XYZ":

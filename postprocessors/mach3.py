@@ -131,7 +131,7 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back; the first miss stops here."""
-    yield f"({common.proves(job, leg)})"
+    yield f"(MSG,{common.proves(job, leg)})"
     yield f"#{basic.MISSES}=1"
     yield from _measured(proving(job), leg)
     yield f"#{basic.MISSES}={job.options['misses']}"
@@ -139,7 +139,7 @@ def gate(job: Job, leg: Leg) -> Iterator[str]:
         yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"
         yield f"M{basic.FREE}"
         return
-    yield f"({common.LETTING_GO})"
+    yield f"(MSG,{common.LETTING_GO})"
     yield f"G4 P{common.RELEASE}"
     yield from move(job, replace(leg, to=leg.came))
 

@@ -33,7 +33,7 @@ FIXED: Mapping[str, Any] = {
 }
 FILE = "tango-readings.txt"
 
-WORDS = Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", look=f"M{LOOK}")
+WORDS = Words(open=(), close=(), wait=f"M{WAIT}", dwell="G4 P{}.", shown="(MSG,{})", look=f"M{LOOK}")
 FAMILY = steps(WORDS)
 OPTIONS = (
     *with_defaults(

@@ -19,7 +19,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from tango_cnc.gate import STEP, STEP_FEED, step
+from tango_cnc.gate import STEP, STEP_FEED, TOUCH, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -66,6 +66,7 @@ OPTIONS = (
     Option("places", 10, "places of a printed coordinate in PUT; it must come with four decimals", choices=(10, 11, 12)),
     Option("alarm", 992, "VDOUT that stops with the text of VUACM", choices=(990, 991, 992, 993)),
     Option("orient", "M19 RS", "word before = and the angle that orients the spindle; empty: it is not turned", codes=True),
+    common.showing("M00"),
     common.ROLLOVER,
     *common.clamping("M21", "M20"),
     *common.PROBE_SWITCHES,
@@ -172,6 +173,8 @@ def _measuring(job: Job, leg: Leg) -> Iterator[str]:
 
 def gate(job: Job, leg: Leg) -> Iterator[str]:
     """A slow move up during which somebody touches the stylus, and back; or a facet that proves the probe, and off it."""
+    if common.stops_for(job, leg):
+        yield f"M00({TOUCH})"
     yield f"({common.proves(job, leg)})"
     yield from _measuring(proving(job), leg)
     yield f"IF[{_common(job, FLAG)} EQ 0] {UNTOUCHED}"

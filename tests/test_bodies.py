@@ -10,6 +10,7 @@ import json
 import re
 from collections import Counter
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -186,15 +187,19 @@ def test_a_clamp_on_the_table_meets_the_yoke_when_c_turns_and_not_when_a_does() 
 
 
 @pytest.mark.long
-def test_a_post_on_the_yoke_is_passed_over() -> None:
+@pytest.mark.parametrize(("height", "raised"), [(30.0, 0.0), (110.0, 100.0)])
+def test_a_post_on_the_yoke_is_passed_over(height: float, raised: float) -> None:
     """It stands between two facets: the way between them goes over it, though no facet and nothing on the table is as high."""
-    post = Obstacle("cylinder", base=(-45.0, 32.5, -30.0), axis=(0.0, 0.0, 1.0), radius=6.0, height=110.0, on="A")
+    post = Obstacle("cylinder", base=(-45.0, 32.5, -30.0), axis=(0.0, 0.0, 1.0), radius=6.0, height=height, on="A")
     cell = trunnion(post)
     one = cell.strategy.indexations[0]
     strategy = replace(cell.strategy, indexations=(replace(one, facets=("9", "13", "10", "14")),))
     low, made = (plan(replace(c, strategy=strategy)) for c in (trunnion(), cell))
     z = cell.machine.column("Z")
     assert max(t.leave[z] for t in made.touches[:-1] if t.leave) > max(t.leave[z] for t in low.touches[:-1] if t.leave) + 50
+    assert made.touches[0].over[z] == pytest.approx(low.touches[0].over[z] + raised)
+    over = [i for i, (one, other) in enumerate(zip(low.touches, made.touches, strict=True)) if other.leave[z] > one.leave[z] + 1]
+    assert over and all(made.touches[i + 1].enter[z] == pytest.approx(made.touches[i].leave[z]) for i in over)
     assert "obstacle 1 of the machine" in met(low, cell) and not met(made, cell)
 
 
@@ -230,6 +235,38 @@ def test_where_the_table_may_stand_before_is_said() -> None:
         and "tool setter" in made.start[0]
     )
     assert not met(made, trunnion(side))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_proven_to_keep_off_while_an_axis_turns_keeps_off_at_every_angle(seed: int) -> None:
+    """An axis far from where the frame begins: what it turns swings wide. The judge walks along the turn and knows points alone."""
+    rng, base = np.random.default_rng(seed), example("trunnion").machine
+    grid = np.array(list(product(np.linspace(0.0, 1.0, 5), repeat=3)))
+    table, names = solid(example("trunnion").artefact), tuple(example("trunnion").artefact.balls)
+    proven = refused = 0
+    for _ in range(40):
+        pivot = rng.uniform(-250.0, 250.0, 3)
+        low = rng.uniform(-300.0, 250.0, 3)
+        aside = Rotation.from_rotvec([rng.uniform(-2.5, 2.5), 0.0, 0.0]).apply(low - pivot) + pivot
+        bed = aside + rng.normal(-60.0, 60.0, 3)
+        size, block = rng.uniform(10.0, 120.0, (2, 3))
+        axes = tuple(replace(axis, point=tuple(pivot)) if axis.name == "A" else axis for axis in base.axes)
+        there = (
+            Obstacle("box", low=tuple(low), high=tuple(low + size), on="A"),
+            Obstacle("box", low=tuple(bed), high=tuple(bed + block), on="f"),
+        )
+        machine = replace(base, axes=axes, obstacles=there)
+        pair = next(pair for pair in pairs(machine, table, (), names) if {*pair.axes} == {"Y", "A"})
+        span = (-rng.uniform(0.5, 2.5), rng.uniform(0.5, 2.5))
+        met = guard.Guard(machine, [pair]).turns(np.zeros(len(machine.names)), {"A": span, "C": (0.0, 0.0)})
+        turns = Rotation.from_rotvec(np.linspace(*span, 200)[:, None] * machine.axis("A").direction)
+        points = np.einsum("aij,pj->api", turns.as_matrix(), low + grid * size - pivot) + pivot
+        beyond = np.maximum(np.maximum(bed - points, points - bed - block), 0.0)
+        nearest = np.linalg.norm(beyond, axis=-1).min()
+        assert met is not None or nearest > pair.margins[guard.TURN]
+        assert met is None or nearest < pair.margins[guard.TURN] + 40.0
+        proven, refused = proven + (met is None), refused + (met is not None)
+    assert proven > 8 and refused > 8
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -356,6 +393,19 @@ def test_many_random_obstacles_on_random_bodies_are_not_met(part: int, capsys: p
     seen = campaign(100 + part, 60)
     with capsys.disabled():
         print(f"\n{dict(seen)}")
+
+
+def test_each_part_of_the_probe_keeps_the_distance_that_the_formats_state() -> None:
+    """At a touch, on the way between touches, while axes turn: mm from what is not on the side of the tool, and from what is."""
+    cell = trunnion(YOKE[0], Obstacle("box", low=(60.0, -100.0, -150.0), high=(100.0, 100.0, 200.0), on="Z"))
+    found = {
+        (pair.one.name, pair.other.name[:10]): pair.margins
+        for pair in pairs(cell.machine, solid(cell.artefact), (), tuple(cell.artefact.balls))
+        if pair.one.probe and pair.across
+    }
+    cheek = "obstacle 1"
+    assert found["the tip", cheek] == found["the stem", cheek] == (1.0, 10.0, 20.0)
+    assert found["the probe body", cheek] == found["the spindle nose", cheek] == (2.0, 10.0, 20.0)
 
 
 def test_body_and_nose_are_as_thick_as_they_are_all_around() -> None:

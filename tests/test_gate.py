@@ -221,6 +221,29 @@ def test_the_text_does_not_stand_on_the_screen_when_the_hand_has_gone(name: str)
     assert any(TOUCH in text for text in asked) and not any(word in asked[-1] for word in ("STYLUS", "LET GO")), asked
 
 
+def test_centroid_shows_each_text_for_some_seconds_and_goes_on_by_itself() -> None:
+    """Nobody presses cycle start: the hand is at the stylus."""
+    found = ran("centroid", golden())
+    shown = [data.get("text", "") for event, data in found.events if event in ("message", "stop")]
+    assert [text.partition(" - ")[0] for text in shown] == [TOUCH, "LET GO OF THE STYLUS"]
+    assert events(found).index("message") < events(found).index("finger") and not found.stops
+
+
+@pytest.mark.parametrize(
+    ("instead", "words"),
+    [
+        ("#29125 = 0", "shows its text for 0 s; allowed: up to 10 s, and not 0, which waits for cycle start"),
+        ("#29125 = 60", "shows its text for 60 s"),
+        ("", "#29125 is read before it has a value"),
+    ],
+)
+def test_a_text_of_centroid_that_would_hold_the_program_up_is_refused(instead: str, words: str) -> None:
+    made = golden()
+    lines = [instead if line == "#29125 = 4" else line for line in program(load("centroid"), made, {}, plan_hash(made))[2]()]
+    with pytest.raises(InputError, match=words):
+        readback.check(lambda: iter(lines), made, settings_of(load("centroid"), {}), {}, written_in="centroid")
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("name", [n for n in sorted(EVERY) if load(n).language == "macro_b"])
 @pytest.mark.parametrize("macros", ["inline", "called"])
@@ -236,3 +259,26 @@ def test_a_control_that_shows_no_comment_stops_with_the_text_before_the_slow_mov
     for text in ([*lines[:early], lines[at], *lines[early:at], *lines[at + 1 :]], [*lines[: at + 1], *lines[at:]]):
         with pytest.raises(InputError):  # a person is not stopped for anywhere else
             readback.check(lambda text=text: iter(text), made, options, {}, written_in="macro_b")  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("okuma", f"M00({TOUCH})"), ("heidenhain", f"STOP ; {TOUCH}")])
+def test_okuma_and_heidenhain_stop_with_the_text_before_the_slow_move(name: str, shown: str) -> None:
+    """Their comments move off the screen, or stand in the block before the one that is carried out."""
+    post, made, given = load(name), golden(), {"show": "stop"}
+    texts = list(program(post, made, given, plan_hash(made))[2]())
+    blocks = [line.partition(" ")[2] for line in texts] if name == "heidenhain" else texts
+    at, options = blocks.index(shown), settings_of(post, given)
+
+    def read(lines: list[str], stated: Mapping[str, Any] = options) -> None:
+        numbered = [f"{i} {line}" for i, line in enumerate(lines)] if name == "heidenhain" else lines
+        readback.check(lambda: iter(numbered), made, stated, companions(post, made, given), written_in=post.language)
+
+    read(blocks)
+    found = ran(name, made, given)
+    assert found.stops == [TOUCH] and not found.why and events(found).count("contact") == len(made.touches)
+    assert events(found).index("stop") < events(found).index("finger")
+    early = [*blocks[: at // 2], shown, *blocks[at // 2 : at], *blocks[at + 1 :]]
+    twice = [*blocks[: at + 1], *blocks[at:]]
+    for lines, stated in ((early, options), (twice, options), (blocks, settings_of(post, {}))):
+        with pytest.raises(InputError):  # a person is not stopped for anywhere else, nor without being asked to
+            read(lines, stated)

@@ -178,7 +178,28 @@ def test_readings_out_of_a_spreadsheet_are_read_or_explained(cell: Path, capsys:
     assert code == 2 and "nothing between thousands" in err
     (cell / "sheet.xlsx").write_bytes(b"PK\x03\x04")
     code, _, err = called(capsys, "estimate", "-C", cell, "--readings", cell / "sheet.xlsx")
-    assert code == 2 and "save the sheet as CSV" in err
+    assert code == 2 and "sheet.xlsx: found a spreadsheet; allowed: a text file. Save the sheet as CSV" in err
+
+
+def test_positions_in_micrometres_are_said_to_be(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [line.split(",") for line in (cell / "simulated.csv").read_text(encoding="utf-8").splitlines()]
+    linear = [rows[0].index(axis) for axis in "XYZ"]
+    for row in rows[1:]:
+        for i in linear:
+            row[i] = f"{1000 * float(row[i]):.3f}"
+    (cell / "um.csv").write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    code, _, err = called(capsys, "estimate", "-C", cell, "--readings", cell / "um.csv")
+    assert code == 2 and "um.csv:2: " in err and "if X, Y, Z are in µm, divide these columns by 1000" in err
+    rows[1:] = [[*row[: linear[0]], *(f"{float(row[i]) / 1000:.6f}" for i in linear), *row[linear[-1] + 1 :]] for row in rows[1:]]
+    rows[7][linear[0]] = "2000000"  # one slip is no unit
+    (cell / "slip.csv").write_text("\n".join(map(",".join, rows)) + "\n", encoding="utf-8")
+    code, _, err = called(capsys, "estimate", "-C", cell, "--readings", cell / "slip.csv")
+    assert code == 2 and "slip.csv:8: X" in err and "µm" not in err
+
+
+def test_a_set_of_terms_that_there_is_not_names_all_that_may_be_stated(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, err = called(capsys, "estimate", "-C", cell, "--terms", "S5")
+    assert code == 2 and "S1, S2, S3, S4, or a list of them, of coefficients (EYX2) and causes (thermal_drift)" in err
 
 
 @pytest.mark.long

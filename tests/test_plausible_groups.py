@@ -149,7 +149,14 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
 def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Readings) -> None:
     judgement = judged(cell, readings)
     said = "EXX1, EYY1, EZZ1 rest on the length of the scale bar as artefact.yaml states it: 200 mm ± 0.0005 mm"
-    assert judgement.verdict == "trustworthy" and any(r.startswith(said) for r in judgement.remarks)
+    (note,) = [r for r in judgement.remarks if r.startswith(said)]
+    assert judgement.verdict == "trustworthy" and "It moves others, too: EZt by -" in note and "the places of 14 facets by" in note
+    bar = cell.artefact.scale_bar
+    assert bar is not None
+    longer = replace(cell, artefact=replace(cell.artefact, scale_bar=replace(bar, length=bar.length + 0.01)))
+    one, two = (estimate(c.machine, c.artefact, readings, c.terms) for c in (cell, longer))
+    off = 1e3 * (two.value("EZt") - one.value("EZt"))
+    assert float(note.split("EZt by ")[1].split()[0]) == pytest.approx(off, abs=0.3)
     assert not judged(replace(cell, artefact=replace(cell.artefact, scale_bar=None)), readings).remarks
 
 

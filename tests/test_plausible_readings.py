@@ -171,3 +171,17 @@ def test_an_axis_the_wrong_way_on_the_first_example_is_no_traceback(axis: str, r
     spoilt = replace(readings, position=position)
     result = honest(estimate(known.machine, known.artefact, spoilt, known.terms))
     assert judge(known, spoilt, result, search=False).verdict == "implausible"
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1 / 60, "minutes or hours"), (1000.0, "milliseconds")])
+def test_a_clock_in_another_unit_is_noted(cell: Cell, twice: Readings, factor: float, unit: str) -> None:
+    one = twice.rows(twice.cycle == 1)
+    assert not [r for r in remarks(cell, one) if "time_s" in r.text]
+    (note,) = [r for r in remarks(cell, replace(one, time=one.time * factor)) if "time_s" in r.text]
+    assert note.verdict == "trustworthy" and f"is in {unit}" in note.text
+
+
+def test_a_long_pause_is_no_other_unit(cell: Cell, twice: Readings) -> None:
+    one = twice.rows(twice.cycle == 1)
+    lunch = np.where(np.arange(len(one)) > 40, 5 * 3600.0, 0.0)
+    assert not [r for r in remarks(cell, replace(one, time=one.time + lunch)) if "time_s" in r.text]

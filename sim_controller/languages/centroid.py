@@ -149,7 +149,7 @@ class Control:
                 self._write(texts[0], self._values(rest, raw), raw)
             elif number == 225:
                 self._known = self._place()
-                self._note("stop", why="M225", message=self._filled(texts[0], self._values(rest.rpartition("~")[2], raw)))
+                self._show(rest, texts[0], raw)
             else:
                 self._search(rest, number in (115, 116), raw)
             return
@@ -164,6 +164,16 @@ class Control:
             reader.at += 1
             words.append((letter.upper(), reader.value()))
         self._block(words, raw)
+
+    def _show(self, rest: str, form: str, raw: str) -> None:
+        """M225: a text on the screen, for the seconds of its variable; of 0, until somebody presses cycle start."""
+        held, _, values = rest.rpartition("~0~")
+        message, seconds = self._filled(form, self._values(values, raw)), self._values(held, raw)[0]
+        if seconds <= 0:
+            self._note("stop", why="M225", message=message)
+        else:
+            self._note("message", text=message)
+            self._motion.dwell(seconds)
 
     def _values(self, text: str, raw: str) -> list[float]:
         reader, found = self._reader(text.replace("~0~", "")), []

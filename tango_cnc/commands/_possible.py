@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..acceptance.further import MEASURED, possible, undecided_by
+from ..acceptance.further import possible
+from ..acceptance.open_features import MEASURED, Left, undecided_by
 from ..compensate.fit import Known
 from ..estimate import Estimate
-from ..iso230.doubt import UNDECIDED, VOLUME
+from ..iso230.doubt import UNDECIDED, VOLUME, lengths
 from ..iso230.seen import seen
 from ..iso230.whole import motion_of
 from ..nc.features import Tool, cut
@@ -33,6 +34,12 @@ class Machines:
     known: Known
     wide: Known
     measured: Known  # as `wide`, with a tool that was measured against the probe
+    lengths: tuple[float, ...]  # mm, of the styli that touched
+
+    @property
+    def left(self) -> Left:
+        """→ what is left open of a feature."""
+        return Left(self.wide, None, self.measured, self.lengths)
 
 
 def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machines | str:
@@ -45,7 +52,7 @@ def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machin
         return str(error)
     machine = result.model.touches.machine
     known, wide = (possible(w, machine, tool=tool) for w in (found.learned, found.wide))
-    return Machines(known, wide, possible(found.wide, machine, tool=MEASURED))
+    return Machines(known, wide, possible(found.wide, machine, tool=MEASURED), lengths(found.wide.touches))
 
 
 def aligned(way: Way, setup: Setup, of: Machines, tool: Tool | None = None) -> dict[str, Any]:

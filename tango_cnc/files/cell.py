@@ -108,7 +108,8 @@ def _terms(node: Node, folder: Path | None) -> tuple[TermItem, ...]:
         if not isinstance(item, (str, dict)) or (isinstance(item, dict) and not isinstance(item.get("cause"), str)):
             raise node.wrong("S1, S2, S3, S4 or a list of subset names, coefficients (EYX2) and causes (thermal_drift)", repr(item))
         if isinstance(item, str) and SUBSET.fullmatch(item) and item not in SUBSETS:
-            raise node.wrong(f"{', '.join(SUBSETS)}.{suggestion(item, SUBSETS)}", repr(item))
+            allowed = f"{', '.join(SUBSETS)}, or a list of them, of coefficients (EYX2) and causes (thermal_drift)"
+            raise node.wrong(f"{allowed}.{suggestion(item, SUBSETS)}", repr(item))
     return tuple(resolved(item, folder) for item in items)
 
 

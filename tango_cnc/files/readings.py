@@ -19,6 +19,7 @@ STATUSES = ("ok", "miss", "early")
 NUMBER = "a finite number; delete the row or give it the status 'miss'"
 
 SHEETS = (".xlsx", ".xls", ".ods")
+MACHINE = 2e4  # mm: hardly any machine travels further
 BEYOND = f"a position of at most {FURTHEST:.0f} mm or degrees; delete the row or give it the status 'miss' and a place"
 
 
@@ -78,7 +79,9 @@ def later(one: Readings, two: Readings) -> Readings:
 
 def _read(file: Path, machine: Machine, artefact: Artefact) -> Readings:
     if file.suffix.lower() in SHEETS:
-        raise complaint(file, None, "", "a spreadsheet", "text; save the sheet as CSV in UTF-8 and name that file")
+        raise complaint(
+            file, None, "", "found a spreadsheet", "allowed: a text file. Save the sheet as CSV (UTF-8), and name that file"
+        )
     return read_readings_text(read_text(file), machine, artefact, file)
 
 
@@ -134,7 +137,8 @@ def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Pa
     missing = np.zeros(len(body))
     position = np.column_stack([numbers(name) if name in cells else missing for name in machine.names]) * scale
     for row, column in np.argwhere(np.abs(position / scale) > FURTHEST):
-        raise complaint(file, at[row], machine.names[column], repr(cells[machine.names[column]][row]), BEYOND)
+        name = machine.names[column]
+        raise complaint(file, at[row], name, repr(cells[name][row]), BEYOND + _micrometres(position, machine, name))
     given = np.column_stack([numbers(f"d{name}") if f"d{name}" in cells else missing for name in machine.names])
     for column, name in enumerate(machine.names):
         for line, value in zip(at, given[:, column], strict=True):
@@ -154,6 +158,18 @@ def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Pa
         {name[2:]: numbers(name, empty=True) for name in header if name.startswith("T_")},
         whole("segment") if "segment" in cells else None,
         stylus,
+    )
+
+
+def _micrometres(position: Array, machine: Machine, name: str) -> str:
+    """(n, k) mm rad as if the file had mm, machine, axis that is too far → the unit that it may have, where the rows show it."""
+    linear = np.abs(position[:, [machine.column(axis) for axis in machine.linear]])
+    far = int((linear.max(axis=1) > MACHINE).sum())
+    if name not in machine.linear or 2 * far < len(linear) or linear.max() > 1e3 * MACHINE:
+        return ""
+    axes = ", ".join(machine.linear)
+    return (
+        f". {far} of {len(linear)} rows are more than {MACHINE / 1e3:g} m away: if {axes} are in µm, divide these columns by 1000"
     )
 
 

@@ -21,6 +21,8 @@ ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
 HARDLY = 0.25  # share below which a machine is hardly measured
 FIRST = 3  # touches that are named where many are missing
 FEW = 8  # numbers that a sentence names
+SHORT = 0.25  # of the least time that the moves take, below which touches come too fast: minutes are a sixtieth
+LONG = 200.0  # times that least time, which half of the touches exceed: milliseconds are a thousand times as many
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
 COARSE = 0.01  # mm: positions that are all whole multiples of it were rounded, or come from a display
 
@@ -49,6 +51,7 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
     yield from _clock(readings)
+    yield from _pace(cell, readings)
     yield from _rounded(cell, readings)
     yield from _alike(readings)
     yield from _nominal(cell, readings)
@@ -192,6 +195,22 @@ def _clock(readings: Readings) -> Iterator[Remark]:
             "time_s",
             say("plausible.readings.put_rows_into_order_measurement"),
         )
+
+
+def _pace(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    """Between two touches the axes go at rapid at most, and the search has its feed: who is much faster has another unit."""
+    speed = np.array([axis.rapid / 60 if axis.rapid else np.inf for axis in cell.machine.axes])
+    ways = np.abs(np.diff(readings.position, axis=0)) / speed
+    approach = cell.strategy.approach
+    least = ways.max(axis=1) + approach.standoff / (approach.feed / 60)
+    same = (np.diff(readings.day) == 0) & (np.diff(readings.cycle) == 0)
+    took, least = np.diff(readings.time)[same], least[same]
+    if len(took) < FEW or (took < 0).any():
+        return
+    short, long = took.sum() < SHORT * least.sum(), np.median(took / least) > LONG
+    if short or long:
+        numbers = {"count": len(took) + 1, "took": f"{took.sum():.4g}", "least": f"{least.sum():.4g}"}
+        yield Remark("trustworthy", say(f"plausible.readings.time_{'short' if short else 'long'}", **numbers))
 
 
 def coarse(readings: Readings) -> float:

@@ -16,7 +16,7 @@ from scipy import special
 from ..estimate import Estimate
 from ..model import known
 from ..records import Array
-from ..terms import SCALES
+from ..terms import SCALES, Coefficient
 from ..texts import joined, say
 from .data import Remark, listed
 
@@ -26,6 +26,8 @@ FEWEST = 3
 FEW = 0.1  # share of all touches that one indexation or one facet may make unfit
 FITS = 5.0  # white standard deviations within which touches fit
 CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
+SMALL = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "mm/mm": (1e6, "µm/m")}  # units of coefficients for people
+LONGER = 0.01  # mm: what a note on the bar says of the others is for a bar that is longer by this
 LENGTH = 6e-5  # mm/mm: gains that are alike and larger speak of the bar
 REACH = 400.0  # mm: what an angle does to a touch beyond its lever is half of its square times this, at most
 ALONE = 0.4  # share of all touches without weight that lie in one indexation of which the angle is blamed
@@ -175,15 +177,47 @@ def _gains(result: Estimate) -> Iterator[Remark]:
         names=joined(", ", names),
         length=f"{bar.length:.10g}",
         uncertainty=f"{bar.uncertainty:g}",
-        share=f"{0.01 / bar.length * 1e6:.0f}",
+        share=f"{LONGER / bar.length * 1e6:.0f}",
+        more=_with_bar(result, names),
     )
     yield Remark("trustworthy", text)
 
 
+def _with_bar(result: Estimate, scales: Sequence[str]) -> str:
+    """estimate, names of the scales → what else moves by more than two of its standard deviations if the bar is longer."""
+    moved = _moved_by_bar(result, LONGER)
+    coefficients = result.model.coefficients
+    told = []
+    for c, off, std in zip(coefficients, moved, result.std, strict=False):
+        if c.name not in scales and abs(off) > 2 * std:
+            told.append(
+                (abs(off) / std, say("plausible.groups.moves_with_bar", name=result.selection.label(c.name), size=_sized(c, off)))
+            )
+    first = len(coefficients)
+    facets = moved[first : first + len(result.model.touches.facets)]
+    beyond = np.abs(facets) > 2 * result.std[first : first + len(facets)]
+    more = [text for _, text in sorted(told, key=lambda one: -one[0])]
+    if beyond.any():
+        most = f"{float(np.abs(facets[beyond]).max()) * 1e3:.1f}"
+        more.append(say("plausible.groups.facets_move_with_bar", count=int(beyond.sum()), size=most))
+    return say("plausible.groups.moves_as_well", more=joined(", ", more)) if more else ""
+
+
+def _sized(coefficient: Coefficient, off: float) -> str:
+    """coefficient, by how much it moves in its own unit → the same with sign and unit for people."""
+    factor, unit = SMALL.get(coefficient.unit, (1.0, coefficient.unit))
+    return f"{off * factor:+.1f} {unit}"
+
+
+def _moved_by_bar(result: Estimate, off: float) -> Array:
+    """estimate, mm that the bar is longer → by how much every unknown moves (mm, rad)."""
+    _, rows, uncertainty = known(result.model, result.values)  # the bar is the last of what is known
+    return np.asarray(result.covariance @ rows[-1] * off / uncertainty[-1] ** 2)
+
+
 def _by_bar(result: Estimate, off: float) -> list[str]:
     """estimate, mm that the bar is off → names of coefficients that this moves by more than two of their standard deviations."""
-    _, rows, uncertainty = known(result.model, result.values)  # the bar is the last of what is known
-    moved = result.covariance @ rows[-1] * off / uncertainty[-1] ** 2
+    moved = _moved_by_bar(result, off)
     count = len(result.model.coefficients)
     return [n for n, m, s in zip(result.model.names[:count], moved, result.std, strict=False) if abs(m) > 2 * s]
 

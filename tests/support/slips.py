@@ -502,6 +502,17 @@ def rows_one_off(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
 
 
 @slip
+def rows_one_off_from_a_row_on(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
+    first = int(rng.integers(len(readings) // 4, 3 * len(readings) // 4))
+    linear = [cell.machine.column(name) for name in cell.machine.linear]
+
+    def change(p: np.ndarray) -> None:
+        p[first:, linear] = p[first - 1 : -1, linear].copy()
+
+    return cell, _columns(readings, change), Answer(("row_order",), f"from touch {int(readings.touch[first])} on")
+
+
+@slip
 def newest_record_first(cell: Cell, readings: Readings, rng: Rng) -> Spoilt:
     def change(p: np.ndarray) -> None:
         p[:] = p[::-1].copy()

@@ -95,7 +95,7 @@ class Control:
         self._common: dict[str, Value] = {}
         self._contact = {name: 0.0 for name in profile.axes}
         self.files: dict[str, str] = {}
-        self._file, self._line, self._message = "", "", ""
+        self._file, self._line, self._message, self._remark = "", "", "", ""
         self._motion_code, self._feed = 0, 0.0
         self._idle, self._moved = 0, 0.0
 
@@ -134,7 +134,8 @@ class Control:
                 raise alarm("end", f"{program.name} turns in a circle")
             text = program.blocks[index]
             self._note("block", program=program.name, line=program.lines[index], text=text)
-            self._motion.reads(program.remarks[index])
+            self._remark = program.remarks[index]
+            self._motion.reads(self._remark)
             if len(text) > LONGEST:
                 raise alarm("text", text[:40])
             index += 1
@@ -279,7 +280,7 @@ class Control:
         if any(code in WAITS for code in m_codes) and self._profile.wait:
             self._axes.settle()
         if 0 in m_codes or 1 in m_codes:
-            self._note("stop", why="M00", message=self._message)
+            self._note("stop", why="M00", message=self._remark)
         return 2 in m_codes or 30 in m_codes
 
     def _g_code(self, value: str, text: str) -> int:

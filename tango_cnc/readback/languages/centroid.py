@@ -32,6 +32,8 @@ START = re.compile(r'M223 "TANGO START ([0-9A-F]{12}) (\d+)\\n"')
 END = re.compile(r'M223 "TANGO END ([0-9A-F]{12}) (\d+)\\n"')
 RECORD = re.compile(r'M223 "P%\.0f H%\.0f((?: [A-Z]%\.[4-9]f)+)\\n"((?: #\d+)+)')
 STOP = re.compile(r'M225 #(\d+) "TANGO STOPPED\. [A-Z0-9 .]+"')
+SHOWN = re.compile(r'M225 (#\d+) "[A-Z0-9 .-]+"')
+LONGEST = 10.0  # s that a text for the person may hold the program up
 WAIT = "IF #50010"
 OWN = range(29000, 30000)
 INPUT, PROBE_BIT, TRIPPED = 9011, 50015, 25022
@@ -128,10 +130,18 @@ class _Program:
             self._if(match[1], match[2])
         elif match := ASSIGN.fullmatch(code):
             self._machine.does(self._assignment(int(match[1]), match[2], None))
+        elif match := SHOWN.fullmatch(code):
+            self._show(self._machine.same(match[1]))
         elif code.startswith(("M223", "M121")):
             self._print(code)
         else:
             self._move(code)
+
+    def _show(self, seconds: float) -> None:
+        if not 0 < seconds <= LONGEST:
+            raise InputError(
+                f"shows its text for {seconds:g} s; allowed: up to {LONGEST:g} s, and not 0, which waits for cycle start"
+            )
 
     def _print(self, code: str) -> None:
         if OPEN.fullmatch(code) and not self._opened:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+from ...gate import TOUCH
 from ...records import InputError, Plan
 from ..expressions import Value
 from ..language import Companions, Language
@@ -20,6 +21,7 @@ from ..reading import MARK_IN_BRACKETS, REST, read_through, stated_words
 from ..rehearsal import NUMBER, Rehearsal, numbered
 from ..twins import Twin, latched_elsewhere
 
+SHOWS = f"M00({TOUCH})"
 COMMENT = re.compile(r"\([^()]*\)")
 NAME = re.compile(r"O[A-Z0-9]{1,4}")
 LABEL = re.compile(r"N[A-Z0-9]{1,5}")
@@ -118,6 +120,7 @@ class _Program:
         self._moving, self._asked, self._named = True, False, False
         self._relative = self._stepped = False  # G91 is on; the step before all else has been made, and nothing else since
         self._seen: set[str] = set()  # what has to have been asked before anything moves
+        self._shows = options.get("show") == "stop" and options.get("gate") == "finger"
         self._put: str | None = None
         self._pressed = False  # somebody touches the stylus; whether that was noticed has to be asked
         self._opened = self._closed = self.over = False
@@ -157,6 +160,8 @@ class _Program:
             self._seen.add("frame")
         elif match := CALL.fullmatch(code):
             self._call(match[1], dict(item.split("=") for item in match[2].split()))
+        elif line == SHOWS and self._shows and self._machine.walk.proving:
+            self._shows = False  # whoever has read it presses start; once, right before the stylus is touched
         elif code == "M02":
             self._machine.watched()
             self.over = True

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+from ....gate import TOUCH
 from ....records import OFF, InputError, Plan
 from ...expressions import Value
 from ...language import Companions, Language
@@ -42,6 +43,7 @@ from .blocks import (
 from .texts import Texts, labels, spelt, whole
 
 COMPANIONS = re.compile(r".+")
+SHOWS = f"STOP ; {TOUCH}"
 MASK = ["M_APPEND;", '"%S",QS1;', "M_CLOSE;"]
 # No plane matters here; MM in the first block; M91, R0, no cycle and F in the blocks that move; M137 and M5 in the head
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
@@ -115,6 +117,7 @@ class _Program:
         self._angle = 0.0
         self._columns: dict[str, str] = {}  # of the probe table: parameter that it was read into
         self._ahead: list[str] = []  # what is left of the label that is carried out
+        self._shows = options.get("show") == "stop" and options.get("gate") == "finger"
         self._depth = 0
         self._moving, self._alone = True, False  # axes may move; only those of twins that are not on their way to a label
         self.over = False
@@ -135,7 +138,9 @@ class _Program:
             if code and not self._name:
                 raise InputError("found no BEGIN PGM … MM")
             return
-        if match := cycle_444.CALL.fullmatch(code):
+        if block == SHOWS and self._shows and self._machine.walk.proving:
+            self._shows = False  # whoever has read it presses start; once, right before the stylus is touched
+        elif match := cycle_444.CALL.fullmatch(code):
             self._cycle_444(match)
         elif self._probing or code.startswith("TCH PROBE"):
             self._probe(code)

@@ -21,7 +21,7 @@ from ...twins import Place, Twin, latched_elsewhere, offset_changed
 from . import basic
 
 COMPANIONS = re.compile(r"m88[0-7]\.m1s")
-COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )[A-Z0-9 .+-]*\)")
+COMMENT = re.compile(r"\((?!.*TANGO (?:START|END) )(?:MSG,)?[A-Z0-9 .+-]*\)")
 SET = re.compile(rf"#(\d+)=({NUMBER}|\d+)")
 CALL = re.compile(r"M(88[0-7])(?: P(\d+))?")
 MARKED = re.compile(r"M(880|886) \(TANGO (START|END) ([0-9A-F]{12}) (\d+)\)")
