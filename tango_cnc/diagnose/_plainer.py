@@ -83,7 +83,7 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
         if not near:
             continue
         # One with more covariates than the larger of the two follows anything a little better, as where it stands alone.
-        worths = [a.score - max(a.choice, AMONG if larger < _parts(a.kernel) else 0.0) for a in near]
+        worths = [a.score - a.choice - (AMONG if larger < _parts(a.kernel) else 0.0) for a in near]
         one, worth = near[int(np.argmax(worths))], max(worths) - price(field, m, near[0].kernel)
         if worth >= both:
             at = next(i for i, o in enumerate(found) if o is p)
