@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -181,12 +181,13 @@ class History:
             given["last"] = last + REFUSED
         return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
 
-    def ahead(self, machine: str) -> str:
-        """machine → date of its newest night that the clock dates in the future; '' for none, or without a clock."""
+    def ahead(self, machine: str) -> tuple[Night, ...]:
+        """machine → its nights that the clock dates in the future, newest first; none without a clock."""
         if self.clock is None or not self.knows(machine):
-            return ""
-        newest = replace(self, clock=None).nights(machine, last=1)
-        return newest[0].night if newest and newest[0].start_utc > self._until()["until"] else ""
+            return ()
+        day_before = f"{(self.clock() - timedelta(days=2)).astimezone():%Y-%m-%d}"
+        later = replace(self, clock=None).nights(machine, since=day_before)
+        return tuple(n for n in later if n.start_utc > self._until()["until"])
 
     def night(self, entry: int) -> Stored:
         """number of an entry → that night whole. Raises InputError when there is none."""

@@ -24,6 +24,7 @@ from ..state import (
     Tonight,
     Within,
     choose,
+    grown,
     hypotheses,
     judge,
     name_change,
@@ -44,7 +45,8 @@ from .alarms import Known, alarms_of, date_of, since, since_full, standing, unhe
 from .behind import behind
 from .control import Given, InControl, limited
 from .course import ALIKE
-from .doubt import Judged, attempted, believed
+from .dates import clock_wrong
+from .doubt import Judged, attempted, believed, doubted
 from .drift import as_alarm
 from .goes_on import anew, going_on
 from .lag import lagging
@@ -212,7 +214,7 @@ class Nights:
         before = self.state(past)
         warmth = parts.warmth(readings, self.settings.sensor)
         first = before is None
-        ahead = start(self.followed, day, parts.mean(warmth)) if before is None else predicted(before, day)
+        ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
@@ -255,6 +257,7 @@ class Nights:
         inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
         moves = -np.inf if first or not alarm or inner is not None else self._moves(ahead, readings, tonight, named)
         judged = believed(judged, diagnosis, alarms, first, moves) if inner is None else moved_within(known, inner, readings)
+        judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, machine) else judged
         helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []

@@ -43,6 +43,12 @@ def attempted(
         return {}, str(error) or type(error).__name__
 
 
+def doubted(judged: Judged, reason: str) -> Judged:
+    """judgement, a reason beside the touches → the same, in doubt for this reason first. It teaches what it taught before."""
+    verdict = "doubtful" if judged.verdict == "trustworthy" else judged.verdict
+    return replace(judged, verdict=verdict, reasons=(reason, *judged.reasons))
+
+
 def believed(
     judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool, moves: float = -math.inf
 ) -> Judged:
