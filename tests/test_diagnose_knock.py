@@ -94,3 +94,14 @@ def test_an_estimate_tells_everything_that_may_have_moved() -> None:
         told = [(noise.step.frame, noise.step.axis), *noise.step.instead]
         assert may in [frame for frame, _ in told], (cause, told)
         assert len(set(told)) == len(told)
+
+
+@pytest.mark.long
+def test_what_the_wrong_one_of_two_knocks_leaves_gets_no_name() -> None:
+    """3 µm of C on its cradle were a `step` and a `moving_mass` that followed what the step left."""
+    b = blind.bench()
+    tried = blind.trial(b, blind.eyes(b), ("axis_knock",), (0.003, 0.003), 28310047)
+    assert tried is not None
+    d = tried[1]
+    assert {f.cause for f in d.findings} <= KNOCKS and "axis_knock" in listed(d)
+    assert [f.cause for f in d.findings] == ["axis_knock"] or d.verdict == "unexplained"

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import pytest
+from support.answers import answered
 from support.histories import knowledge, record
 
+from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.history.clock import asks, in_future, told
 from tango_cnc.history.store import History
 from tango_cnc.nightly.dates import clock_wrong, dated
 from tango_cnc.nightly.words import headline, message
+from tango_cnc.report import morning
 
 MEASURED = datetime(2026, 10, 3, 2, 0, tzinfo=UTC)
 
@@ -84,3 +89,15 @@ def test_all_missing_nights_are_counted_not_only_those_on_record(tmp_path: Path)
             assert f"; {missing} nights before were not measured" in said
             assert said.endswith("look whether the date of this computer is right") == (missing > 30)
         assert dated(seven, history, "M", MEASURED + timedelta(days=8), 1.0) == {}, "all of them are on record"
+
+
+@pytest.mark.long
+def test_what_stands_behind_a_limit_has_the_date_of_the_alarm_that_found_it(root: Path, tmp_path: Path) -> None:
+    """Its alarm was accepted, so that the next page has only what stands behind the limit: one change, one date."""
+    story = Story((Event(6, {"EY0C": 0.020}),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 8, {6: "accept"}, limits={"volume": 60.0})
+    assert records[5]["alarms"] and not records[6]["alarms"] and records[6]["behind"][0]["night"] == records[5]["night"]
+    pages = [morning.render(r).partition("For the engineer")[0] for r in records[5:8]]
+    assert all(re.search(r"by \+2[01] µm since the night of Tue 6 Oct 2026", page) for page in pages)
+    assert all("Since the night of Tue 6 Oct 2026 a part" in page for page in pages)
+    assert not any(re.search("(?:µm since|Since) Mon 5 Oct 2026", page) for page in pages)

@@ -172,6 +172,23 @@ def test_a_tool_that_is_shorter_than_the_stylus_is_named_as_the_reason_and_a_sec
 
 
 @pytest.mark.long
+def test_a_part_that_the_length_of_its_tool_withholds_says_so(tmp_path: Path) -> None:
+    _, result = measured("hu40t", SEED + 300, drawn=Every)
+    machine, touched = result.model.touches.machine, touched_of(result.model.touches)
+    tilted = ["G0 B0. C0.", *PROGRAM[1:3], "G1 X-60. Y-60. Z0. F500", "X60. Y60. B30. C40.", "X0. Y0. B60. C90.", "M30"]
+    why, tool = {}, features.Tool(2e-3)
+    for by in (-90.0, 0.0):
+        setup = Setup(machine, ZERO, machine.probe.length + by)
+        of = _possible.machines(tmp_path, result, tool)
+        assert isinstance(of, _possible.Machines)
+        way, _ = along([PROGRAM[0], *tilted], language("rs274"), setup, found_of(result), touched)
+        why[by] = _possible.aligned(way, setup, of, tool)["why"]
+    print(why)
+    assert why[0.0] == ""
+    assert "the length of the tool is why: as long as the stylus (326.674 mm)" in why[-90.0]
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("example", "seed", "words"), [("trunnion", SEED, "--terms S4 --degree 6"), ("hu40t", SEED + 1, "no better")]
 )

@@ -79,7 +79,8 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     overall = "All figures conform." if found.conforms else "Not all figures conform."
     if found.stands:
         overall = "No statement of conformity is made."
-    body = ", ".join(f"text({quoted(c)})" for row in [HEAD, *(cells(r) for r in found.rows)] for c in row)
+    head = ", ".join(f"text({quoted(c)})" for c in HEAD)
+    body = ", ".join(f"text({quoted(c)})" for row in found.rows for c in cells(row))
     missing = {clause: f"missing: {found.lacks[clause]}" if clause in found.lacks else "missing" for clause in found.missing}
     answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or missing[clause]))
     why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and r.why != found.stands)
@@ -90,11 +91,13 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     return f"""#set page(paper: "a4", margin: (x: 14mm, y: 11mm), footer: {counted})
 #set text(size: 7pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
 #set par(leading: 0.4em)
+#set table.cell(breakable: false)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
 
 #text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(f"No interval stands: {found.stands}" if found.stands else "")})
 
-#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt, {body})
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt,
+  table.header({head}), {body})
 {why}
 #table(columns: (42mm, 1fr), inset: 2pt, stroke: 0.3pt, {answers})
 
