@@ -141,9 +141,10 @@ def monte_carlo(count: int, loop: int) -> bool:
         off = np.abs(found[:, s.outputs] * scale - chord).max()
         total = each / loop * count
         print(f"  {name:44} {total:10.0f}   {total / seconds:6.0f} times ours (from {loop} trials), differs by {off:.2g} u")
-        good &= bool(off < 0.1)
-        if name.startswith("loop: scipy"):
+        if name.startswith("loop: scipy"):  # its finite differences miss the solution by up to 2e-5 mm: it judges the time alone
             good &= total >= FASTER * seconds
+        else:
+            good &= bool(off < 0.1)
     print(f"  {'floor: normals, products and turns':44} {roof:10.2f}   ours is {seconds / roof:.1f} times that")
     print(f"  normals {normals:.2f} s, products {products:.2f} s at {rate:.0f} GFLOP/s, {number} turns {turning:.2f} s")
     print(f"  a linear model needs no turns: ours is {seconds / (normals + products):.1f} times the floor of that")
