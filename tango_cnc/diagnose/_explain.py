@@ -155,7 +155,7 @@ def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
 
 
 def _family(cat: Catalogue, cause: str) -> list[str]:
-    """catalogue, a cause → what is never searched for beside it: its twins; of a twin the cause it stands for, and its other twins."""
+    """catalogue, a cause → its twins; of a twin the cause in whose place it stands, and the other twins of that."""
     families = [(first, *twins) for first, twins in cat.twins.items() if cause in (first, *twins)]
     return [c for c in dict.fromkeys(name for one in families for name in one) if c != cause and c in cat.causes]
 

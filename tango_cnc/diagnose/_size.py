@@ -40,18 +40,38 @@ def size(e: Explanation, means: Rows, weight: Array) -> dict[int, Size]:
         end += k
         told = _told(c, weight * means.scale)
         amplitude = told(v, c.candidate.columns @ v)
-        std = _std(told, v, c.candidate.columns, slopes[i], covariance[np.ix_(block, block)])
-        around = [x for j, o in enumerate(e.chosen) if j != i for x in (o.columns, tangents.get(j, o.columns[:, :0]))]
-        std = max(std, _followed(e, c, told, amplitude, np.hstack([c.columns[:, :0], *around])))
-        moment = _between(e, c, means, weight) if _begins(c) else None
-        result[id(c)] = _one(c, v, np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None)), amplitude, std, touches, moment)
+        beside = [x for j, o in enumerate(e.chosen) if j != i for x in (o.columns, tangents.get(j, o.columns[:, :0]))]
+        around = np.hstack([c.columns[:, :0], *beside])
+        std = _known(e, c, told, v, slopes[i], covariance[np.ix_(block, block)], around)
+        more: dict[str, Any] = {}
+        if c.candidate.setting.get("shape") == "exponential" and len(v) == 1 and c.candidate.coefficients[0].unit == "mm":
+            shown = _shown(weight * means.scale)
+            more["run_um"] = shown(v, c.candidate.columns @ v) * 1e3
+            more["run_std_um"] = _known(e, c, shown, v, slopes[i], covariance[np.ix_(block, block)], around) * 1e3
+        if _begins(c):
+            more["at_after"], more["at"] = _between(e, c, means, weight)
+            more["time_s"] = float(touches.time[more["at"] - 1])
+        each = np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None))
+        result[id(c)] = _one(c, v, each, amplitude, std, touches, more)
     return result
+
+
+def _known(e: Explanation, c: Chosen, told: Told, v: Array, slopes: Array, covariance: Array, around: Array) -> float:
+    """→ standard deviation of a size: that of the first order, or further where the likelihood allows a further one."""
+    straight = _std(told, v, c.candidate.columns, slopes, covariance)
+    return max(straight, _followed(e, c, told, told(v, c.candidate.columns @ v), around))
+
+
+def _curved(e: Explanation, c: Chosen) -> dict[str, str]:
+    """→ shape parameters that change the shape: the time of a straight line only says in what unit its slope is told."""
+    straight = c.candidate.setting.get("shape") == "linear"
+    return {name: way for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items() if not (straight and name == "tau")}
 
 
 def _slopes(e: Explanation, c: Chosen, v: Array) -> Array:
     """→ (n, t) change of the fitted pattern with every continuous shape parameter."""
     found = []
-    for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items():
+    for name, way in _curved(e, c).items():
         at = c.candidate.setting.get(name)
         if way in ("touch", "order") or not isinstance(at, (int, float)):
             continue
@@ -65,9 +85,14 @@ def _told(c: Chosen, weight: Array) -> Told:
     """→ how a size is told: millimetres as they are, angles and slopes as the largest effect on a touch."""
     units = [k.unit for k in c.candidate.coefficients]
     if units and units[0] != "mm":
-        return lambda v, effect: float(np.abs(effect / weight).max())
+        return _shown(weight)
     measure = _measure(form([k.name for k in c.candidate.coefficients]))
     return lambda v, effect: measure(v)
+
+
+def _shown(weight: Array) -> Told:
+    """→ a size told as the largest effect on a touch."""
+    return lambda v, effect: float(np.abs(effect / weight).max())
 
 
 def _std(told: Told, v: Array, columns: Array, slopes: Array, covariance: Array) -> float:
@@ -88,8 +113,7 @@ def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: A
     A drift whose time constant is about as long as the test is as well a larger and slower one: the size is followed along the
     time constant as far as the likelihood allows (profile likelihood), where a straight step from the best one would be too short.
     """
-    ways = e.catalogue.refine.get(c.candidate.cause, {})
-    names = [n for n, way in ways.items() if way == "log" and isinstance(c.candidate.setting.get(n), float)]
+    names = [n for n, way in _curved(e, c).items() if way == "log" and isinstance(c.candidate.setting.get(n), float)]
     if not names:
         return 0.0
     root = e.place.setting(e.ratios).root
@@ -137,9 +161,7 @@ def form(names: list[str]) -> str:
     return "numbers"
 
 
-def _one(
-    c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches, moment: tuple[int, int] | None
-) -> Size:
+def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches, more: Mapping[str, Any]) -> Size:
     names = [k.name for k in c.candidate.coefficients]
     units = [k.unit for k in c.candidate.coefficients]
     kind = form(names)
@@ -158,9 +180,7 @@ def _one(
         effect["phase"] = detail["phase_deg"]
     if "tau" in c.candidate.setting and len(touches):
         detail["run_s"] = round(float(touches.warm.max()), 1)
-    if moment is not None:
-        detail["at_after"], detail["at"] = moment
-        detail["time_s"] = float(touches.time[moment[1] - 1])
+    detail.update(more)
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
     each = zip(names, units, v, std_values, strict=bool(names))
