@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -312,3 +313,55 @@ def test_pages_are_counted_and_where_no_interval_stands_no_statement_is_made(tmp
 def test_a_withheld_figure_says_why_where_nothing_stands(tmp_path: Path) -> None:
     found = signed(tmp_path, sheet(None), replace(GOOD, verdict="doubtful", reasons=("why",)))
     assert "EXZ cannot be separated from EBZ" in page.typst(found, repr)
+
+
+@pytest.mark.parametrize(("expanded", "places"), [(None, 3), (0.014, 3), (0.14, 2), (1.4, 1), (9.96, 0), (25.0, 0), (140.0, 0)])
+def test_an_uncertainty_has_two_significant_digits_and_its_value_as_many(expanded: float | None, places: int) -> None:
+    assert page.digits(expanded) == places
+
+
+@pytest.mark.parametrize(("half", "shown"), [(0.588, ["5.12", "0.60"]), (5.88, ["5.1", "6.0"]), (58.8, ["5", "60"])])
+def test_value_and_uncertainty_on_the_page_end_at_one_digit(tmp_path: Path, half: float, shown: list[str]) -> None:
+    (row,) = signed(tmp_path, sheet(5.123, half)).rows
+    cells = page.cells(row)
+    assert [cells[1], cells[3]] == shown
+
+
+def test_an_end_beside_the_limit_shows_on_which_side_it_is(tmp_path: Path) -> None:
+    (row,) = signed(tmp_path, sheet(8.0)).rows
+    for most, shown in ((10.00004, "10.00004"), (9.996, "9.996"), (10.0, "10.00"), (9.5, "9.50")):
+        assert page.cells(replace(row, decided=(1.0, most)))[2] == f"1.00 … {shown}"
+
+
+@pytest.mark.parametrize(("supplied", "disclaimed"), [("none", False), ("None.", False), ("the limits, and the tool", True)])
+def test_what_the_customer_supplied_has_a_disclaimer(tmp_path: Path, supplied: str, disclaimed: bool) -> None:
+    told = signed(tmp_path, sheet(1.0), supplied=supplied).checklist["7.8.2.2 supplied by the customer"]
+    assert told.startswith(supplied) and ("does not answer for them" in told) == disclaimed
+
+
+@pytest.mark.parametrize("kind", ["positioning", "volumetric", "parameter", "part"])
+def test_whatever_feels_an_expansion_needs_a_thermometer(tmp_path: Path, kind: str) -> None:
+    """A volume, a length of a part and a scale of the fit are at 20 °C as positioning is: it alone asked for one."""
+    shown = replace(sheet(1.0), thermal=Thermal(Known(20.5, 0.1), Known(20.2, 0.3), USUAL, USUAL), temperature="20 °C")
+    for expands in (True, False):
+        one = replace(shown.figures[0], kind=kind, name="Q", expands=expands)
+        found = signed(tmp_path, replace(shown, figures=(one,)), limits={f"{kind} Q": 10})
+        assert ("7.8.4.1 c) traceability" in found.missing) == expands
+
+
+def test_notes_on_the_fit_are_no_deviations_from_the_method(tmp_path: Path) -> None:
+    bent, left = replace(GOOD, remarks=("bent axes leave no residual",)), replace(MEASURED, remarks=("3 left",))
+    noted = signed(tmp_path, sheet(1.0), bent, left)
+    assert noted.checklist["7.8.2.1 n) additions, deviations"] == "none; 3 left"
+    assert "'parameter'" in noted.checklist["other: notes"] and "bent axes" in noted.checklist["other: notes"]
+    assert "other: notes" not in signed(tmp_path, sheet(1.0)).checklist
+
+
+@pytest.mark.skipif(not available(), reason="typst is not installed")
+def test_a_sheet_of_eight_figures_is_one_page(tmp_path: Path) -> None:
+    """Its signature was alone on a second one."""
+    shown, names = sheet(1.0), [f"EXZ{i}" for i in range(8)]
+    figures = tuple(replace(shown.figures[0], name=name) for name in names)
+    noted = replace(GOOD, remarks=("a note of some hundred letters on what these touches cannot show of this machine " * 4,))
+    found = signed(tmp_path, replace(shown, figures=figures), noted, limits={f"straightness {name}": 10 for name in names})
+    assert re.findall(rb"/Count (\d+)", compiled(page.typst(found, quoted)))[0] == b"1"

@@ -27,7 +27,7 @@ def means() -> Rows:
 
 
 def told(
-    hidden: Callable[[Touches], Array], felt: str, compared: list[tuple[str, str]], seed: int = 3
+    hidden: Callable[[Touches], Array], felt: str, compared: list[tuple[str, str]], seed: int = 3, peak: float = 7.0
 ) -> list[tuple[str, str, tuple[str, ...]]]:
     """what is hidden (n,), how a touch feels it, shapes that are compared with their frames, all chosen in this order at first →
     covariates, frame and rivals as they are told; the model explains nothing here.
@@ -42,7 +42,7 @@ def told(
     forms = [Form(tuple(factor(x) for x in name.split(" × ")), frame) for name, frame in compared]
     field = Field([scaled(Kernel(f, "shape", f.columns(m.seen))) for f in forms], np.eye(len(m.seen)), np.ones(len(m.seen)), m)
     y = hidden(m.seen) * weights(m.seen, felt)[:, 0]
-    y = y / np.abs(y).max() * 7 + np.random.default_rng(seed).normal(size=len(y))
+    y = y / np.abs(y).max() * peak + np.random.default_rng(seed).normal(size=len(y))
     begun = [Picked(k, field.project(k), 1.0, 100.0) for k in field.kernels[:2]]
     found = plainer(field, y, np.empty((len(y), 0)), begun[:1] if len(compared) > 2 else begun)
     return [(p.kernel.covariate, p.kernel.form.weight if p.kernel.form else "", p.rivals) for p in found]
@@ -148,3 +148,13 @@ def test_places_and_periods_pay_for_being_chosen() -> None:
     step = Adapting(field).adapt(s, ("X",), ("machine z",))
     assert step.kernel.form is not None and step.kernel.form.factors[0].kind == BEYOND
     assert step.choice == pytest.approx(2 * np.log(sum(f.kind == BEYOND for f in factors(m.seen, "X", m.seen.axis("X")))))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("peak", "first"), [(5.0, "way of Y × Y"), (4.0, "dY × way of Y")])
+def test_a_pair_is_told_or_listed_where_few_functions_of_each_follow_it(peak: float, first: str) -> None:
+    """A screw that whips with the way that it went, the more the farther out: many functions of both diluted what few say."""
+    way = values(means().seen)["way of Y"]
+    three = [("way of Y", "machine y"), ("time × X", "machine y"), ("X × B", "machine x")]
+    (shape,) = told(lambda t: np.abs(way) * unit(t.axis("Y")), "machine y", three, seed=4, peak=peak)
+    assert shape[0] == first and "way of Y × Y" in (shape[0], *shape[2])

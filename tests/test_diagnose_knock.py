@@ -192,3 +192,14 @@ def test_what_a_change_at_a_moment_explains_is_no_fact_of_a_facet_a_ball_or_an_a
     assert ("Or else" in said[0]) == both
     assert not [r for r in found.reasons if r not in said and ("elsewhere in touches" in r or "from where the readings say" in r)]
     assert found.suspicions[0].kind == "step"
+
+
+@pytest.mark.long
+def test_what_the_wrong_one_of_two_knocks_leaves_gets_no_name() -> None:
+    """3 µm of C on its cradle were a `step` and a `moving_mass` that followed what the step left."""
+    b = blind.bench()
+    tried = blind.trial(b, blind.eyes(b), ("axis_knock",), (0.003, 0.003), 28310047)
+    assert tried is not None
+    d = tried[1]
+    assert {f.cause for f in d.findings} <= KNOCKS and "axis_knock" in listed(d)
+    assert [f.cause for f in d.findings] == ["axis_knock"] or d.verdict == "unexplained"

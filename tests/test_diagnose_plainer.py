@@ -153,6 +153,14 @@ def test_a_name_beside_another_that_does_nearly_as_well_is_undecided() -> None:
     assert "time together with position of Z, with an evidence of 12 less" in nearly(("time × Z", 12.2))
 
 
+@pytest.mark.parametrize(("behind", "undecided"), [(3.9, True), (4.1, False), (5.5, False)])
+def test_of_two_names_one_is_ahead_by_what_the_wrong_one_hardly_ever_is(behind: float, undecided: bool) -> None:
+    size = cast(Any, type("Size", (), {"amplitude": 0.003}))
+    blank: Any = dict.fromkeys(Finding.__dataclass_fields__)
+    one = Finding(**{**blank, "cause": "thermal_drift", "size": size, "alternatives": (("stylus_creep", {}, behind),)})
+    assert [r.rivals for r in _undecided([one], 393)] == [("stylus_creep",)] * undecided
+
+
 @pytest.mark.parametrize(
     ("less", "several", "told"), [(9.0, False, True), (12.0, False, False), (12.0, True, True), (21.0, True, False)]
 )

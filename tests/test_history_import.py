@@ -61,3 +61,31 @@ def test_readings_of_another_machine_or_with_edited_rows_are_no_night_of_this_on
         assert not history.machines(), "nothing was added"
     readings.write_text(whole, encoding="utf-8")
     assert refused() == ""
+
+
+@pytest.mark.long
+def test_an_imported_night_that_promises_a_diagnosis_has_it_and_looks_at_the_stylus(tmp_path: Path) -> None:
+    """A stylus that creeps in its holder reads like a machine that warms up: both are named, and what to do has both."""
+    home, cells = tmp_path / "home", []
+    write_example(home, "trunnion")
+    for number in (1, 2):
+        old = Path(shutil.copytree(home, tmp_path / f"n{number}"))
+        if number == 2:
+            creep = "effects:\n  - {cause: stylus_creep, amplitude: 0.010, tau: 900, direction: [1, 0, 0]}"
+            world = (old / "world.yaml").read_text(encoding="utf-8")
+            assert "effects: []" in world
+            (old / "world.yaml").write_text(world.replace("effects: []", creep), encoding="utf-8")
+        words = ["simulate", "-C", str(old), "--seed", str(number)]
+        assert CliRunner().invoke(tango, words, standalone_mode=False).exit_code == 0
+        (old / "simulated.csv").rename(old / "readings.csv")
+        (old / "readings.json").write_text(json.dumps({"start_utc": f"2026-11-{10 + number}T02:00:00Z"}), encoding="utf-8")
+        cells.append(old)
+    with opened(tmp_path / "history.db") as history:
+        (_, good), (_, crept) = imported(history, cells, home)
+    assert good["verdict"] == "good" and "diagnosis" not in good  # nobody waits for it
+    assert crept["verdict"] == "doubtful" and crept["diagnosis"]["verdict"] == "unexplained"
+    assert "(warm-up, surroundings, or the stylus in its holder)" in crept["headline"]
+    said = "nobody can tell whether the machine drifted or the stylus tip crept sideways in its holder"
+    assert crept["plausible"]["reasons"][1].startswith(said)
+    told = message(crept, (), ())[1]
+    assert "Look whether stylus and probe sit tight in their holders" in told and "No cause was looked for" not in told

@@ -175,3 +175,12 @@ def test_the_command_says_what_it_did_and_keeps_the_source(tmp_path: Path) -> No
     refused = CliRunner().invoke(tango, [*common, "--zero", "X=0,Y=0,Z=50"])
     assert isinstance(refused.exception, InputError) and "part.nc: line 3" in str(refused.exception)
     assert target.read_bytes() == before and not list(tmp_path.glob(".out*"))
+
+
+@pytest.mark.parametrize(
+    ("placed", "assumed"), [("G0 X0. Y0. Z50.\n", {"A", "C"}), ("G0 X0. Y0. Z50. A30.\n", {"C"}), ("G0 X0. Z50. A30. C0.\n", set())]
+)
+def test_rotary_axes_that_no_block_has_placed_are_said(knowledge: Known, placed: str, assumed: set[str]) -> None:
+    """The control may have them anywhere, and the corrections are those of 0."""
+    _, account = rewritten(f"G21 G90 G17 G54\nG0 Y0.\n{placed}G1 X5. F500.\n", knowledge)
+    assert account.assumed == assumed

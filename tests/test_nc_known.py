@@ -125,6 +125,8 @@ def test_every_m_function_that_calls_or_moves_is_refused(name: str) -> None:
         ("siemens", "G2 X10 Y0 I5 K3", "K3 in an arc in the plane XY"),
         ("macro_b", "G2 X10. Y0. I5. R5.", "an arc with a radius and a center"),
         ("macro_b", "G2 X10. Y0. I5. L3", "L3"),
+        ("rs274", "M428", "M428; with tool center point control on"),
+        ("macro_b", "M430", "M430; with tool center point control on"),
         ("klartext", "5 M5 M128", "M128"),
         ("klartext", "5 M5 M143", "M143"),
         ("klartext", "5 M5 X+10", "M5 X+10"),
@@ -134,6 +136,22 @@ def test_a_word_that_may_be_something_else_than_a_move_is_refused(name: str, tex
     with pytest.raises(InputError) as error:
         read(language(name), text)
     assert f"line 7: found {found}" in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["rs274", "macro_b"])
+def test_z_is_not_moved_by_the_length_of_the_tool_before(name: str) -> None:
+    """T2 M6 without G43: the length of tool 1 still acts on some controls. X and Y may move, and G49 or G43 ends it."""
+    known = language(name)
+
+    def reads(*after: str) -> list[Block]:
+        modal = Modal(motion="rapid", position=dict.fromkeys(AXES, 0.0), metric=True, absolute=True)
+        lines = ("T1 M6", "G43 H1 Z50.", "T2 M6", *after)
+        return [known.read(line, number, modal, AXES) for number, line in enumerate(lines, 1)]
+
+    with pytest.raises(InputError, match=r"line 5: found Z50 after M6; a tool was changed"):
+        reads("G0 X5. Y5.", "G0 Z50.")
+    assert reads("G0 X5. Y5.", "G43 H2 Z50.", "G1 Z5. F100.")
+    assert reads("G49", "G0 Z50.") and reads("G53 G0 Z0.")
 
 
 def test_what_leaves_the_path_alone_is_taken() -> None:

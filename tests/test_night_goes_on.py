@@ -155,8 +155,23 @@ def test_three_steps_in_three_nights_are_something_that_goes_on(root: Path, tmp_
     story = Story((*(Event(n, {"EY0C": 0.015}) for n in range(8, 12)),), wander=0.5)
     records = answered(root, tmp_path / "h.db", story, 11, {})
     ids = [r["alarms"][0]["id"] for r in records[7:11]]
-    assert len(set(ids[:2])) == 2 and set(ids[1:]) == {ids[1]}
-    assert records[10]["alarms"][0]["goes_on"] and "night after night" in records[10]["headline"]
+    assert ids == [ids[0], ids[1], ids[0], ids[0]] and ids[0] != ids[1]  # the second night cannot know
+    last = records[10]["alarms"][0]
+    assert last["goes_on"]["with"] == [ids[1]] and "night after night" in records[10]["headline"]
+    assert last["since"] == records[6]["night"] and last["size"] == pytest.approx(0.060, abs=0.002)
+    assert not any(r.get("standing") for r in records[9:11])
+    with opened(tmp_path / "h.db") as history:
+        found, _ = unclosed(history, "trunnion", records[10]["night"])
+        assert [a["id"] for a in found] == [a["id"] for a in history.open_alarms("trunnion")] == [ids[0]]
+        assert [s.alarms_open for s in history.fleet(records[10]["end_utc"])] == [1]
+
+
+@pytest.mark.long
+def test_who_answers_what_goes_on_has_answered_all_of_it(root: Path, tmp_path: Path) -> None:
+    story = Story((*(Event(n, {"EY0C": 0.015}) for n in range(8, 11)),), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 12, {10: "accept"})
+    assert records[9]["alarms"][0]["goes_on"]["with"] and not records[10]["alarms"] and not records[11]["alarms"]
+    assert not records[11].get("standing") and records[11]["verdict"] == "good"
 
 
 @pytest.mark.long

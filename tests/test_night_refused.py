@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -24,7 +24,7 @@ from tango_cnc.commands import _night_world as world
 from tango_cnc.files import read_cell
 from tango_cnc.history import opened
 from tango_cnc.nightly import Ports
-from tango_cnc.nightly.alarms import since
+from tango_cnc.nightly.alarms import night_of, since
 from tango_cnc.nightly.night import _before
 
 HOLD = """
@@ -112,13 +112,16 @@ def test_what_the_history_refuses_is_added_by_the_next_night_though_nothing_had_
 def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Path, tmp_path: Path) -> None:
     """Disk full and mail down at once: only the mark is left. Where a message waits, the night was just cut off."""
     disk = world.RealDisk(cell)
-    disk.begin("2026-11-21T020000Z", "2026-11-21T02:00:00Z")
-    disk.begin("2026-11-22T020000Z", "2026-11-22T02:00:00Z")
-    disk.write("2026-11-22T020000Z", "readings.csv", "touch\n")
+    now = datetime.now(UTC)
+    lost, cut_off = (now.replace(hour=2, minute=0, second=0) - timedelta(days=days) for days in (3, 2))
+    for begun in (lost, cut_off):
+        disk.begin(f"{begun:%Y-%m-%dT%H%M%SZ}", f"{begun:%Y-%m-%dT%H:%M:%SZ}")
+    disk.write(f"{cut_off:%Y-%m-%dT%H%M%SZ}", "readings.csv", "touch\n")
     CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
     told = (tmp_path / "board.txt").read_text(encoding="utf-8")
-    assert "2026-11-21: not measured: the night left neither a result nor a message that waits" in told and "a full disk" in told
-    assert "its readings are in nights/2026-11-22T020000Z" in told
+    said = f"{night_of(lost.astimezone())}: not measured: the night left neither a result nor a message that waits"
+    assert said in told and "a full disk" in told
+    assert f"its readings are in nights/{cut_off:%Y-%m-%dT%H%M%SZ}" in told
     with opened(cell / "history.db", create=False) as history:
         assert [n.status for n in history.nights()][-2:] == ["failed", "failed"] and history.verify() == ()
     assert not disk.unfinished()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,15 @@ from tango_cnc.commands import _possible
 from tango_cnc.commands._program import found_of
 from tango_cnc.commands.init import write_example
 from tango_cnc.commands.predict import _signed
+from tango_cnc.files import read_cell, readings_text
+from tango_cnc.iso230.doubt import nearest
 from tango_cnc.nc import features
 from tango_cnc.nc.blocks import language
 from tango_cnc.nc.follow import Setup
 from tango_cnc.nc.predict import Way, along, touched_of
 from tango_cnc.records import Array, InputError, Machine
-from tests.support.iso_coverage import measured
+from tests.support.iso_coverage import EXAMPLES, measured
+from tests.support.iso_coverage import touched as touched_by
 from tests.support.iso_every import Every
 from tests.support.truth import Truth
 
@@ -44,6 +47,7 @@ class Counted:
     fitted: int = 0
     ways: int = 0
     ways_stated: int = 0
+    reasons: list[str] = field(default_factory=list)
 
 
 def furthest(truth: Truth, machine: Machine, way: Way, length: float) -> float:
@@ -60,15 +64,18 @@ def furthest(truth: Truth, machine: Machine, way: Way, length: float) -> float:
     return float(np.linalg.norm(a @ turn.T - b, axis=1).max()) * 1e3
 
 
-def counted(example: str, seeds: range, folder: Path, tool: float | None = None) -> Counted:
+def counted(
+    example: str, seeds: range, folder: Path, tool: float | None = None, second: float | None = None, by: float = 0.0
+) -> Counted:
     """example, seeds, an empty folder, µm by which the tool was measured against the probe (None: it was not; then its length is
-    exact) → what the intervals of features and of a program hold.
+    exact), how much longer a second stylus is (mm; None: there is none), and the tool → what the intervals of features and of a
+    program hold.
     """
     file, found = folder / "f.yaml", Counted()
     for seed in seeds:
-        truth, result = measured(example, seed, drawn=Every)
+        truth, result = measured(example, seed, second, drawn=Every)
         machine, touched = result.model.touches.machine, touched_of(result.model.touches)
-        setup = Setup(machine, ZERO, machine.probe.length)
+        setup = Setup(machine, ZERO, machine.probe.length + by)
         turned = "A" if "A" in machine.rotary else "B"
         stated = "" if tool is None else f"tool: {{length_um: {tool:g}}}\n"
         file.write_text(checks().replace("A: ", f"{turned}: ") + stated, encoding="utf-8")
@@ -77,11 +84,12 @@ def counted(example: str, seeds: range, folder: Path, tool: float | None = None)
         assert isinstance(of, _possible.Machines)
         way, _ = along(PROGRAM, language("rs274"), setup, fit, touched)
         against = None if tool is None else tool * 1e-3
-        cut = cut_by(truth, machine, np.random.default_rng([64, seed]), machine.probe.length, against)
+        cut = cut_by(truth, machine, np.random.default_rng([64, seed]), setup.length, against)
         alone = features.predict(wanted, setup, fit, {}, touched)
-        for (f, why), a in zip(decided(wanted, setup, of.known, of.wide, {}, touched), alone, strict=True):
+        for (f, why, _), a in zip(decided(wanted, setup, of.known, of.left, {}, touched), alone, strict=True):
             if why:
                 found.withheld += 1
+                found.reasons.append(why)
                 continue
             found.stated += 1
             found.within += f.low <= cut[f.name] <= f.high
@@ -89,7 +97,7 @@ def counted(example: str, seeds: range, folder: Path, tool: float | None = None)
         best = _possible.aligned(way, setup, of)
         if not best["why"]:
             found.ways_stated += 1
-            found.ways += furthest(truth, machine, way, machine.probe.length) <= best["at_most_um"]
+            found.ways += furthest(truth, machine, way, setup.length) <= best["at_most_um"]
     return found
 
 
@@ -146,6 +154,63 @@ def test_a_tool_that_was_measured_against_the_probe_frees_what_its_length_withho
     print(example, without, measured_to)
     assert without.stated <= 0.5 * 44 and measured_to.stated >= 2 * without.stated
     assert measured_to.within >= 0.8 * measured_to.stated
+
+
+@pytest.mark.long
+def test_a_tool_that_is_shorter_than_the_stylus_is_named_as_the_reason_and_a_second_stylus_helps(tmp_path: Path) -> None:
+    """Two features in three were withheld, and the reason was the touches alone."""
+    seeds = range(SEED + 300, SEED + 302)
+    alone = counted("hu40t", seeds, tmp_path, tool=2.0, by=-90.0)
+    both = counted("hu40t", seeds, tmp_path, tool=2.0, second=-90.0, by=-90.0)
+    print(alone, both)
+    assert alone.withheld >= 0.7 * 44
+    named = [why for why in alone.reasons if "the length of the tool is why: it is 90 mm shorter than the stylus" in why]
+    assert len(named) >= 0.9 * alone.withheld
+    assert all("a second stylus about as long as the tool" in why and "E" in why.split("shows ")[1] for why in named)
+    assert both.stated >= 0.75 * 44 and both.within >= 0.85 * both.stated
+    assert not any("length of the tool is why" in why for why in both.reasons)
+
+
+@pytest.mark.long
+def test_a_part_that_the_length_of_its_tool_withholds_says_so(tmp_path: Path) -> None:
+    _, result = measured("hu40t", SEED + 300, drawn=Every)
+    machine, touched = result.model.touches.machine, touched_of(result.model.touches)
+    tilted = ["G0 B0. C0.", *PROGRAM[1:3], "G1 X-60. Y-60. Z0. F500", "X60. Y60. B30. C40.", "X0. Y0. B60. C90.", "M30"]
+    why, tool = {}, features.Tool(2e-3)
+    for by in (-90.0, 0.0):
+        setup = Setup(machine, ZERO, machine.probe.length + by)
+        of = _possible.machines(tmp_path, result, tool)
+        assert isinstance(of, _possible.Machines)
+        way, _ = along([PROGRAM[0], *tilted], language("rs274"), setup, found_of(result), touched)
+        why[by] = _possible.aligned(way, setup, of, tool)["why"]
+    print(why)
+    assert why[0.0] == ""
+    assert "the length of the tool is why: as long as the stylus (326.674 mm)" in why[-90.0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("example", "seed", "words"), [("trunnion", SEED, "--terms S4 --degree 6"), ("hu40t", SEED + 1, "no better")]
+)
+def test_who_has_too_few_terms_hears_which_are_enough(example: str, seed: int, words: str, tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    write_example(cell, example)
+    truth = Every(EXAMPLES / example, seed)
+    (cell / "readings.csv").write_text(readings_text(touched_by(truth, read_cell(cell).machine.names)), encoding="utf-8")
+    (tmp_path / "p.nc").write_text("\n".join([PROGRAM[0], "G0 A0. C0." if example == "trunnion" else "G0 B0. C0.", *PROGRAM[1:]]))
+    call = ["predict", str(tmp_path / "p.nc"), "-C", str(cell), "--zero", "X=0,Y=0,Z=60"]
+    refused = CliRunner().invoke(tango, call)
+    said = str(refused.exception)
+    assert "no parameter of it is trusted" in said and words in said and "--despite shows it" in said
+    if "--terms" in words:
+        assert CliRunner().invoke(tango, [*call, *words.split()]).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("length", "touched", "found"), [(236.0, (326.0,), 326.0), (300.0, (326.0, 236.0), None), (400.0, (326.0, 236.0), 326.0)]
+)
+def test_a_tool_is_beyond_the_styli_or_between_them(length: float, touched: tuple[float, ...], found: float | None) -> None:
+    assert nearest(length, touched) == found
 
 
 @pytest.mark.campaign

@@ -610,3 +610,29 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     low = chart([Series(x, y - 100, "squares")], Frame(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
     (place,) = re.findall(r"<text ([^>]*)>160 µm allowed", low)
     assert "text-anchor" not in place
+
+
+@pytest.mark.parametrize("name", ["heading", "sentence"])
+def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path: Path) -> None:
+    """At every height of the page at which the table may begin."""
+    typst = pytest.importorskip("typst")
+    template = (Path(page.__file__).parent / "templates" / "report.typ").read_text(encoding="utf-8")
+    defined = template[template.index("#show heading.where(level: 1)") : template.index("#text(18pt")]
+
+    def mark(what: str, height: int) -> str:
+        return f'[#context [#metadata(("{what}", {height}, here().page())) <mark>] {what}]'
+
+    def begun(height: int) -> str:
+        before = f"= {mark('before', height)[1:-1]}" if name == "heading" else f"#before-table{mark('before', height)}"
+        head, first = mark("head", height), mark("first", height)
+        return f"#v({height}mm)\n{before}\n#rows((1fr, 1fr), (left, left), head: ({head}, [b]), {first}, [#v(9mm)], [3], [4])\n"
+
+    source = tmp_path / "x.typ"
+    pages = "#pagebreak()\n".join(begun(height) for height in range(150, 262, 2))
+    source.write_text(f'#set page(paper: "a4", margin: 18mm)\n{defined}\n{pages}', encoding="utf-8")
+    at: dict[int, dict[str, int]] = {}
+    for found in json.loads(typst.query(str(source), "<mark>")):
+        what, height, number = found["value"]
+        at.setdefault(height, {}).setdefault(what, number)  # where the head is printed first
+    assert len(at) == 56 and all(len(found) == 3 for found in at.values())
+    assert not [height for height, found in at.items() if len(set(found.values())) != 1]

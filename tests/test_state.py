@@ -71,6 +71,16 @@ def test_a_state_comes_back_from_plain_numbers(known: tuple[s.Frame, s.State]) -
     assert matched(fewer, followed).std[0] > 1e-4  # what is new is not known
 
 
+def test_after_a_year_without_a_night_a_knock_is_no_wander(known: tuple[s.Frame, s.State]) -> None:
+    """A clock that has jumped by a year looks the same: what is expected grows as in a month, and the date is that of the night."""
+    _, state = known
+    year, month, week = (s.grown(state, state.day + days) for days in (365.0, 30.0, 7.0))
+    np.testing.assert_allclose(year.std, month.std)
+    np.testing.assert_allclose(month.std, s.predicted(state, state.day + 30.0).std)
+    assert year.day == state.day + 365.0 and (week.std < month.std).any()
+    assert s.grown(state, state.day - 5.0).day == state.day
+
+
 def test_what_a_check_does_not_see_becomes_less_certain(known: tuple[s.Frame, s.State]) -> None:
     _, after = known
     later = s.predicted(after, 10.0)

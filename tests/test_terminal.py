@@ -259,7 +259,7 @@ def test_what_every_night_repeats_is_said_once() -> None:
         return say("night.words.allowed", what="volume", value=value, cause=cause, **limit)
 
     found = shortened([standing("2026-11-05", " (+9 µm)"), standing("2026-11-05", " (+8 µm)"), standing("2026-11-01", "")])
-    assert found[0].startswith("changed since the night of 2026-11-05: doubtful")
+    assert found[0].startswith("still changed, alarm of 2026-11-05: doubtful")
     assert found[1] == "still changed since the night of 2026-11-05 (+8 µm)"
     assert "2026-11-01: doubtful" in found[2]  # another alarm is told whole
     found = shortened(

@@ -14,9 +14,13 @@ RULE = (
     "decides: the figure is above the one and below the other, each with 95 %. It is applied to every figure of the table"
 )
 RISK = (
-    "the sheet accepts at most 5 of 100 figures that are at or beyond their limit, and rejects at most 5 of 100 that are inside it"
+    "the sheet accepts at most 5 of 100 figures that are at or beyond their limit, and rejects at most 5 of 100 that are inside "
+    "it. Assumed: budget and model are complete, a figure is normally distributed about its value, and a range as the machines "
+    "that the touches leave possible"
 )
 CONFORMITY = "column verdict of the table, by the rule of 7.8.6.2 c); none is made where the head of the sheet says so"
+NOTES = "of the run, and of the fit by the terms of the cell, from which figures named 'parameter' come and no others"
+SUPPLIED = "the laboratory has not verified these data and does not answer for them; the results may depend on them"
 NOT_IN_IT = "not in U: setting up a tool or workpiece, and whatever changes after the measurement"
 
 
@@ -25,12 +29,15 @@ def checklist(
     sheet: Sheet,
     traced: bool,
     origin: str,
+    deviations: Sequence[str],
     remarks: Sequence[str],
     files: Sequence[tuple[str, int, str]],
     version: str,
     day: str,
 ) -> dict[str, str]:
-    """order, figures, whether traceability is complete, origin, remarks, files, version, day → clause: what answers it."""
+    """order, figures, whether traceability is complete, origin, what the run left out, remarks of the judgement, files,
+    version, day → clause: what answers it.
+    """
     p = order.people
     performed = "" if order.performed is None else " to ".join(dict.fromkeys(d.isoformat() for d in order.performed))
     return {
@@ -47,13 +54,14 @@ def checklist(
         "7.8.2.1 k) sampling": "none: one item",
         "7.8.2.1 l) only this item": "The results relate to the item named here only, as it was when it was measured.",
         "7.8.2.1 m) results": "the table of figures, in µm, µrad and µm/m",
-        "7.8.2.1 n) additions, deviations": "; ".join([order.remarks, *remarks]) if order.remarks else "",
+        "7.8.2.1 n) additions, deviations": "; ".join([order.remarks, *deviations]) if order.remarks else "",
         "7.8.2.1 o) authorised by": _both(p, "signed_by", "role"),
         "7.8.2.1 p) external providers": p.get("external", ""),
-        "7.8.2.2 supplied by the customer": p.get("supplied", ""),
+        "7.8.2.2 supplied by the customer": _supplied(p.get("supplied", "")),
+        "7.8.3.1 as a test report": "a) as 7.8.4.1 b); b) as 7.8.4.1 e); c) as 7.8.4.1 a); d) as 7.8.4.1 f); e) the rows 'other'",
         "7.8.4.1 a) uncertainty": _uncertainty(sheet),
         "7.8.4.1 b) conditions": _conditions(order.conditions, sheet),
-        "7.8.4.1 c) traceability": "; ".join(c.text for c in order.certificates) if traced else "",
+        "7.8.4.1 c) traceability": f"to the SI by {'; '.join(c.text for c in order.certificates)}" if traced else "",
         "7.8.4.1 d) before and after adjustment": p.get("adjustment", ""),
         "7.8.4.1 e) conformity": CONFORMITY,
         "7.8.4.1 f) opinions": "none: the sheet has results and decisions only (7.8.7)",
@@ -66,9 +74,15 @@ def checklist(
         "other: reference": f"{sheet.reference.text}; scales: temperature {sheet.temperature}",
         **_parameters(order, sheet),
         **_tool(order, sheet),
+        **({"other: notes": f"{NOTES}: {'; '.join(remarks)}"} if remarks else {}),
         "other: readings": origin,
         "other: program and data": f"tango_cnc {version}; " + "; ".join(f"{n} {h[:16]}" for n, _, h in files),
     }
+
+
+def _supplied(text: str) -> str:
+    """what the customer supplied, as written → the same with the disclaimer that 7.8.2.2 asks for, where it is not none."""
+    return text if not text or text.strip().rstrip(".").lower() in ("none", "nothing", "no") else f"{text}: {SUPPLIED}"
 
 
 def _parameters(order: Order, sheet: Sheet) -> dict[str, str]:
@@ -84,7 +98,7 @@ def _tool(order: Order, sheet: Sheet) -> dict[str, str]:
 
 
 def _uncertainty(sheet: Sheet) -> str:
-    text = "U = 2 u (k = 2): scatter of touches, every error motion of the axes"
+    text = "U = 2 u (k = 2; 95 % where a figure is normally distributed): scatter of touches, every error motion of the axes"
     if sheet.budget is None:
         return f"{text}. There is no budget: lobing, drift, form are NOT in it; {NOT_IN_IT}"
     beside = ", ".join(sheet.budget.beside)

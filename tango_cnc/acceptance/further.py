@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from scipy import special
 
 from ..compensate.fit import Known
 from ..estimate import Estimate
-from ..iso230.doubt import UNDECIDED, VOLUME
+from ..iso230.doubt import lengths
 from ..iso230.expansion import stretches
 from ..iso230.poses import all_steady, at_poses
 from ..iso230.signed import OnPart, Sheet
@@ -26,22 +25,8 @@ from ..nc.predict import touched_of
 from ..records import Array, InputError, Machine, TangoError
 from ..terms import Coefficient
 from ..touches import Touches
+from .open_features import COVERAGE, MEASURED, Left, reasons
 
-COVERAGE = 0.95
-NORMAL = float(special.ndtri(0.5 + COVERAGE / 2))
-MEASURED = Tool(1e-3)  # for what would help: a length that is known to 1 µm
-NOT_MEASURED = (
-    "; with a tool whose length was measured against the probe it would be {std:.1f} µm. State that under 'tool' in the features "
-    "file (docs/compensate.md)"
-)
-TOO_UNSURE = (
-    "the touches decide it, and what is stated of the tool does not: with that its standard deviation would be {std:.0f} µm; "
-    "measure the tool against the probe with a smaller uncertainty"
-)
-UNSURE = (
-    "the touches decide it, and the temperatures do not: with them its standard deviation would be {std:.0f} µm; measure bar and "
-    "machine, and state their temperatures and expansions in temperature.yaml with smaller uncertainties"
-)
 PARAMETER, PART = "parameter", "part"
 UNITS = {"mm": ("µm", 1e3), "rad": ("µrad", 1e6), "mm/mm": ("µm/m", 1e6), "rad/rad": ("µrad/rad", 1e6)}
 
@@ -156,13 +141,14 @@ def of_part(
     Raises InputError for blocks that the program does not have.
     """
     assert sheet.whole is not None
-    touched, tool = touched_of(sheet.whole.touches), wanted.tool
-    wide, by_touches = (known_of(sheet, setup, True, tool, expanding) for expanding in (True, False))
-    measured = known_of(sheet, setup, True, MEASURED, False)
+    touches, tool = sheet.whole.touches, wanted.tool
+    wide, cold = (known_of(sheet, setup, True, tool, expanding) for expanding in (True, False))
+    left = Left(wide, cold, known_of(sheet, setup, True, MEASURED, False), lengths(touches))
     found, note = [], "" if tool is None else features.stated(tool)
-    for f, why in decided(wanted, setup, known, wide, labels, touched, measured, by_touches):
-        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, note, bounds=f.bounds)
-        if not why and f.kind in ("distance", "position") and sheet.temperature == "not stated":
+    for f, why, _ in decided(wanted, setup, known, left, labels, touched_of(touches)):
+        expands = f.kind in ("distance", "position")
+        figure = OnPart(PART, f.name, "µm", f.value, (f.low, f.high), None, note, bounds=f.bounds, expands=expands)
+        if not why and expands and sheet.temperature == "not stated":
             why = "the temperatures of bar and machine are not stated; write temperature.yaml"
         found.append(replace(figure, value=None, interval=None, text=why) if why else figure)
     return tuple(found)
@@ -172,45 +158,14 @@ def decided(
     wanted: features.Wanted,
     setup: Setup,
     known: Known,
-    wide: Known,
+    left: Left,
     labels: Mapping[str, Sequence[Motion]],
     touched: Mapping[str, tuple[float, float]],
-    measured: Known | None = None,
-    by_touches: Known | None = None,
-) -> list[tuple[features.Predicted, str]]:
+) -> list[tuple[features.Predicted, str, tuple[str, ...]]]:
     """features, set-up, machines that are possible, what the touches leave open, motions by block, touched ranges → each feature,
-    and why it is withheld ('' where it is not).
+    why it is withheld ('' where it is not), and the error motions that are mixed there.
 
-    Where rotary axes turn between its places, the errors of all axes sum up in a feature, and it may be as uncertain as a volume.
-    `measured`: what they leave open with a tool that was measured well against the probe; `by_touches`: without temperature. So
-    a reason says what would help. Raises InputError for blocks that the program does not have.
+    Raises InputError for blocks that the program does not have.
     """
-
-    def open_to(of: Known | None, tool: Tool | None) -> list[float]:
-        """→ µm, standard deviation of each feature that is left open."""
-        if of is None:
-            return [math.inf] * len(found)
-        told = features.predict(replace(wanted, tool=tool), setup, of, labels, touched)
-        return [(f.high - f.low) / 2 / NORMAL for f in told]
-
     found = features.predict(wanted, setup, known, labels, touched)
-    left, result = open_to(wide, wanted.tool), []
-    some = max(left) > UNDECIDED["µm"]
-    cold = open_to(by_touches if some else None, wanted.tool)
-    with_tool = open_to(measured if some else None, MEASURED)
-    for f, std, touches, best in zip(found, left, cold, with_tool, strict=True):
-        most = (VOLUME if f.turned else 1.0) * UNDECIDED["µm"]
-        why = undecided_by(std, most)
-        if f.extrapolated:
-            why = "an axis is beyond what was touched, so the machine was not measured there"
-        elif why and touches <= most:
-            why = UNSURE.format(std=std)
-        elif why and best <= most:
-            why = why + NOT_MEASURED.format(std=best) if wanted.tool is None else TOO_UNSURE.format(std=std)
-        result.append((f, why))
-    return result
-
-
-def undecided_by(std: float, most: float = UNDECIDED["µm"]) -> str:
-    """standard deviation that the touches leave open, and that a figure may have, µm → why it is withheld; '' where it is not."""
-    return f"these touches do not decide it: its standard deviation would be {std:.0f} µm" if std > most else ""
+    return [(f, why, mixed) for f, (why, mixed) in zip(found, reasons(wanted, found, setup, left, labels, touched), strict=True)]

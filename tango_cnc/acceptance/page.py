@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 from .order import Certificate
 from .sheet import Row, Signed
+
+MOST, FINEST = 3, 6  # decimals of a value; of an end of an interval that is beside its limit
 
 
 def as_json(found: Signed) -> dict[str, Any]:
@@ -41,12 +44,34 @@ def _certificate(c: Certificate) -> dict[str, Any]:
 
 def cells(row: Row) -> list[str]:
     """figure → cells: name, value, the interval that decides, U, guard band, limit, unit, verdict."""
-    value, expanded, guard = (f"{x:.2f}" if x is not None else "–" for x in (row.value, row.expanded, row.guard))
-    between = "–" if row.decided is None else f"{row.decided[0]:.2f} … {row.decided[1]:.2f}"
+    places = digits(row.expanded)
+    value, expanded = (f"{x:.{places}f}" if x is not None else "–" for x in (row.value, row.expanded))
+    guard = "–" if row.guard is None else f"{row.guard:.{places + 1}f}"
+    between = "–" if row.decided is None else " … ".join(_against(x, row.limit, places + 1) for x in row.decided)
     return [row.name, value, between, expanded, guard, f"{row.limit:g}", row.unit, row.verdict]
 
 
+def digits(expanded: float | None) -> int:
+    """U → decimals with which it has two significant digits, and the value as many; 0 to 3.
+
+    Source: JCGM 100:2008, 7.2.6.
+    """
+    if not expanded:
+        return MOST
+    return min(max(1 - math.floor(math.log10(float(f"{expanded:.1e}"))), 0), MOST)
+
+
+def _against(end: float, limit: float, places: int) -> str:
+    """end of the interval that decides, limit, decimals → the end, with as many more as show on which side of the limit it is."""
+    while places < FINEST and abs(end) != limit and float(f"{abs(end):.{places}f}") == limit:
+        places += 1
+    return f"{end:.{places}f}"
+
+
 HEAD = ["figure", "value", "at least … at most", "U (k = 2)", "guard band", "limit", "", "verdict"]
+
+
+COPIES = "End of the sheet. It may be copied in full; a part of it only where the laboratory agrees."
 
 
 def typst(found: Signed, quoted: Callable[[object], str]) -> str:
@@ -54,7 +79,8 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     overall = "All figures conform." if found.conforms else "Not all figures conform."
     if found.stands:
         overall = "No statement of conformity is made."
-    body = ", ".join(f"text({quoted(c)})" for row in [HEAD, *(cells(r) for r in found.rows)] for c in row)
+    head = ", ".join(f"text({quoted(c)})" for c in HEAD)
+    body = ", ".join(f"text({quoted(c)})" for row in found.rows for c in cells(row))
     missing = {clause: f"missing: {found.lacks[clause]}" if clause in found.lacks else "missing" for clause in found.missing}
     answers = ", ".join(f"text({quoted(x)})" for clause, a in found.checklist.items() for x in (clause, a or missing[clause]))
     why = "".join(f"#text({quoted(f'{r.name}: {r.why}')}) \\\n" for r in found.rows if r.why and r.why != found.stands)
@@ -62,19 +88,23 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     number = found.order.people.get("number", "")
     foot = quoted(f"Acceptance sheet {number}, page ")
     counted = f'context [#text(7pt, {foot} + counter(page).display("1 of 1", both: true))]'
-    return f"""#set page(paper: "a4", margin: 14mm, footer: {counted})
-#set text(size: 7.5pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
-#set par(leading: 0.45em)
+    return f"""#set page(paper: "a4", margin: (x: 14mm, y: 11mm), footer: {counted})
+#set text(size: 7pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
+#set par(leading: 0.4em)
+#set table.cell(breakable: false)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
 
 #text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(f"No interval stands: {found.stands}" if found.stands else "")})
 
-#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt, {body})
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt,
+  table.header({head}), {body})
 {why}
-#table(columns: (38mm, 1fr), inset: 2.5pt, stroke: 0.3pt, {answers})
+#table(columns: (42mm, 1fr), inset: 2pt, stroke: 0.3pt, {answers})
 
-#v(8mm) #line(length: 70mm, stroke: 0.5pt)
+#block(breakable: false)[
+#v(7mm) #line(length: 70mm, stroke: 0.5pt)
 #text({quoted(f"{person} (date, signature)")})
 
-#align(center, text(7pt, "End of the sheet"))
+#align(center, text(7pt, {quoted(COPIES)}))
+]
 """

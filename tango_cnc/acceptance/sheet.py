@@ -105,11 +105,11 @@ def made(
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
     rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())
-    scales = sheet.thermal is not None and any(r.name.startswith("positioning") for r in rows)
+    scales = sheet.thermal is not None and any(known[r.name].expands for r in rows)
     lacking = untraced(order, cell, scales, day)
     lacks = {"7.8.4.1 c) traceability": "; ".join(lacking)} if lacking else {}
-    remarks = (*source.remarks, *judgement.remarks)
-    answers = checklist(order, sheet, not lacking, source.text, remarks, files, version, day.isoformat())
+    said = (source.remarks, judgement.remarks)
+    answers = checklist(order, sheet, not lacking, source.text, *said, files, version, day.isoformat())
     return Signed(order, rows, stands, answers, unstated(order, answers) | lacks)
 
 

@@ -31,7 +31,7 @@ from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..report.units import shown
 from ..state import Frame, frame
 from ..state.volume import levers
-from ..texts import instead, say
+from ..texts import Said, instead, say
 from ..touches import of_facets
 from ._common import dialect, json_text
 from ._in_control import given, in_control
@@ -139,6 +139,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
     from ..estimate import estimate
     from ..noise import honest
     from ..plausible import STRUCTURED, judge
+    from ..plausible.creeps import CREPT
     from ..plausible.spare import FEW
 
     if kind == "full":
@@ -155,7 +156,8 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
     resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
     reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
-    return Judged(found.verdict, reasons, found.incomplete, wandered, walk)
+    crept = next((r for r in found.remarks if isinstance(r, Said) and r.key == CREPT), "")
+    return Judged(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
 
 
 def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:

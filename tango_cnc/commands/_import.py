@@ -75,7 +75,7 @@ def imported(history: History, folders: Sequence[Path], home: Path, despite: boo
     The night is one of `home`, where that is a cell: its owner, and where its alarms are answered. `despite`: also readings of
     another machine, and such as somebody has edited. Raises InputError before anything is added.
     """
-    own, quiet = read_nightly(home), Nightly(diagnose=False, free_mb=0.0, full_every_days=1e-6)
+    own, quiet = read_nightly(home), Nightly(free_mb=0.0, full_every_days=1e-6)
     found = []
     for folder in folders:
         cell = read_cell(folder)
@@ -95,8 +95,9 @@ def imported(history: History, folders: Sequence[Path], home: Path, despite: boo
         if any(n.start_utc == when.strftime("%Y-%m-%dT%H:%M:%SZ") for n in known):
             raise InputError(f"{cell.folder}: its run of {when:%Y-%m-%d %H:%M} UTC is in the history already; nothing was added")
     for when, cell, readings, text, origin in found:
-        settings = replace(quiet, owner=own.owner, volume_std_um=own.volume_std_um, every_days=own.every_days, limits=own.limits)
-        analysis, clock = nights_of(cell, settings, plan(cell)), Time(when.astimezone())
+        kept = {key: getattr(own, key) for key in ("diagnose", "owner", "volume_std_um", "every_days", "limits")}
+        settings = replace(quiet, **kept)
+        analysis, clock = replace(nights_of(cell, settings, plan(cell)), old=True), Time(when.astimezone())
         old, nothing = _Old(cell, readings, text, origin, clock), Folder(lambda stamp, name, text: None)
         world = Ports(clock, nothing, old, Nobody(), history, analysis, nullcontext())
         answered = home if (home / "tango.yaml").exists() else cell.folder

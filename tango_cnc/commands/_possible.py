@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..acceptance.further import MEASURED, possible, undecided_by
+from ..acceptance.further import possible
+from ..acceptance.open_features import MEASURED, Left, undecided_by
 from ..compensate.fit import Known
 from ..estimate import Estimate
-from ..iso230.doubt import UNDECIDED, VOLUME
+from ..iso230.doubt import UNDECIDED, VOLUME, lengths, nearest
 from ..iso230.seen import seen
 from ..iso230.whole import motion_of
 from ..nc.features import Tool, cut
@@ -23,6 +24,10 @@ from ._budget import budget_of
 
 POINTS = 200  # of a program at which the machines are compared
 FAINT = 0.05  # µm rms: less is no cause
+BY_LENGTH = (
+    "; the length of the tool is why: as long as the stylus ({stylus:g} mm) it would leave {std:.1f} µm. Touch again with a second "
+    "stylus about as long as the tool (docs/verify.md, A second stylus)"
+)
 SIDE = 0.95  # of the machines have no larger deviation
 
 
@@ -33,6 +38,12 @@ class Machines:
     known: Known
     wide: Known
     measured: Known  # as `wide`, with a tool that was measured against the probe
+    lengths: tuple[float, ...]  # mm, of the styli that touched
+
+    @property
+    def left(self) -> Left:
+        """→ what is left open of a feature."""
+        return Left(self.wide, None, self.measured, self.lengths)
 
 
 def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machines | str:
@@ -45,7 +56,7 @@ def machines(folder: Path, result: Estimate, tool: Tool | None = None) -> Machin
         return str(error)
     machine = result.model.touches.machine
     known, wide = (possible(w, machine, tool=tool) for w in (found.learned, found.wide))
-    return Machines(known, wide, possible(found.wide, machine, tool=MEASURED))
+    return Machines(known, wide, possible(found.wide, machine, tool=MEASURED), lengths(found.wide.touches))
 
 
 def aligned(way: Way, setup: Setup, of: Machines, tool: Tool | None = None) -> dict[str, Any]:
@@ -62,25 +73,35 @@ def aligned(way: Way, setup: Setup, of: Machines, tool: Tool | None = None) -> d
     if tool is not None and len(np.unique(tool_lengths)) > 1:
         return _withheld("the program has tools of several lengths, and nothing states how these stand against each other")
 
-    def moved(known: Known) -> Array:
+    def moved(known: Known, longer: float = 0.0) -> Array:
+        """machine, mm by which every tool is longer and Z further up → (n, 3, p) µm per unit of every coefficient."""
         found = np.zeros((len(at), 3, len(known.coefficients)))
         for length in np.unique(tool_lengths):
             own = tool_lengths == length
-            found[own] = levers(machinery(setup, known, float(length)), at[own])
+            there = at[own].copy()
+            there[:, setup.machine.column("Z")] += longer
+            found[own] = levers(machinery(setup, known, float(length) + longer), there)
         return (free @ found.reshape(3 * len(at), -1)).reshape(found.shape) * 1e3
 
-    open_to = moved(of.wide)
-    spread = np.einsum("nip,pq,njq->nij", open_to, of.wide.covariance, open_to, optimize=True)
-    std = float(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)).max())
-    why = undecided_by(std, VOLUME * UNDECIDED["µm"])
+    def left(longer: float = 0.0) -> float:
+        """→ µm, standard deviation of the place that is known worst, in its worst direction."""
+        open_to = moved(of.wide, longer)
+        spread = np.einsum("nip,pq,njq->nij", open_to, of.wide.covariance, open_to, optimize=True)
+        return float(np.sqrt(np.clip(np.linalg.eigvalsh(spread)[:, -1], 0.0, None)).max())
+
+    most = VOLUME * UNDECIDED["µm"]
+    why = undecided_by(left(), most)
     if why:
-        return _withheld(why)
+        length = float(tool_lengths[0])
+        near = nearest(length, of.lengths) if len(np.unique(tool_lengths)) == 1 else None
+        std = np.inf if near is None else left(near - length)
+        return _withheld(why if near is None or std > most else why + BY_LENGTH.format(stylus=near, std=std))
     curve, drawn = moved(of.known), of.known.drawn
     assert drawn is not None
     best, every = curve @ of.known.values, curve @ (of.known.values[:, None] + drawn)
-    most = float(np.quantile(np.linalg.norm(every, axis=1).max(axis=0), SIDE))
+    highest = float(np.quantile(np.linalg.norm(every, axis=1).max(axis=0), SIDE))
     largest, (causes, mixed) = float(np.linalg.norm(best, axis=1).max()), _causes(of.known, curve)
-    return {"largest_um": round(largest, 4), "at_most_um": round(most, 4), "why": "", "causes": causes, "mixed": mixed}
+    return {"largest_um": round(largest, 4), "at_most_um": round(highest, 4), "why": "", "causes": causes, "mixed": mixed}
 
 
 def _withheld(why: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import hashlib
 import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -183,6 +183,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         "split": account.split,
         "points": account.count,
         "extrapolated": account.outside,
+        **({"taken_as_zero": sorted(account.assumed)} if account.assumed else {}),
         "largest_before_um": round(account.before, 4),
         "largest_before_line": account.worst_block,
         "largest_after_um": round(account.after, 4),
@@ -204,10 +205,23 @@ def said(data: dict[str, Any]) -> str:
         if data["extrapolated"]
         else ""
     )
+    stand = _at_zero(data.get("taken_as_zero", ()))
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\n{given}{beyond}"
+        f"{more}\n{given}{stand}{beyond}"
         f"tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
         f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
+    )
+
+
+def _at_zero(axes: Sequence[str]) -> str:
+    """rotary axes that no block has named before something was cut → what that means, as a line; '' for none."""
+    if not axes:
+        return ""
+    names, stand, them = " and ".join(axes), "stands" if len(axes) == 1 else "stand", "it" if len(axes) == 1 else "them"
+    words = " ".join(f"{axis}0." for axis in axes)
+    return (
+        f"no block says where {names} {stand}: taken to be at 0. If the control has {them} elsewhere, the corrections are wrong: "
+        f"write {words} into the first rapid\n"
     )

@@ -92,7 +92,7 @@ class NoHistory:
         """Raises what is wrong."""
         self._no()
 
-    def ahead(self, machine: str) -> str:
+    def ahead(self, machine: str) -> tuple[Night, ...]:
         """Raises what is wrong."""
         self._no()
 

@@ -88,7 +88,8 @@ def command(
     --again estimates the whole history of the cells once more, after a change of the model: into new files, one a machine. What
     was cut off goes on when it is called again.
     """
-    from ..history import opened
+    from ..history import Standing, opened
+    from ..history.clock import asks, in_future, told
     from ..report.characters import sparkline
     from ..report.texts import code, texts
 
@@ -118,6 +119,9 @@ def command(
                     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
                     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
                     found.append(_Row(s, next((c.folder for c in known if c.name == s.machine), None), tuple(tip), said))
+                    if (future := in_future(history, s.machine)) is not None:
+                        later = Standing(s.machine, future, s.nights, int(asks(future)), False)
+                        found.append(_Row(later, found[-1].cell, (), told(future), former=True))
                     if json_file is None:
                         note_simulated(history, s.machine, t)
                 there = {s.machine for s in own}

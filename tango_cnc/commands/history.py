@@ -148,14 +148,17 @@ def _said(event: Compensation, t: Texts) -> str:
 @json_option
 def show(history: History, machine: str, night: str, readings_file: Path | None, json_file: str | None) -> None:
     """One night whole: last, a date, or the number of an entry."""
-    from ..nightly.words import message
+    from ..nightly.words import by_tonight, message
 
     stored = history.night(_night(history, machine, night))
     if readings_file is not None:
         if stored.readings is None:
             raise InputError(f"--readings: the night {stored.night.night} has no readings")
         write_text(readings_file, stored.readings)
-    if write_json(json_file, dict(stored.record)):
+    data = dict(stored.record)
+    if data.get("standing"):  # what an alarm does to a part is told as it is by that night, here as in words
+        data["standing"] = [{**a, **by_tonight(a)} for a in data["standing"]]
+    if write_json(json_file, data):
         return
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
     t = here()

@@ -253,6 +253,8 @@ def _status(
     folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
 ) -> int:
     from ..history import opened
+    from ..history.clock import asks, in_future
+    from ..history.clock import told as told_of
     from ..history.former import formers, of_folder
     from ..nightly.words import answer, by_tonight
     from ..report.morning import next_night
@@ -272,6 +274,7 @@ def _status(
         history = whole.as_of(lambda: datetime.now(UTC))
         name = name or machine_of(folder, history.machines())
         renamed = formers(history, name, folder, of_folder(place, folder))
+        future = in_future(history, name)
         nights = history.nights(name, last=7) if name in history.machines() else ()
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
         waiting = [stamp for stamp, _ in disk.unsent()]
@@ -297,6 +300,7 @@ def _status(
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
         "trouble": None if wrong is None else str(wrong),
+        "left_out": None if future is None else vars(future),
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming or None},
         "former": [
             {"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms), "held_alarms": list(f.held)}
@@ -307,6 +311,8 @@ def _status(
         click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
         if wrong is not None:
             click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
+        if future is not None:
+            click.echo(f"  {t.of(told_of(future))}")
         for f in renamed:
             if f.alarms or f.held or not nights:
                 click.echo(f"  {t.of(f.told(name, not nights))}")
@@ -329,4 +335,5 @@ def _status(
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
     wanted = standing is None or standing.wants_somebody
+    wanted |= future is not None and asks(future)
     return 1 if wanted or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

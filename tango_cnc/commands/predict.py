@@ -17,6 +17,7 @@ from ..report import pictures
 from ..verify.apart import apart
 from . import _possible, _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
+from ._larger import larger
 from ._trust import despite_option, judged, made_up, usable
 
 SIMULATED = "PREDICTED FROM SIMULATED READINGS: it says nothing of a machine"
@@ -58,7 +59,11 @@ def command(**options: Any) -> int:
     readings = read_readings(origin, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
     result, judgement = judged(cell, readings, terms, options["degree"], source=origin)
-    usable(judgement, options["despite"], "predict")
+    try:
+        usable(judgement, options["despite"], "predict")
+    except TangoError as error:
+        more_terms = larger(cell, readings, terms, options["degree"], origin, judgement)
+        raise TangoError("\n".join(filter(None, [str(error), more_terms]))) from None
     simulated = made_up(origin)
     first = [*([SIMULATED] if simulated else []), *filter(None, [apart(result)])]
     if options["test"] is not None:
@@ -77,11 +82,12 @@ def command(**options: Any) -> int:
         raise TangoError(f"{source}: found no motion at feed, so there is nothing to predict")
     tool = None if wanted is None else wanted.tool
     of = "asked for" if options["fitted"] else _possible.machines(cell.folder, result, tool)
+    found: list[tuple[features.Predicted, str, tuple[str, ...]]]
     if isinstance(of, str):
-        found = [(f, "") for f in features.predict(wanted, setup, known, labels, touched)] if wanted is not None else []
+        found = [(f, "", ()) for f in features.predict(wanted, setup, known, labels, touched)] if wanted is not None else []
         more: dict[str, Any] = {"fitted_alone": of}
     else:
-        found = decided(wanted, setup, of.known, of.wide, labels, touched, of.measured) if wanted is not None else []
+        found = decided(wanted, setup, of.known, of.left, labels, touched) if wanted is not None else []
         more = {"fitted_alone": None, "aligned": _possible.aligned(way, setup, of, tool)}
     stated = None
     if tool is not None:
@@ -115,7 +121,7 @@ def _one_of_two(options: dict[str, Any]) -> None:
             raise InputError(f"predict: found --{option}; allowed: {allowed}")
 
 
-def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, str]]) -> dict[str, Any]:
+def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, str, tuple[str, ...]]]) -> dict[str, Any]:
     rms = float(np.sqrt(way.squares / way.points))
     share = {name: float(np.sqrt(value / way.points)) for name, value in way.by_name.items()}
     causes = sorted(share.items(), key=lambda item: -item[1])
@@ -142,9 +148,10 @@ def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, 
                 "high_um": None if why else round(f.high, 4) + 0.0,
                 "extrapolated": f.extrapolated,
                 "why": why,
+                "mixed": list(mixed),
             }
             | ({} if why or f.alone is None else {"without_scatter_um": round(f.alone, 4)})
-            for f, why in found
+            for f, why, mixed in found
         ],
     }
 

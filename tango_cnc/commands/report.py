@@ -32,6 +32,7 @@ from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
+from ..texts import joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
@@ -265,6 +266,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         return None
     from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night
     from ..history import opened
+    from ..history.clock import asks, in_future
+    from ..history.clock import told as told_of
     from ..report.answer import by_limit
     from ..report.faults import answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
@@ -290,6 +293,9 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
         open_ones, soon = len(still_open(found)), ahead(by_limit(before or record, limit_um), volumes_of(lately), today)
         said = as_decided(record, history.decisions(machine)) or n.headline
+        if (future := in_future(history, machine)) is not None:
+            said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
+            waits = waits or (future.night if asks(future) else "")
         return Nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),

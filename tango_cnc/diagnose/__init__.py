@@ -38,7 +38,7 @@ from . import (
     _together,
 )
 from ._candidates import candidate
-from ._catalogue import STRONG, Chosen, columns_of
+from ._catalogue import APART, Chosen, columns_of
 from ._changing import over, unsteady
 from ._contest import ALONE, SURE, Outcome, contest, largest
 from ._explain import Explanation
@@ -420,7 +420,7 @@ def _undecided(findings: Sequence[Finding], n: int, akin_to: Sequence[bool] = ()
     """
     found = []
     for i, f in enumerate(findings):
-        near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind < STRONG))
+        near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind <= APART))
         if near:
             found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
         if f.nearest is not None and f.nearest[1] < (SURE if any(akin_to[i : i + 1]) else ALONE):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -138,7 +139,7 @@ class Adapting:
         for own in felt:
             begun[own] = max(begun[own], *(self._glance(s, own, frame) for frame in felt[own]))
         among: dict[tuple[str, ...], float] = {}
-        for own, frame, likelihood, picked in self._wider(s, [k.form for k in told if k.form is not None]):
+        for own, frame, likelihood, picked in self._wider(s, told):
             among |= {own: picked} if own not in felt else {}
             felt.setdefault(own, [frame])
             begun[own] = max(begun.get(own, -np.inf), likelihood)
@@ -149,22 +150,30 @@ class Adapting:
             found.append(replace(one, choice=one.choice + among.get(own, 0.0)))
         return found
 
-    def _wider(self, s: State, told: Sequence[Form]) -> list[tuple[tuple[str, ...], str, float, float]]:
+    def _wider(self, s: State, told: Sequence[Kernel]) -> list[tuple[tuple[str, ...], str, float, float]]:
         """state, shapes that people read → each of their covariates alone, and the pairs of one of them with any other one that
         come nearest: covariates, the frame in which they do, how near, and what it costs that they were picked among many.
 
         Two covariates act together in frames, and with functions, that the contest does not try for every pair.
         """
-        each = list(dict.fromkeys(f.covariate for form in told for f in form.factors))
+        each = [c for c in dict.fromkeys(c for k in told for c in k.covariate.split(" × ")) if c in self.known]
+        felt = list(dict.fromkeys(frame for k in told for frame in self._felt(s, k)))
         pairs = (self._sorted((one, other)) for one in each for other in self.covariates if one != other)
         sets = [*((one,) for one in each), *(p for p in dict.fromkeys(pairs) if self._of(p[-1])[0].kind != SIDE)]
         every = []
-        for names in sets:
-            likelihood, weight = max((self._glance(s, names, weight), weight) for weight in {f.weight for f in told})
+        for names in sets if felt else ():
+            likelihood, weight = max((self._glance(s, names, weight), weight) for weight in felt)
             every.append((names, weight, likelihood))
         picked = 2 * float(np.log(max(len(sets) - len(each), 1)))
         pairs_near = sorted(every[len(each) :], key=lambda one: -one[2])[:WIDER]
         return [*((*one, 0.0) for one in every[: len(each)]), *((*one, picked) for one in pairs_near)]
+
+    def _felt(self, s: State, k: Kernel) -> list[str]:
+        """state, shape that people read → the frame in which it is felt; of a name whose size changes, where its covariates are."""
+        if k.form is not None:
+            return [k.form.weight]
+        names = self._sorted(c for c in k.covariate.split(" × ") if c in self.known)
+        return [max(self.frames, key=lambda frame: self._glance(s, names, frame))] if names else []
 
     def _sorted(self, names: Iterable[str]) -> tuple[str, ...]:
         """covariates → in one order: a side before what it acts together with, an axis or the time last."""
@@ -173,13 +182,20 @@ class Adapting:
         return tuple(sorted(names, key=lambda name: rank[name]))
 
     def _glance(self, s: State, names: Sequence[str], weight: str) -> float:
-        """state, covariates, frame → likelihood with functions that follow most of what they may do, nearly well enough."""
-        factors = []
-        for name in names:
-            options = self._of(name)
-            waves = [f for f in options if f.kind == WAVES]
-            factors.append(waves[-1 if name == "time" else 0] if waves else options[0])
-        return self._tried(s, Form(tuple(factors), weight))[0]
+        """state, covariates, frame → likelihood with few or many functions of each, whichever comes nearer.
+
+        Many functions follow most of what a covariate may do. Where few do as well, the others only dilute it.
+        """
+        sizes = [dict.fromkeys((self._many(name), self._few(name))) for name in names]
+        return max(self._tried(s, Form(factors, weight))[0] for factors in product(*sizes))
+
+    def _few(self, name: str) -> Factor:
+        options = self._of(name)
+        return options[min(1, len(options) - 1)]
+
+    def _many(self, name: str) -> Factor:
+        waves = [f for f in self._of(name) if f.kind == WAVES]
+        return waves[-1 if name == "time" else 0] if waves else self._of(name)[0]
 
     def adapt(self, s: State, names: Sequence[str], felt: Sequence[str], reached: float = 0.0) -> Adapted:
         """state, covariates of a shape, frames in which it came nearest, the likelihood that others reached → the same with the
@@ -204,7 +220,7 @@ class Adapting:
                     break
             return form
 
-        first = tuple(options[min(1, len(options) - 1)] for options in every)
+        first = tuple(self._few(name) for name in names)
         best = max((improved(Form(first, weight)) for weight in felt), key=worth)
         own = any(name.startswith(OWN) for name in names) or worth(best) < NEARER * reached
         other = max((Form(best.factors, weight) for weight in (best.weight, *(() if own else self.frames))), key=worth)

@@ -25,6 +25,7 @@ SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
+APART = 4.0  # evidence by which one of two names must be ahead: the wrong one is in 2.3 % at most, 1 − Φ(√4), whatever both are
 STRONG = 6.0  # evidence by which what has more settings, or follows more, must beat what is plainer (Kass & Raftery 1995)
 SHAPELESS = 10.0  # score by which a shape without a name must beat every name (very strong evidence)
 

@@ -26,6 +26,7 @@ from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
 LEVER = 0.75  # of the lever of a tilt that one place makes
+AMONG = SURE - STRONG  # what it costs at least that functions were chosen among hundreds, where they have one covariate more
 TURNS = 2  # of adapting each shape beside the others
 BEFORE = ("way", "path", "since", "pause")
 
@@ -68,7 +69,7 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
     """
     field, m = adapting.field, len(y)
     found = list(found)
-    for p, q in combinations([p for p in found if p.kernel.form is not None], 2):
+    for p, q in combinations([p for p in found if told_of(p)], 2):
         if not any(o is p for o in found) or not any(o is q for o in found):
             continue
         s = beside(begin(field, y, names), [o for o in found if o is not p and o is not q])
@@ -82,7 +83,7 @@ def _joined(adapting: Adapting, y: Array, names: Array, found: Sequence[Picked])
         if not near:
             continue
         # One with more covariates than the larger of the two follows anything a little better, as where it stands alone.
-        worths = [a.score - a.choice - (SURE - STRONG if larger < _parts(a.kernel) else 0.0) for a in near]
+        worths = [a.score - a.choice - (AMONG if larger < _parts(a.kernel) else 0.0) for a in near]
         one, worth = near[int(np.argmax(worths))], max(worths) - price(field, m, near[0].kernel)
         if worth >= both:
             at = next(i for i, o in enumerate(found) if o is p)
@@ -110,6 +111,7 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
     worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
     taus = [float(at[r, 0]) for r in rows]
+    choice = [0.0 for _ in rows]
     known = len(rows)  # from there on, functions were adapted
     formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
     for a in adapting.near(s, best[:, 0], formed, [p.kernel]):
@@ -117,9 +119,11 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
         parts.append(_parts(a.kernel))
         worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
         taus.append(a.tau)
-    own = _parts(p.kernel)
+        choice.append(a.choice)
+    own, plain = _parts(p.kernel), worth.copy()
     # Functions that were adapted are chosen among hundreds: with one more covariate they follow anything a little better.
-    worth -= [SURE - STRONG if k >= known and own < parts[k] and _inside(every[k], own) else 0.0 for k in range(len(parts))]
+    more = [k >= known and own < parts[k] and _inside(every[k], own) for k in range(len(parts))]
+    worth -= [max(AMONG - paid, 0.0) if one else 0.0 for one, paid in zip(more, choice, strict=True)]
     order = [int(k) for k in np.argsort(-worth)]
     if worth[order[0]] < 0:
         return None
@@ -133,6 +137,7 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     ]
     wider = [every[first].covariate] if parts[j] < parts[first] else []  # the pair, where one of its two does as well
     wider += [p.kernel.covariate] if parts[j] < own else []
+    wider += _more(every, parts, plain, j)
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
     levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
     told = {frozenset(one.split(" × ")): one for one in reversed([*levers, *wider, *(every[k].covariate for k in near)])}
@@ -143,6 +148,16 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     if every[j] is not p.kernel:
         p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
     return replace(p, rivals=rivals)
+
+
+def _more(every: Sequence[Kernel], parts: Sequence[set[str]], worth: Array, j: int) -> list[str]:
+    """shapes, what each follows, their evidence, number of the one that is told → covariates with one more that have more evidence
+    than it, though not so much that they are told in its place: the plainest of those that come near to the best.
+    """
+    more = [k for k in range(len(every)) if parts[j] < parts[k] and worth[k] > worth[j]]
+    best = max((worth[k] for k in more), default=0.0)
+    near = [k for k in more if worth[k] > best - STRONG]
+    return [every[min(near, key=lambda k: (_much(parts[k]), -worth[k]))].covariate] if near else []
 
 
 def _levers(kernel: Kernel, touches: Touches) -> list[str]:

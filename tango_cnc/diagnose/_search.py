@@ -9,6 +9,7 @@ import numpy as np
 
 from ..records import Array
 from ._catalogue import (
+    APART,
     EXPECTED_LEVEL,
     STRONG,
     Catalogue,
@@ -137,23 +138,25 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
 
 
 def twinned(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chosen]:
-    """chosen → chosen, where one twin has the place of all that was found of a cause: it has to be `STRONG` better than one of
-    them, and as good as several.
+    """chosen → chosen, where one twin has the place of all that was found of a cause: it has to be `APART` better than one of
+    them, and as good as several. What the wrong one of two leaves, another name may have followed: it goes where it is needless.
     """
     found = list(chosen)
     for cause, names in cat.twins.items():
         old = [c for c in found if c.candidate.cause == cause]
         rest = [c for c in found if c.candidate.cause != cause]
-        least = total(place, found) + (STRONG if len(old) == 1 else 0.0)
+        least = total(place, found) + (APART if len(old) == 1 else 0.0)
         selected = columns_of(place, rest)
         for name in names if old else ():
             if name not in cat.causes:
                 continue
             ratios, _ = best_noise(place, selected)
             new = rival(place, cat, name, selected, ratios)[1]
-            value = total(place, [*rest, new])
-            if value > least and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
-                least, found = value, [*rest, new]
+            trial = pruned(place, [*rest, new])
+            value = total(place, trial)
+            possible = cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios))
+            if value > least and possible and any(c is new for c in trial):
+                least, found = value, trial
     return found
 
 

@@ -96,7 +96,11 @@ def _shown(weight: Array) -> Told:
 
 
 def _std(told: Told, v: Array, columns: Array, slopes: Array, covariance: Array) -> float:
-    """size, values (k,), columns (n, k), slopes (n, t), covariance of both → standard deviation of the size, to first order."""
+    """size, values (k,), columns (n, k), slopes (n, t), covariance of both → standard deviation of the size, to first order.
+
+    A coefficient that is near zero, and of which these touches know nothing, changes the size to no first order. How far it may
+    go beyond the size itself is added.
+    """
     effect = columns @ v
     spread = np.sqrt(np.clip(np.diag(covariance), 1e-300, None))
     # The covariance is used along its own standard steps: gradients in units of one standard deviation.
@@ -104,7 +108,8 @@ def _std(told: Told, v: Array, columns: Array, slopes: Array, covariance: Array)
     moved += [(np.zeros(len(v)), slope) for slope in slopes.T]
     ends = [[told(v + s * d, effect + s * step * x) for s in (-1, 1)] for step, (d, x) in zip(spread, moved, strict=True)]
     gradient = np.array([(high - low) / 2 for low, high in ends])
-    return float(np.sqrt(max(gradient @ (covariance / np.outer(spread, spread)) @ gradient, 0.0)))
+    beyond = [max((high + low) / 2 - 2 * told(v, effect), 0.0) for low, high in ends]
+    return float(np.sqrt(max(gradient @ (covariance / np.outer(spread, spread)) @ gradient, 0.0) + np.square(beyond).sum()))
 
 
 def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: Array) -> float:
@@ -150,7 +155,7 @@ def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: A
 
 
 def form(names: list[str]) -> str:
-    """names of coefficients → vector, wave, vector wave or numbers."""
+    """names of coefficients → vector, wave, vector wave, swing (of two axes) or numbers."""
     tails = [name.rpartition("]")[2] or name for name in names]
     if [t[-2:] for t in tails] in ([".x", ".y", ".z"], [".x", ".y"]):  # two: nothing goes along the last one
         return "vector"
@@ -158,6 +163,8 @@ def form(names: list[str]) -> str:
         return "wave"
     if len(names) == 6 and all(".cos." in t for t in tails[:3]) and all(".sin." in t for t in tails[3:]):
         return "vector wave"
+    if [t[-5:] for t in tails] == [".xcos", ".ycos", ".xsin", ".ysin"]:
+        return "swing"
     return "numbers"
 
 
@@ -224,6 +231,8 @@ def _principal(v: Array) -> Array:
 def _measure(kind: str) -> Callable[[Array], float]:
     if kind == "vector wave":
         return lambda v: float(np.linalg.norm(v.reshape(2, 3), 2))
+    if kind == "swing":
+        return lambda v: float(np.linalg.norm(v.reshape(2, 2), 2))
     return lambda v: float(np.linalg.norm(v))
 
 

@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Set
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sqlalchemy import func, select
 
 from . import _tables as t
 from . import _whole
-from .records import AHEAD, HELD, Standing, date_of, over, stamp_of
+from .records import AHEAD, HELD, Standing, date_of, merged, over, stamp_of
 
 if TYPE_CHECKING:
     from .store import History
 
+
+class Told(NamedTuple):
+    """Alarms of a night: their ids, and those of alarms that are a part of one of them."""
+
+    ids: tuple[str, ...]
+    merged: Set[str]
+
+
 MANY = 500  # records that are read at once
 
 
-def standings(history: History, now_utc: str, late_hours: float, told: dict[int, tuple[str, ...]]) -> tuple[Standing, ...]:
+def standings(history: History, now_utc: str, late_hours: float, told: dict[int, Told]) -> tuple[Standing, ...]:
     """history, moment, hours after which a machine is late → how every machine is doing, those that need
-    somebody first. `told`: {entry: ids of its alarms} as far as they are known; those of new entries are added.
+    somebody first. `told`: {entry: its alarms} as far as they are known; those of new entries are added.
     """
     # A night that lies after now had a wrong clock; it would hide every later one.
     counts_now = t.night.c.start_utc <= stamp_of(datetime.fromisoformat(now_utc) + AHEAD)
@@ -60,13 +69,15 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
     new = [row.entry_id for row in alarmed if row.entry_id not in told]
     for at in range(0, len(new), MANY):
         for entry, record in history.records_of(new[at : at + MANY]).items():
-            told[entry] = tuple(str(alarm["id"]) for alarm in record["alarms"])
+            told[entry] = Told(tuple(str(alarm["id"]) for alarm in record["alarms"]), merged(record["alarms"]))
     answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action, t.decision.c.until)
     answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
     last_ones, today = {(x.name, x.alarm): x for x in history._rows(answered)}, date_of(now_utc)
     decided = {key: x.action for key, x in last_ones.items() if not over(x, today)}
     held = Counter(name for (name, _), action in decided.items() if action in HELD)
-    every = {(row.name, alarm) for row in alarmed for alarm in told.get(row.entry_id, ())}  # one that goes on counts once
+    known = [(row.name, told[row.entry_id]) for row in alarmed if row.entry_id in told]
+    every = {(name, alarm) for name, one in known for alarm in one.ids}  # one that goes on counts once
+    every -= {(name, alarm) for name, one in known for alarm in one.merged}
     waiting = Counter(name for name, alarm in every if (name, alarm) not in decided)
     found = []
     for name in history.machines():

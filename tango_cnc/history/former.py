@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..texts import Said, say
-from .records import HELD, Decision, Night, over
+from .records import HELD, Decision, Night, merged, over
 
 
 class Names(Protocol):
@@ -69,7 +69,7 @@ def formers(
         last = {key: d for key, d in last.items() if not over(d, today)}
         told = reversed(history.alarmed(other))
         each = {a["id"]: a for s in told for a in s.record["alarms"]}  # one that goes on is told by several nights
-        alarms = list(reversed(each.values()))
+        alarms = [a for a in reversed(each.values()) if a["id"] not in merged(each.values())]
         open_ = tuple(a for a in alarms if a["id"] not in last)
         held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)
         nights = history.nights(other)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -119,6 +119,11 @@ class Standing:
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look: it is late, an alarm has no answer, or its last night is not in order."""
         return self.last is None or self.late or self.alarms_open > 0 or self.last.verdict in NOT_IN_ORDER
+
+
+def merged(alarms: Iterable[Mapping[str, Any]]) -> set[str]:
+    """alarms of a record → ids of alarms that have turned out to be a part of one of these, which goes on."""
+    return {str(one) for a in alarms for one in (a.get("goes_on") or {}).get("with") or ()}
 
 
 def date_of(stamp: str) -> str:

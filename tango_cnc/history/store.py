@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, over, stamp_of
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
@@ -42,7 +42,7 @@ class History:
 
     engine: Engine
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
-    _alarms: dict[int, tuple[str, ...]] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
+    _alarms: dict[int, _fleet.Told] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
     clock: Callable[[], datetime] | None = field(default=None, compare=False, repr=False)
 
     def as_of(self, clock: Callable[[], datetime]) -> History:
@@ -181,12 +181,13 @@ class History:
             given["last"] = last + REFUSED
         return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
 
-    def ahead(self, machine: str) -> str:
-        """machine → date of its newest night that the clock dates in the future; '' for none, or without a clock."""
+    def ahead(self, machine: str) -> tuple[Night, ...]:
+        """machine → its nights that the clock dates in the future, newest first; none without a clock."""
         if self.clock is None or not self.knows(machine):
-            return ""
-        newest = replace(self, clock=None).nights(machine, last=1)
-        return newest[0].night if newest and newest[0].start_utc > self._until()["until"] else ""
+            return ()
+        day_before = f"{(self.clock() - timedelta(days=2)).astimezone():%Y-%m-%d}"
+        later = replace(self, clock=None).nights(machine, since=day_before)
+        return tuple(n for n in later if n.start_utc > self._until()["until"])
 
     def night(self, entry: int) -> Stored:
         """number of an entry → that night whole. Raises InputError when there is none."""
@@ -274,10 +275,12 @@ class History:
         as the last night that told it.
         """
         decided = {key for key, d in {d.alarm: d for d in self.decisions(machine)}.items() if not over(d, today)}
+        told = [alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]]
         newest: dict[str, Mapping[str, Any]] = {}
-        for alarm in (alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]):
+        for alarm in told:
             newest.setdefault(alarm["id"], alarm)  # one that goes on is told by several nights
-        return tuple(alarm for key, alarm in newest.items() if key not in decided)
+        closed = decided | merged(told)
+        return tuple(alarm for key, alarm in newest.items() if key not in closed)
 
     # Trusting -------------------------------------------------------------------------------------------------------
 

@@ -9,11 +9,14 @@ one axis.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..records import Array
+from ..touches import Touches
 from .onpart import Ask
-from .whole import Whole
+from .whole import Block, Whole
 
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
@@ -24,12 +27,23 @@ Doubt = tuple[tuple[str, ...], str]  # error motions, and the sentence
 
 def most(ask: Ask, w: Whole) -> float:
     """figure, machine → standard deviation in its unit beyond which it is withheld."""
-    machine, used = w.touches.machine, w.touches.stylus
-    numbers = () if used is None or not machine.styli else np.unique(used)
-    lengths = [machine.styli[int(i) - 1].length for i in numbers] or [machine.probe.length]
     # how a tool turns does not depend on its length
-    touched = ask.length is not None and (ask.unit == "µrad" or min(lengths) - 1e-6 <= ask.length <= max(lengths) + 1e-6)
+    touched = ask.length is not None and (ask.unit == "µrad" or nearest(ask.length, lengths(w.touches)) is None)
     return UNDECIDED[ask.unit] * (VOLUME if touched else 1.0)
+
+
+def lengths(touches: Touches) -> tuple[float, ...]:
+    """touches → lengths of the styli that made them, mm."""
+    machine, used = touches.machine, touches.stylus
+    numbers = () if used is None or not machine.styli else np.unique(used)
+    return tuple(machine.styli[int(i) - 1].length for i in numbers) or (machine.probe.length,)
+
+
+def nearest(length: float, touched: Sequence[float]) -> float | None:
+    """length of a tool, lengths of styli, mm → the stylus that is nearest to a tool beyond them all; None: it is between them."""
+    if not touched or min(touched) - 1e-6 <= length <= max(touched) + 1e-6:
+        return None
+    return min(touched, key=lambda own: abs(own - length))
 
 
 def worst(ask: Ask, w: Whole) -> tuple[Array, float]:
@@ -48,20 +62,28 @@ def undecided(ask: Ask, w: Whole) -> Doubt | None:
     if std <= most(ask, w):
         return None
     mixed = _mixed(ask, weights, w)
-    others = f"cannot be separated from {_list(mixed)}" if mixed else "is not decided by these touches"
+    others = f"cannot be separated from {listed(mixed)}" if mixed else "is not decided by these touches"
     blind = tuple(m for m in (ask.own, *mixed) if m in w.unfelt)
-    why = f"; no touch feels {_list(blind)}" if blind else ""
+    why = f"; no touch feels {listed(blind)}" if blind else ""
     return mixed, f"{ask.name} ({ask.kind}) {others}: its standard deviation would be {std:.0f} {ask.unit} or more{why}"
 
 
 def _mixed(ask: Ask, weights: Array, w: Whole) -> tuple[str, ...]:
     """→ error motions that explain most of what is undecided in a figure, the strongest first."""
-    along = w.covariance @ weights
+    return strongest([b for b in w.blocks if b[0] != ask.own], w.covariance, weights)
+
+
+def strongest(blocks: Sequence[Block], covariance: Array, weights: Array) -> tuple[str, ...]:
+    """error motions, covariance (p, p), weights (p,) of a number → those that explain most of what is undecided in it, the
+    strongest first.
+    """
+    along = covariance @ weights
     total = float(weights @ along)
-    shares = {name: float(along[own] @ inverse @ along[own]) / total for name, own, inverse in w.blocks if name != ask.own}
+    shares = {name: float(along[own] @ inverse @ along[own]) / total for name, own, inverse in blocks}
     found = {name: share for name, share in shares.items() if share > SHARE}
     return tuple(sorted(found, key=lambda m: -found[m])[:NAMED])
 
 
-def _list(words: tuple[str, ...]) -> str:
+def listed(words: tuple[str, ...]) -> str:
+    """words → a list of them for people."""
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

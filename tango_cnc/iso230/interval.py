@@ -39,13 +39,13 @@ def of_drawn(curves: Array, read: Array, noise: Array, coverage: float = 0.95) -
     return _from_nothing(Spread(best, low, high, least, most), float(np.ptp(read)), nothing, tail)
 
 
-def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
+def of_volume(curves: Array, free: Array, share: float = 1.0, coverage: float = 0.95) -> Spread:
     """curves that are possible (m, d), or vectors (m, 3, d); by how much each differs from their mean in what the touches alone
     decide, alike → largest minus smallest, or the longest, of them.
 
     Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
     range^(1 − k): then noise takes a range to neither side. k is found from how much the free directions enlarge it around
-    what was read.
+    what was read. `share`: of that power which counts, where a part of what is drawn is no noise of what was read.
     Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
     tail, sizes = (1 - coverage) / 2, _sizes(curves)
@@ -55,7 +55,7 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     if scatter <= 0.0:
         return Spread(*[read] * 5)
     bent = sum(float(_sizes(mean + s * NEAR * free).mean()) - read for s in (1, -1)) / 2 / NEAR**2
-    by = min(max(2 * read * bent / scatter, 0.0), STEEPEST)
+    by = share * min(max(2 * read * bent / scatter, 0.0), STEEPEST)
     order = np.argsort(sizes)
     worth = np.maximum(sizes[order] / sizes.max(), NARROW) ** -by
     at = (np.cumsum(worth) - worth / 2) / worth.sum()

@@ -28,6 +28,7 @@ from .unseen import positions
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
+HALF = 0.5  # of a rotary axis, the harmonics that no touch shows are drawn with the others: they are no noise of what was read
 
 
 @dataclass(frozen=True)
@@ -224,7 +225,8 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     drawn = own.factor * (own.curve[..., used] @ learned.draws[used])
     if own.length is not None or own.turned:  # two axes that turn say too little of each other's size: noise would count twice
         free = used if own.turned else used[learned.free[used]]
-        return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])))
+        share = HALF if own.turned else 1.0
+        return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])), share)
     curve = ask.curve * ask.factor
     wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
     found, mean = of_drawn(drawn, curve @ wide.values, wider * root_of(curve, wide.covariance)), drawn.mean(axis=1)

@@ -39,6 +39,7 @@ ALONE = 0.02  # share of a touch's own error that is left of it, below which no 
 UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
 TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
+Block = tuple[str, NDArray[np.intp], Array]  # an error motion, its coefficients, the pseudo-inverse of their covariance
 
 
 @dataclass(frozen=True)
@@ -88,13 +89,16 @@ class Whole:
         return {name: slot.stage == "intra" and slot.component == TURN for name, slot in slots.items() if name not in felt}
 
     @cached_property
-    def blocks(self) -> tuple[tuple[str, NDArray[np.intp], Array], ...]:
+    def blocks(self) -> tuple[Block, ...]:
         """→ each error motion in this fit, its coefficients (k,), the pseudo-inverse (k, k) of their covariance."""
-        motions, fitted = np.array(self.motions), np.diag(self.covariance) > 0
-        found = [(name, np.flatnonzero((motions == name) & fitted)) for name in dict.fromkeys(self.motions)]
-        return tuple(
-            (n, own, np.asarray(np.linalg.pinv(self.covariance[np.ix_(own, own)], rcond=1e-10))) for n, own in found if len(own)
-        )
+        return blocks_of(self.motions, self.covariance)
+
+
+def blocks_of(motions: Sequence[str], covariance: Array) -> tuple[Block, ...]:
+    """(p,) the error motion of each coefficient, covariance (p, p) → as `Whole.blocks`."""
+    names, fitted = np.array(motions), np.diag(covariance) > 0
+    found = [(name, np.flatnonzero((names == name) & fitted)) for name in dict.fromkeys(motions)]
+    return tuple((n, own, np.asarray(np.linalg.pinv(covariance[np.ix_(own, own)], rcond=1e-10))) for n, own in found if len(own))
 
 
 def disturbed(w: Whole, all_of: Sequence[Array], beside_scatter: Sequence[Array]) -> tuple[Whole, float]:

@@ -74,6 +74,8 @@ class Modal:
     metric: bool = False  # a block has stated it, as the next
     absolute: bool = False
     changed: bool = False  # M6 has been seen
+    length: bool = False  # G43 has switched the length of a tool on
+    stale: bool = False  # the tool was changed since, and nothing has said whose length acts now
 
 
 def languages() -> tuple[str, ...]:

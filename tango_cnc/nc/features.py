@@ -14,6 +14,7 @@ tool: {length_um: 2}  # its length was measured against the probe, with this sta
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,9 +23,10 @@ import numpy as np
 
 from ..compensate.fit import Known
 from ..files.checked import Node, load, printable
-from ..records import Array, InputError
-from .follow import Motion, Setup, positions
-from .predict import beyond, drawn, machinery, points_of
+from ..records import Array, InputError, Machine
+from .correct import Machinery
+from .follow import Motion, Setup, axes_beyond, positions
+from .predict import drawn, levers, machinery, points_of
 
 KINDS = ("distance", "position", "squareness", "circularity")
 DRAWS = 2000
@@ -80,6 +82,7 @@ class Predicted:
     alone: float | None = None  # of a range whose value contains the scatter of its points: without it
     bounds: tuple[float, float] | None = None  # of a range: it is below the first with 5 %, above the second with 5 %
     turned: bool = False
+    outside: tuple[str, ...] = ()  # what lies where nothing was touched, for people: axis, where it is, what was touched
 
 
 def read(file: Path) -> Wanted:
@@ -140,12 +143,22 @@ def _check(node: Node, places: Mapping[str, object]) -> Check:
 
 
 def predict(
-    wanted: Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]], touched: Mapping[str, tuple[float, float]]
+    wanted: Wanted,
+    setup: Setup,
+    known: Known,
+    labels: Mapping[str, Sequence[Motion]],
+    touched: Mapping[str, tuple[float, float]],
+    length: float | None = None,
 ) -> list[Predicted]:
-    """checks, set-up, what is known, motions by label, touched ranges → every feature. Raises InputError for unknown blocks."""
+    """checks, set-up, what is known, motions by label, touched ranges → every feature. Raises InputError for unknown blocks.
+
+    `length`: as a tool of that length would cut the same places, mm; None: with the tools that cut them.
+    """
     result, setup = [], cut(setup, wanted.tool)
     for check in wanted.checks:
-        points, nominal, outside, turned = _points(check, wanted, setup, known, labels, touched)
+        mach, at = _placed(check, wanted, setup, known, labels, length)
+        points, nominal, turned = _points(mach, at)
+        outside = _outside(setup.machine, at, touched)
         own = np.random.default_rng(5).normal(scale=wanted.point, size=(DRAWS, *points.shape[1:])) if wanted.point else 0.0
         spread = points[1:] + own
         for name, measure in _measures(check):
@@ -156,21 +169,71 @@ def predict(
             alone = None
             if check.kind == "circularity" and wanted.point:  # a range is never less than that of the scatter alone
                 value, alone = middle, value
-            result.append(Predicted(name, check.kind, value, low, high, outside, alone, bounds, turned))
+            result.append(Predicted(name, check.kind, value, low, high, bool(outside), alone, bounds, turned, outside))
     return result
 
 
-def _points(
+def weights(wanted: Wanted, setup: Setup, known: Known, labels: Mapping[str, Sequence[Motion]]) -> list[Array]:
+    """checks, set-up, what is known, motions by label → (p,) mm that a unit of every coefficient changes each feature, in the order
+    of `predict`; of a circularity, the point of the arc that is known worst.
+    """
+    result, setup = [], cut(setup, wanted.tool)
+    for check in wanted.checks:
+        mach, at = _placed(check, wanted, setup, known, labels)
+        nominal, unit = mach.meant(at), np.moveaxis(levers(mach, at), 2, 0)
+        if check.kind == "circularity":
+            every = _rest(nominal, unit)
+            worst = np.einsum("pn,pq,qn->n", every, known.covariance, every, optimize=True)
+            result.append(every[:, int(worst.argmax())])
+        else:
+            result += [measure(nominal, unit) for _, measure in _measures(check)]
+    return result
+
+
+def lengths_of(wanted: Wanted, setup: Setup, labels: Mapping[str, Sequence[Motion]]) -> list[float]:
+    """checks, set-up, motions by label → mm, length of the tool that cuts each feature, in the order of `predict`."""
+    return [_tools(check, wanted, setup, labels)[0][1] for check in wanted.checks for _ in _measures(check)]
+
+
+def _points(mach: Machinery, at: Array) -> tuple[Array, Array, bool]:
+    """→ (m + 1, n, 3) mm deviations of its points, (n, 3) mm where they are meant, whether rotary axes turn between them."""
+    machine = mach.machine
+    rotary = [machine.column(name) for name in machine.rotary]
+    turned = bool(np.any(np.ptp(at[:, rotary], axis=0) > TURNED))
+    return drawn(mach, at, DRAWS), mach.meant(at), turned
+
+
+def _outside(machine: Machine, at: Array, touched: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
+    """→ of every axis that is where nothing was touched: how far it goes, and what was touched; mm and degrees of the machine."""
+    result = []
+    for name in (n for n, there in axes_beyond(machine, at, touched).items() if there.any()):
+        unit, factor = ("mm", 1.0) if name in machine.linear else ("°", 180 / math.pi)
+        own, (low, high) = at[:, machine.column(name)] * factor, (v * factor for v in touched[name])
+        far = own.max() if own.max() - high > low - own.min() else own.min()
+        result.append(f"{name} is at {far:.1f} {unit}, touched were {low:.1f} to {high:.1f} {unit}")
+    return tuple(result)
+
+
+def _placed(
     check: Check,
     wanted: Wanted,
     setup: Setup,
     known: Known,
     labels: Mapping[str, Sequence[Motion]],
-    touched: Mapping[str, tuple[float, float]],
-) -> tuple[Array, Array, bool, bool]:
-    """→ (m + 1, n, 3) mm deviations of its points, (n, 3) mm where they are meant, whether one is extrapolated, whether rotary axes
-    turn between them.
-    """
+    length: float | None = None,
+) -> tuple[Machinery, Array]:
+    """→ the machine with the tool of a check, axis positions (n, k) of its points; `length`: as `predict`."""
+    places = _tools(check, wanted, setup, labels)
+    own = places[0][1]
+    used = own if length is None else length
+    at = positions(setup, [p for p, _, _ in places], [added + used - own for _, _, added in places])
+    return machinery(setup, known, used), at
+
+
+def _tools(
+    check: Check, wanted: Wanted, setup: Setup, labels: Mapping[str, Sequence[Motion]]
+) -> list[tuple[dict[str, float], float, float]]:
+    """→ of every point of a check: programmed coordinates, length of its tool, mm that the control adds to Z for it."""
     places: list[tuple[dict[str, float], float, float]] = []
     if check.kind == "circularity":
         motion = _motion(check.of[0], labels)
@@ -186,14 +249,9 @@ def _points(
                 places.append((motion.end, motion.length, motion.added))
             else:
                 places.append((dict(place), setup.length, setup.length))
-    lengths = {length for _, length, _ in places}
-    if len(lengths) > 1:
+    if len({length for _, length, _ in places}) > 1:
         raise InputError(f"features: {check.name}: found places cut with tools of several lengths; allowed: one tool a check")
-    mach = machinery(setup, known, lengths.pop())
-    at = positions(setup, [p for p, _, _ in places], [a for _, _, a in places])
-    rotary = [setup.machine.column(name) for name in setup.machine.rotary]
-    turned = bool(np.any(np.ptp(at[:, rotary], axis=0) > TURNED))
-    return drawn(mach, at, DRAWS), mach.meant(at), bool(beyond(setup.machine, at, touched).any()), turned
+    return places
 
 
 def _motion(label: str, labels: Mapping[str, Sequence[Motion]]) -> Motion:
@@ -264,12 +322,17 @@ def _position(nominal: Array, d: Array) -> Array:
 
 
 def _circularity(nominal: Array, d: Array) -> Array:
+    return np.asarray(np.ptp(_rest(nominal, d), axis=1))
+
+
+def _rest(nominal: Array, d: Array) -> Array:
+    """(n, 3) points of a circle, (m, n, 3) their deviations, mm → (m, n) radial ones about the best circle."""
     centre = _circle(nominal)
     radial = (nominal - centre) / np.linalg.norm(nominal - centre, axis=1, keepdims=True)
     columns = np.column_stack([np.ones(len(nominal)), radial])
     change = np.einsum("mni,ni->mn", d, radial)
-    rest = change - np.einsum("ni,mi->mn", columns, np.einsum("in,mn->mi", np.linalg.pinv(columns, rcond=1e-9), change))
-    return np.asarray(np.ptp(rest, axis=1))
+    best = np.einsum("in,mn->mi", np.linalg.pinv(columns, rcond=1e-9), change)
+    return np.asarray(change - np.einsum("ni,mi->mn", columns, best))
 
 
 def _circle(points: Array) -> Array:

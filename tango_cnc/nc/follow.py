@@ -43,6 +43,7 @@ class Motion:
     length: float  # mm of the tool
     added: float  # mm that the control adds to Z for it
     known: bool
+    assumed: str = ""  # rotary axes that no block has named yet: they are taken to be at 0
 
 
 def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator[Motion]:
@@ -88,7 +89,8 @@ def follow(lines: Iterable[str], language: ModuleType, setup: Setup) -> Iterator
             )
         if known and block.target:
             _within_travel(block, at, added, setup)
-        yield Motion(block, start, dict(at), length, added, known)
+        assumed = "".join(a for a in machine.rotary if a not in turned)
+        yield Motion(block, start, dict(at), length, added, known, assumed)
 
 
 def _stated(block: Block, language: ModuleType, modal: Modal) -> None:

@@ -39,6 +39,7 @@ class Account:
     squares_after: float = 0.0
     count: int = 0
     worst_block: int = 0
+    assumed: set[str] = field(default_factory=set)  # rotary axes that are taken to be at 0, while something is cut
     changes: list[tuple[str, list[str]]] = field(default_factory=list)
 
 
@@ -118,6 +119,7 @@ def _batch(
     machinery: dict[float, Machinery],
 ) -> Iterator[tuple[list[str], Block]]:
     account.blocks += len(motions)
+    account.assumed |= {axis for m in motions if m.assumed and m.block.kind in ("feed", "arc") for axis in m.assumed}
     rotary = set(setup.machine.rotary) if settings.rotary else set()
     chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
     written: dict[int, list[Array]] = {}

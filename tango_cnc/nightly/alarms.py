@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..history.records import merged
 from ..loaded import Event
 from ..records import Array, Cell
 from ..report.compensated import as_loaded, dated
@@ -282,6 +283,7 @@ def standing(
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
     seen = set(tonight)
     for stored in past.alarmed(machine, LISTED):
+        seen |= merged(stored.record["alarms"])
         for alarm in stored.record["alarms"]:
             if alarm["id"] and alarm["id"] in seen:
                 continue

@@ -15,6 +15,7 @@ from .. import __version__
 from ..estimate import Estimate
 from ..files.nightly import Nightly
 from ..history import Knowledge, Night
+from ..history.records import merged
 from ..loaded import Event
 from ..records import Array, Cell, Readings
 from ..state import (
@@ -24,6 +25,7 @@ from ..state import (
     Tonight,
     Within,
     choose,
+    grown,
     hypotheses,
     judge,
     name_change,
@@ -44,7 +46,8 @@ from .alarms import Known, alarms_of, date_of, since, since_full, standing, unhe
 from .behind import behind
 from .control import Given, InControl, limited
 from .course import ALIKE
-from .doubt import Judged, attempted, believed
+from .dates import clock_wrong
+from .doubt import Judged, attempted, believed, doubted
 from .drift import as_alarm
 from .goes_on import anew, going_on
 from .lag import lagging
@@ -91,6 +94,7 @@ class Nights:
     written: Callable[[Estimate], Mapping[str, str]] | None = None
     control: InControl | None = None
     given: tuple[Given, ...] = ()  # when the control got or lost a compensation, oldest first
+    old: bool = False  # nights of long ago, brought in by the hundred: only what is not plain is diagnosed
     happened: tuple[Event, ...] = ()  # all that happened to compensations, oldest first
 
     @cached_property
@@ -212,7 +216,7 @@ class Nights:
         before = self.state(past)
         warmth = parts.warmth(readings, self.settings.sensor)
         first = before is None
-        ahead = start(self.followed, day, parts.mean(warmth)) if before is None else predicted(before, day)
+        ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
@@ -250,11 +254,12 @@ class Nights:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
         alarms = alarms_of(known, since(past, machine, day), ahead, tonight, named) if alarm else []
         diagnosis, undiagnosed = dict[str, Any](), ""
-        if self.diagnosed is not None and self.settings.diagnose and (kind == "full" or alarm) and judged.verdict != "implausible":
+        if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, alarm, judged):
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
         moves = -np.inf if first or not alarm or inner is not None else self._moves(ahead, readings, tonight, named)
         judged = believed(judged, diagnosis, alarms, first, moves) if inner is None else moved_within(known, inner, readings)
+        judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, machine) else judged
         helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
         if not judged.believed:
             alarms = []
@@ -281,7 +286,7 @@ class Nights:
             given = [g for g in self.given if g.utc >= newest[0].end_utc]
             alarms = [given[-1].told(a) for a in alarms] if given else alarms
         found = parameters if judged.believed else {}
-        waiting = standing(past, machine, day, found, kind, self.happened, tuple(a["id"] for a in alarms))
+        waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in alarms} | merged(alarms))
         waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
@@ -367,6 +372,14 @@ class Nights:
             return ()
         points = np.abs(self.offered[:, self.followed.points]) > 0.5
         return tuple(int(n) for n in self.times.numbers[np.any(points @ points[apart].T, axis=1)])
+
+    def _asks(self, kind: str, alarm: bool, judged: Judged) -> bool:
+        """kind, whether there is an alarm, judgement → whether a diagnosis is made. Nobody waits for that of an old night that was
+        good; one whose reasons say that the cause is looked for gets it.
+        """
+        if judged.verdict == "implausible":
+            return False
+        return alarm or (kind == "full" and (not self.old or judged.verdict != "trustworthy"))
 
     def _within(self, ahead: State, readings: Readings, tonight: Tonight) -> Within | None:
         """prediction, readings, their judgement → the step of the machine within this run, where that alone explains it."""

@@ -10,7 +10,7 @@ import numpy as np
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
-from .alarms import Known, effect_of
+from .alarms import Known, date_of, effect_of
 from .course import cause_of, only
 from .drift import drift_of
 from .one_date import night_of
@@ -19,6 +19,7 @@ from .words import value
 MONTH = 30  # nights that what stands behind a limit is looked for over
 NAMED = 3  # parameters that stand behind one limit, at most
 SHARE = 1 / 3  # of what the first of them does to the volume, from which another one stands behind the limit as well
+BEFORE = 0.25  # share of a movement that the parameter may have been off by before it
 SURE = 3.0  # standard deviations that a parameter has moved by, and of another one beyond what it wanders in that time
 
 
@@ -97,14 +98,32 @@ def _moved(
     still = [
         r for r in known if name in r["parameters"] and abs(r["parameters"][name]["value"] - begun["value"]) < 3 * begun["std"]
     ]
-    own = night_of(dates, name, float(after.mean[i]) - begun["value"], records)
+    size = float(after.mean[i]) - begun["value"]
+    own = night_of(dates, name, size, records) or _alarmed(name, size, begun["value"], known)
     since = own if own is not None and name in own["parameters"] else still[0]
     found = drift_of(k, i, since, float(after.mean[i]) - since["parameters"][name]["value"], std, after, 0.0, 0.0, records)
-    later = [r for r in known if r["night"] > found.since][:-1]  # after the night that found it
+    with_it = [r for r in known if r["night"] > found.since]
+    later = with_it[:-1]  # after the night that found it
     again = [r["night"] for r in later if r.get("kind") == "full" and r["parameters"].get(name, {}).get("seen")]
     return {
         **{"what": limit["what"], "parameter": name, "unit": unit},
+        **{"night": str(with_it[-1]["night"]) if with_it else date_of(after.day)},
         **{"cause": cause_of(k, i), "confirmed": again[-1] if again else None, "text": found.text, "since": found.since},
         **{"rate_per_day": found.rate_per_day if found.steady else None, "size": found.size, "std": found.std},
         **{"on_part": found.on_part, "do": found.do},
     }
+
+
+def _alarmed(name: str, size: float, begun: float, known: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
+    """parameter, its movement, where that began, nights that measured, newest first → the night since which an alarm said so that
+    somebody has closed since: the newest one that went the same way from about there. None where there was no such alarm.
+    """
+    by_night = {r["night"]: r for r in known}
+    for a in (a for r in known for a in r.get("alarms") or ()):
+        since = by_night.get(a.get("since"))
+        if a.get("parameter") != name or since is None or float(a.get("size") or 0.0) * size <= 0:
+            continue
+        there = since["parameters"].get(name)
+        if there is not None and abs(there["value"] - begun) < BEFORE * abs(size):
+            return since
+    return None

@@ -9,6 +9,8 @@ from typing import Any
 from .alarms import night_of
 from .ports import Past
 
+MISSED = 14  # nights without a measurement that may lie between those that measured
+
 
 def dated(before: Mapping[str, Any], past: Past, machine: str, begun: datetime, every_days: float) -> dict[str, Any]:
     """what is known of the nights before, history, machine, begin of this night, days from night to night → more of the same.
@@ -23,5 +25,11 @@ def dated(before: Mapping[str, Any], past: Past, machine: str, begun: datetime, 
         missing = int(days / every_days + 0.5) - 1
         found |= {"unmeasured_count": missing} if missing > len(before["unmeasured"]) else {}
     if ahead := past.ahead(machine):
-        found["clock_back"] = ahead
+        found["clock_back"] = ahead[0].night
     return found
+
+
+def clock_wrong(past: Past, machine: str) -> bool:
+    """history by the clock, machine → whether the clock itself is wrong: most of the nights that measured lie in its future."""
+    future = [n for n in past.ahead(machine) if n.verdict != "not_measured"]
+    return bool(future) and len(future) > sum(n.verdict != "not_measured" for n in past.nights(machine, 2 * len(future) + MISSED))

@@ -27,6 +27,7 @@ class Judged:
     incomplete: bool = False  # too little of what was asked for was measured
     wandered: str = ""  # why the machine counts as on the move while it was measured, as a sentence; empty: it does not
     walk: float = 0.0  # of the touches in time, over their white scatter
+    crept: str = ""  # why nobody can tell whether the machine or the stylus in its holder moved, as a sentence; empty: they can
     believed: bool = True  # whether tonight teaches the state anything
 
 
@@ -41,6 +42,12 @@ def attempted(
         return dict(diagnosed(cell, readings)), ""
     except Exception as error:
         return {}, str(error) or type(error).__name__
+
+
+def doubted(judged: Judged, reason: str) -> Judged:
+    """judgement, a reason beside the touches → the same, in doubt for this reason first. It teaches what it taught before."""
+    verdict = "doubtful" if judged.verdict == "trustworthy" else judged.verdict
+    return replace(judged, verdict=verdict, reasons=(reason, *judged.reasons))
 
 
 def believed(
@@ -64,6 +71,8 @@ def believed(
     if warming:
         wandered = judged.wandered or t("night.moves_on" if plain else "night.warming")
         reasons = [wandered, *(r for r in reasons if r != judged.wandered)]
+        if judged.crept:  # the touches do not show which of both it was
+            reasons = [reasons[0], judged.crept, *reasons[1:]]
     if alarms and (warm is not None or moves > -NEAR):
         alarms[0]["instead"] = [t("night.warm_up"), *alarms[0]["instead"]]
     teaches = not (

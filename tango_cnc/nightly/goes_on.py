@@ -1,7 +1,7 @@
 """An alarm that goes on: what moves the same way night after night is one alarm with one id, until somebody decides about it.
 
 A step of `KNOCK` is a knock by itself. What comes the night after it may be another knock: it is another alarm, and says so. From
-the third night on it is something that goes on.
+the third night on it is something that goes on: all of it is the alarm of the first night then.
 """
 
 from __future__ import annotations
@@ -94,8 +94,28 @@ def _going_on(
             return alarm
         if _knocks(k, m, older, alarm):
             return alarm | {"follows": _followed(older, stored), "do": say("night.goes_on.twice_do")}
-        return _told(k, after, alarm, stored, older, m, before, answer)
+        if (begun := _begun(newest, last, older, date_of(after.day))) is not None:
+            first_m = moved(past, machine, k, after, *begun)
+            if first_m is not None:  # two knocks were one thing that goes on: it is the alarm of the first one
+                answer = last.get(begun[1]["id"]) or answer
+                told = _told(k, after, alarm, *begun, first_m, before, answer, twice=False)
+                told["goes_on"]["with"] = [older["id"]]
+                return told
+        twice = not older.get("rate_per_day") and not older.get("follows")  # two steps are no course yet
+        told = _told(k, after, alarm, stored, older, m, before, answer, twice=twice)
+        told["goes_on"] |= {"with": known} if (known := (older.get("goes_on") or {}).get("with")) else {}
+        return told
     return alarm
+
+
+def _begun(
+    newest: Mapping[str, tuple[Any, Mapping[str, Any]]], last: Mapping[str, Decision], older: Mapping[str, Any], today: str
+) -> tuple[Any, Mapping[str, Any]] | None:
+    """→ the night and the alarm that the older one followed as what might have been a second knock; None where there is none, and
+    where somebody has closed it.
+    """
+    first = str((older.get("follows") or {}).get("alarm"))
+    return None if first not in newest or _over(last.get(first), today) else newest[first]
 
 
 def _over(answer: Decision | None, today: str) -> bool:
@@ -160,6 +180,8 @@ def _told(
     m: Moved,
     before: Since,
     answer: Decision | None,
+    *,
+    twice: bool,
 ) -> dict[str, Any]:
     """→ the alarm of tonight as the older one that goes on, with all that has come since that one began."""
     since, unit = str(older["since"]), str(alarm["unit"])
@@ -167,7 +189,6 @@ def _told(
     whole = of_cause(k, Since(since, since), Named(m.what, m.now, m.std, sigmas**2, 0.0, 0.0, ()))
     size, step = float(whole["size"]), float(alarm["size"])
     days = (date.fromisoformat(date_of(after.day)) - date.fromisoformat(since)).days
-    twice = not older.get("rate_per_day") and not older.get("follows")  # two steps are no course yet
     rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size) and not twice
     if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
         whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))

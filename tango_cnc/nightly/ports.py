@@ -127,8 +127,8 @@ class Past(Protocol):
     def knows(self, machine: str) -> bool:
         """→ whether it has this machine."""
 
-    def ahead(self, machine: str) -> str:
-        """machine → date of its newest night that lies in the future by the clock, so that one of both is wrong; '' for none."""
+    def ahead(self, machine: str) -> tuple[Night, ...]:
+        """machine → its nights that lie in the future by the clock, newest first: the clock is wrong, or was."""
 
     def records_of(self, entries: Sequence[int]) -> dict[int, Any]:
         """numbers of entries → {number: record of that night}."""

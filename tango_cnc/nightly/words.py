@@ -16,6 +16,7 @@ from ..report.words import moved, named
 from ..texts import Said, joined, say
 
 SHOWN = 3  # alarms that wait, in full
+LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
 
 
@@ -208,6 +209,8 @@ def _gap(record: Mapping[str, Any]) -> str:
         return ""
     if count == 1:
         return say("night.words.night_before_was_not_measured")
+    if count > LONG:
+        return say("night.words.long_before_not_measured", count=count)
     return say("night.words.nights_before_were_not_measured", count=count)
 
 

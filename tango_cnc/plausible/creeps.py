@@ -21,6 +21,8 @@ from .lacking import MOVED, SHOWN, TOUCHED, Left, steady
 from .shapes import TURNED
 from .spindle import PLACE
 
+CREPT = "plausible.lacking.creeping"  # key of the sentence
+
 
 def creeps(result: Estimate, drift: Drift, behind: float = AS_WELL) -> Iterator[Remark]:
     """estimate, its drift → a remark where what was taken for a drift may as well be a stylus that creeps.
@@ -40,7 +42,7 @@ def creeps(result: Estimate, drift: Drift, behind: float = AS_WELL) -> Iterator[
     if by.max(initial=0.0) < MOVED:
         return
     text = say(
-        "plausible.lacking.creeping",
+        CREPT,
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(by.max()):.0f}",
     )

@@ -51,7 +51,7 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
     yield from _clock(readings)
-    yield from _pace(cell, readings)
+    yield from () if (run or {}).get("simulated") else _pace(cell, readings)  # a simulated control is as fast as it can
     yield from _rounded(cell, readings)
     yield from _alike(readings)
     yield from _nominal(cell, readings)

@@ -34,7 +34,7 @@ def alarm(
     raw = a.get("text") or ""
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
-    told = {**a, "night": asked}
+    told = {**a, "night": asked or str(a.get("night") or "")}  # what stands behind a limit has no id
     part = _part(told, u, t)
     return {
         **a,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from ..history.clock import LEFT_OUT
 from ..records import Machine
 from ..texts import Said
 from .days import day
@@ -80,11 +81,14 @@ def answer(
 
 
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
-    """answer, what the cell has under other names, texts → the same; an alarm that is open there is open here, and no plain yes."""
+    """answer, what the cell has under other names or with a date in the future, texts → the same; an alarm that is open there is
+    open here, and no plain yes.
+    """
     told = [text.values for text in former if isinstance(text, Said)]
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
-    return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.former"))
+    dated = any(isinstance(text, Said) and text.key == LEFT_OUT for text in former)
+    return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.left_out" if dated else "may.former"))
 
 
 def by_limit(record: Mapping[str, Any], limit: float | None) -> Mapping[str, Any]:

@@ -135,13 +135,18 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     What was ignored until a date counts as unanswered after that day.
     """
+    from ..history.records import merged
+
     last = {d.alarm: d for d in history.decisions(machine)}
     last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
     newest: dict[str, dict[str, Any]] = {}
+    parts: set[str] = set()
     for stored in history.alarmed(machine):
+        parts |= merged(stored.record["alarms"])
         for a in stored.record["alarms"]:
             newest.setdefault(a["id"], dated(a, stored.record))  # one that goes on is told by several nights
-    return [a for a in newest.values() if a["id"] not in last or last[a["id"]].action not in CLOSED], last
+    open_ = [a for a in newest.values() if a["id"] not in parts]
+    return [a for a in open_ if a["id"] not in last or last[a["id"]].action not in CLOSED], last
 
 
 def _entered(a: Mapping[str, Any]) -> bool:

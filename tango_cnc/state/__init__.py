@@ -8,7 +8,7 @@ the control charts of old.
 """
 
 from .choose import Choice, choose
-from .filter import State, Tonight, judge, predicted, reopened, start, updated
+from .filter import State, Tonight, grown, judge, predicted, reopened, start, updated
 from .frame import Frame, Seen, frame, seen
 from .naming import Hypothesis, Named, hypotheses, name_change
 from .rates import learn
@@ -27,6 +27,7 @@ __all__ = [
     "Within",
     "choose",
     "frame",
+    "grown",
     "hypotheses",
     "judge",
     "learn",

@@ -20,6 +20,7 @@ from .frame import CLOSED, WARM, WIDE, Frame, Seen
 
 FALSE_ALARMS = 1 / 730  # a night: once in two years
 TRUST = 60.0  # nights' worth of numbers that the stated repeatability counts for, and the first idea of how much wanders
+MONTH = 30.0  # days
 FREE = 30.0  # standard deviations that the machine may have moved, when single touches are judged
 SHARED = 0.05  # of the variance of a touch: with less, its point may have moved as well as the touch be wrong
 FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
@@ -88,6 +89,15 @@ def predicted(state: State, day: float) -> State:
     return replace(
         state, root=widened(state.root, np.diag(np.sqrt(state.rates * max(day - state.day, 0.0)))), day=max(day, state.day)
     )
+
+
+def grown(state: State, day: float) -> State:
+    """state, later day → what is taken for known then: as `predicted`, but a machine wanders no farther than in a month.
+
+    After a year without a night anything would be expected, and a knock of 30 µm would pass as wander. So would it after a clock
+    that has jumped by a year.
+    """
+    return replace(predicted(state, min(day, state.day + MONTH)), day=max(day, state.day))
 
 
 def sigma_of(state: State) -> float:

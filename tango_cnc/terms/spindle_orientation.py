@@ -13,6 +13,8 @@ from . import Cause, Coefficient
 from ._cause import Variants, early, label, need
 from ._world import Effects
 
+DIFFER = 0.1  # of a wave: what waves at some orientations must differ by
+
 
 def variants(touches: Touches) -> Variants:
     """touches → an orientation that differs from the others, and an error periodic in S."""
@@ -20,9 +22,19 @@ def variants(touches: Touches) -> Variants:
     if len(places) > 1:
         for place in places:
             yield {"S": float(place)}
-        if len(places) > 3:
-            for order in (1, 2):
+        for order in (1, 2):
+            if _told(np.radians(places), order):
                 yield {"order": order}
+
+
+def _told(places: Array, order: int) -> bool:
+    """orientations (k,) of the spindle, rad → whether waves up to this order differ there, so that each has a size.
+
+    At four quarters sin 2S is nothing: a swing of order 2 would have any size, and what it shows of one of order 1 is a part.
+    """
+    turns = np.outer(places, np.arange(1, order + 1))
+    waves = np.hstack([np.ones((len(places), 1)), np.cos(turns), np.sin(turns)])
+    return bool(np.linalg.svd(waves, compute_uv=False)[-1] > DIFFER * np.sqrt(len(places))) if len(places) > 2 * order else False
 
 
 def make(machine: Machine, S: float | None = None, order: int = 1) -> list[Coefficient]:

@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..history import History, Night, Standing, opened
+from ..history.clock import in_future
+from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
@@ -36,7 +38,7 @@ class Machine:
     folder: Path | None
     history: History | None
     trouble: str = ""  # why its cell cannot be read
-    former: tuple[str, ...] = ()  # what its cell has under other names, as sentences
+    former: tuple[str, ...] = ()  # what its cell has under other names, or with a date in the future, as sentences
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,8 @@ class Places:
         """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
         names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Machine]()
         for slug, m in list(found.items()):
+            if m.history is not None and (future := in_future(m.history, m.name)) is not None:
+                m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
@@ -127,7 +131,7 @@ class Places:
                 continue
             known = formers(m.history, m.name, m.folder, not self.settings.history and self._within(m.folder), names)
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
-            found[slug] = replace(m, former=told)
+            found[slug] = replace(m, former=(*m.former, *told))
             more |= {
                 slug_of(f.machine): Machine(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms or f.held
             }

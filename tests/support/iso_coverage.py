@@ -32,16 +32,21 @@ def measured(name: str, seed: int, longer: float | None = None, drawn: type[Trut
 
 def estimated(truth: Truth, folder: Path) -> Estimate:
     """machine, its example → what is estimated of it."""
-    rows = truth.readings()
-    n = len(rows["facet"])
     cell = read_cell(folder)
-    assert list(cell.machine.names) == truth.names
-    number, ones = np.arange(1, n + 1), np.ones(n, dtype=int)
     machine = cell.machine
     if truth.longer is not None:
         machine = replace(machine, styli=(machine.probe, replace(machine.probe, length=machine.probe.length + truth.longer)))
-    readings = Readings(
-        machine.names,
+    return estimate(machine, cell.artefact, touched(truth, machine.names), cell.terms)
+
+
+def touched(truth: Truth, names: tuple[str, ...]) -> Readings:
+    """machine, its axes in the order of the cell → what its touches read."""
+    rows = truth.readings()
+    assert list(names) == truth.names
+    n = len(rows["facet"])
+    number, ones = np.arange(1, n + 1), np.ones(n, dtype=int)
+    return Readings(
+        names,
         number,
         number * 3.0,
         tuple(rows["facet"]),
@@ -52,7 +57,6 @@ def estimated(truth: Truth, folder: Path) -> Estimate:
         ones,
         stylus=None if truth.longer is None else rows["stylus"],
     )
-    return estimate(machine, cell.artefact, readings, cell.terms)
 
 
 def one(

@@ -17,6 +17,9 @@ AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their
 FORGET = {28, 30, 30.1, 28.1}
 MOST = 1e6  # mm, deg: no machine goes there
 UNKNOWN = "what this does to the path is not known"
+KINEMATICS = dict.fromkeys(
+    (128, 428, 429, 430), "with tool center point control on the control itself moves the axes: compensate the control instead"
+)
 MOTION = {0: "rapid", 1: "feed", 2: "cw", 3: "ccw"}
 REFUSED = {
     5: "splines are not followed",
@@ -190,8 +193,8 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 change = True
             elif int(w.value) in style.subprograms:
                 raise refused(number, f"M{w.value:g}", "subprograms are not followed: write them out")
-            elif w.value == 128:
-                raise refused(number, "M128", REFUSED[43.4])
+            elif w.value in KINEMATICS:
+                raise refused(number, f"M{w.value:g}", KINEMATICS[int(w.value)])
             elif w.value in (72, 73):
                 raise refused(number, f"M{w.value:g}", "what it switches back is not followed")
         elif w.letter in "UVW":
@@ -205,13 +208,15 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
     if change:
         block.tool = modal.tool
         block.forgets = "XYZ"
+        modal.stale = modal.length
     for code in codes:
         if code in PLANES:
             modal.plane = PLANES[int(code)]
         elif code in MOTION:
             modal.motion = MOTION[int(code)]
         elif style.height is not None and code in (style.height, 49):
-            block.length = code == style.height
+            block.length = modal.length = code == style.height
+            modal.stale = False
         elif code in style.offsets:
             name = f"G{code:g}"
             if modal.offset not in ("", name):
@@ -245,6 +250,11 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "G91 is still on: write G90 before it")
     if not modal.motion:
         raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "no G0, G1, G2 or G3 says how to go there")
+    if modal.stale and "Z" in target:
+        why = (
+            f"a tool was changed and the length of the one before may still act: write G{style.height:g} with its H before Z moves"
+        )
+        raise refused(number, f"Z{target['Z']:g} after M6", why)
     if modal.motion in ("cw", "ccw"):
         if any(a in "ABC" for a in target):
             raise refused(number, "an arc with a rotary axis", "its path is not known")
