@@ -168,7 +168,9 @@ def form(names: list[str]) -> str:
     return "numbers"
 
 
-def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches, more: Mapping[str, Any]) -> Size:
+def _one(
+    c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches, more: Mapping[str, Any] | None = None
+) -> Size:
     names = [k.name for k in c.candidate.coefficients]
     units = [k.unit for k in c.candidate.coefficients]
     kind = form(names)
@@ -187,7 +189,9 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
         effect["phase"] = detail["phase_deg"]
     if "tau" in c.candidate.setting and len(touches):
         detail["run_s"] = round(float(touches.warm.max()), 1)
-    detail.update(more)
+    if cause is not None and "at" in detail and cause.refine.get("at") == "touch":
+        detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
+    detail.update(more or {})
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
     each = zip(names, units, v, std_values, strict=bool(names))
