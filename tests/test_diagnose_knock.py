@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,8 +16,13 @@ from tango_cnc import terms
 from tango_cnc.diagnose import Diagnosis, diagnose
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
+from tango_cnc.plausible import judge
+from tango_cnc.records import Cell, Readings
+from tango_cnc.terms._moment import between
 
+EXAMPLES = blind.EXAMPLES
 KNOCKS = {"step", "stylus_knock", "axis_knock"}
 
 
@@ -94,6 +101,97 @@ def test_an_estimate_tells_everything_that_may_have_moved() -> None:
         told = [(noise.step.frame, noise.step.axis), *noise.step.instead]
         assert may in [frame for frame, _ in told], (cause, told)
         assert len(set(told)) == len(told)
+
+
+def seen(example: str, seed: int, effects: Sequence[dict[str, Any]]) -> tuple[Cell, Readings]:
+    cell, world = read_cell(EXAMPLES / example), read_world(EXAMPLES / example / "world.yaml")
+    return cell, simulate(
+        cell.machine, cell.artefact, cell.strategy, replace(world, effects=tuple(effects), noise=0.0007), seed=seed
+    )
+
+
+def diagnosed(example: str, seed: int, **effect: Any) -> Diagnosis:
+    cell, read = seen(example, seed, [effect])
+    return diagnose(cell.machine, cell.artefact, read, cell.terms)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("example", "seed", "at", "direction", "amplitude"),
+    [
+        ("fork_head", 1, 36, [0.74, 0.61, -0.27], 0.0131),
+        ("fork_head", 2, 34, [0.21, -0.97, -0.15], 0.0106),
+        ("trunnion", 1, 21, [-0.93, 0.34, -0.13], 0.0061),
+    ],
+)
+def test_what_moved_early_in_the_run_is_not_explained_where_its_rival_fits_as_well(
+    example: str, seed: int, at: int, direction: list[float], amplitude: float
+) -> None:
+    """The few touches before it are of one angle of the axis: stylus and axis did the same to them."""
+    d = diagnosed(example, seed, cause="stylus_knock", at=at, direction=direction, amplitude=amplitude)
+    assert d.verdict == "unexplained"
+    assert {"stylus_knock", "axis_knock"} <= listed(d)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("example", "seed", "effect"),
+    [
+        ("trunnion", 1, {"cause": "axis_knock", "axis": "C", "at": 113, "direction": [0.0, 1.0, 0.0], "amplitude": 0.02}),
+        ("trunnion", 3, {"cause": "axis_knock", "axis": "C", "at": 113, "direction": [0.0, 1.0, 0.0], "amplitude": 0.02}),
+        ("hu40t", 2, {"cause": "stylus_knock", "at": 240, "direction": [1.0, 0.0, 0.0], "amplitude": 0.03}),
+    ],
+)
+def test_touches_that_do_not_feel_a_knock_do_not_tell_its_moment(example: str, seed: int, effect: dict[str, Any]) -> None:
+    d = diagnosed(example, seed, **effect)
+    (f,) = d.findings
+    assert f.detail["at_after"] < effect["at"] <= f.detail["at"]
+    assert f.detail["at"] - f.detail["at_after"] < 12
+
+
+def test_a_moment_lies_between_the_touches_that_contradict_the_others() -> None:
+    felt = np.array([6.0, 5.0, 0.1, 2.0, 5.0, 6.0])  # standard deviations by which a touch feels it
+    after = np.arange(6) >= 3  # of the touches of which it is true: the fourth is the first one
+    # From a moment on, it explains what was touched after it and makes those wrong that were touched before.
+    gain = np.array([np.sum(np.where(after, 1, -1)[at:] * felt[at:] ** 2) for at in range(6)])
+    best, first, last = between(gain, 1.0)
+    assert (best, first, last) == (3, 2, 4), "the third touch feels nothing, the fourth too little"
+    assert between(4.0 * gain, 4.0) == (best, first, last)
+
+
+@pytest.mark.long
+def test_a_straight_line_has_no_time_constant_that_makes_its_size_unknown() -> None:
+    d = told(cause="tip_wear", shape="linear", tau=3600.0, amplitude=-0.012)
+    (f,) = [f for f in d.findings if f.cause == "tip_wear"]
+    (own,) = f.detail["coefficients"].values()
+    if f.detail["shape"] == "linear":
+        assert f.size.amplitude_std == pytest.approx(own["std"], rel=0.01)
+        assert f.size.amplitude_std < 0.05 * f.size.amplitude
+    else:
+        assert f.detail["run_std_um"] < 0.1 * f.detail["run_um"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("example", "effect", "both"),
+    [
+        ("hu40t", {"cause": "stylus_knock", "at": 386, "direction": [1.0, 0.0, 0.0], "amplitude": 0.018}, False),
+        ("trunnion", {"cause": "axis_knock", "axis": "C", "at": 219, "direction": [0.0, 1.0, 0.0], "amplitude": 0.02}, True),
+        ("trunnion", {"cause": "axis_knock", "axis": "C", "at": 5, "direction": [0.0, 1.0, 0.0], "amplitude": 0.02}, True),
+    ],
+)
+def test_what_a_change_at_a_moment_explains_is_no_fact_of_a_facet_a_ball_or_an_angle(
+    example: str, effect: dict[str, Any], both: bool
+) -> None:
+    cell, read = seen(example, 5, [effect])
+    found = judge(cell, read, honest(estimate(cell.machine, cell.artefact, read, cell.terms, 3)))
+    said = [r for r in found.reasons if "They fit if this moved" in r]
+    assert len(said) == 1, found.reasons
+    before, after = (int(x) for x in re.findall(r"between touches (\d+) and (\d+)", said[0])[0])
+    assert before < effect["at"] <= after
+    assert ("Or else" in said[0]) == both
+    assert not [r for r in found.reasons if r not in said and ("elsewhere in touches" in r or "from where the readings say" in r)]
+    assert found.suspicions[0].kind == "step"
 
 
 @pytest.mark.long

@@ -234,13 +234,13 @@ def _told(
         return np.vstack([columns, np.zeros((len(base) - n, columns.shape[1]))])
 
     whole = found
-    sizes = size(whole, touches, weight * means.scale)
+    sizes = size(whole, means, weight)
     # What stands is judged without what did not.
     stand = [c for c in whole.chosen if not c.candidate.named or any(c is o for o in outcome.named)]
     stand = [c for c in stand if c.candidate.cause] if outcome.named else stand
     if outcome.named and len(stand) < len(whole.chosen):
         found = replace(whole, chosen=tuple(stand), named=outcome.named)
-        sizes |= size(found, touches, weight * means.scale)
+        sizes |= size(found, means, weight)
 
     def among(c: Chosen) -> Explanation:
         return found if any(c is o for o in found.chosen) else whole

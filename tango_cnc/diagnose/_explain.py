@@ -144,12 +144,20 @@ def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
             behind = best - total(e.place, [*others, other])
             if behind < UNDECIDED:
                 result.append((other, behind))
-    for cause in (c for c in e.catalogue.twins.get(one.candidate.cause, ()) if c in e.catalogue.causes):
+    for cause in _family(e.catalogue, one.candidate.cause):
+        if cause in [o.candidate.cause for o, _ in result]:
+            continue
         other = rival(e.place, e.catalogue, cause, selected, settings[-1])[1]
         behind = best - total(e.place, [*others, other])
         if behind < DECISIVE:
             result.append((other, behind))
     return sorted(result, key=lambda pair: pair[1])
+
+
+def _family(cat: Catalogue, cause: str) -> list[str]:
+    """catalogue, a cause → its twins; of a twin the cause in whose place it stands, and the other twins of that."""
+    families = [(first, *twins) for first, twins in cat.twins.items() if cause in (first, *twins)]
+    return [c for c in dict.fromkeys(name for one in families for name in one) if c != cause and c in cat.causes]
 
 
 def values(e: Explanation, tangents: Mapping[int, Array]) -> tuple[Array, Array]:

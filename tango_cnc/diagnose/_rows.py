@@ -48,6 +48,17 @@ class Rows:
         """→ (r,) what a row is larger by than a touch: √k."""
         return np.asarray(np.sqrt(self.count))
 
+    @property
+    def parts(self) -> tuple[NDArray[np.int64], Array]:
+        """→ (n,) row that every touch is in, and (n,) what the row has of it: 0 of a touch that is in none."""
+        n = len(self.whole)
+        if self.matrix is None:
+            return np.arange(n), np.ones(n)
+        place, share = np.zeros(n, dtype=np.int64), np.zeros(n)
+        entries = self.matrix.tocoo()
+        place[entries.col], share[entries.col] = entries.row, entries.data
+        return place, share
+
     def of(self, columns: Array) -> Array:
         """(n,) or (n, k) of touches → the same of rows."""
         return columns if self.matrix is None else np.asarray(self.matrix @ columns)

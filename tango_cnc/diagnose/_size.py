@@ -9,21 +9,23 @@ import numpy as np
 
 from ..records import Array
 from ..terms import causes
+from ..terms._moment import between, gains
 from ..touches import Touches
 from ._candidates import pattern
 from ._catalogue import Chosen, searched_range
 from ._explain import Explanation, values
 from ._records import Size
+from ._rows import Rows
 from ._space import orthonormal
 
-FELT = 3.0  # repeatabilities of the probe by which a touch has to be off for it to tell that something had happened before it
 SIGMAS = 2.0  # standard deviations within which a size is wanted to be: as far as that its likelihood is followed
 STEP = 0.1  # of the logarithm of a time constant, along the likelihood
 Told = Callable[[Array, Array], float]  # values (k,), what they do to every touch (n,) → one number for their size
 
 
-def size(e: Explanation, touches: Touches, weight: Array) -> dict[int, Size]:
-    """explanation → size of every chosen candidate, by id; outliers included."""
+def size(e: Explanation, means: Rows, weight: Array) -> dict[int, Size]:
+    """explanation, rows, their weights (r,) → size of every chosen candidate, by id; outliers included."""
+    touches = means.whole
     start = np.concatenate([[0], np.cumsum([c.columns.shape[1] for c in e.chosen])]).astype(int)
     solution, _ = values(e, {})
     slopes = {i: _slopes(e, c, solution[start[i] : start[i + 1]]) for i, c in enumerate(e.chosen)}
@@ -36,19 +38,40 @@ def size(e: Explanation, touches: Touches, weight: Array) -> dict[int, Size]:
         v, k = solution[own], slopes[i].shape[1]
         block = np.concatenate([own, np.arange(end, end + k)]).astype(int)
         end += k
-        told = _told(c, weight)
+        told = _told(c, weight * means.scale)
         amplitude = told(v, c.candidate.columns @ v)
-        std = _std(told, v, c.candidate.columns, slopes[i], covariance[np.ix_(block, block)])
-        around = [x for j, o in enumerate(e.chosen) if j != i for x in (o.columns, tangents.get(j, o.columns[:, :0]))]
-        std = max(std, _followed(e, c, told, amplitude, np.hstack([c.columns[:, :0], *around])))
-        result[id(c)] = _one(c, v, np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None)), amplitude, std, touches)
+        beside = [x for j, o in enumerate(e.chosen) if j != i for x in (o.columns, tangents.get(j, o.columns[:, :0]))]
+        around = np.hstack([c.columns[:, :0], *beside])
+        std = _known(e, c, told, v, slopes[i], covariance[np.ix_(block, block)], around)
+        more: dict[str, Any] = {}
+        if c.candidate.setting.get("shape") == "exponential" and len(v) == 1 and c.candidate.coefficients[0].unit == "mm":
+            shown = _shown(weight * means.scale)
+            more["run_um"] = shown(v, c.candidate.columns @ v) * 1e3
+            more["run_std_um"] = _known(e, c, shown, v, slopes[i], covariance[np.ix_(block, block)], around) * 1e3
+        if _begins(c):
+            more["at_after"], more["at"] = _between(e, c, means, weight)
+            more["time_s"] = float(touches.time[more["at"] - 1])
+        each = np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None))
+        result[id(c)] = _one(c, v, each, amplitude, std, touches, more)
     return result
+
+
+def _known(e: Explanation, c: Chosen, told: Told, v: Array, slopes: Array, covariance: Array, around: Array) -> float:
+    """→ standard deviation of a size: that of the first order, or further where the likelihood allows a further one."""
+    straight = _std(told, v, c.candidate.columns, slopes, covariance)
+    return max(straight, _followed(e, c, told, told(v, c.candidate.columns @ v), around))
+
+
+def _curved(e: Explanation, c: Chosen) -> dict[str, str]:
+    """→ shape parameters that change the shape: the time of a straight line only says in what unit its slope is told."""
+    straight = c.candidate.setting.get("shape") == "linear"
+    return {name: way for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items() if not (straight and name == "tau")}
 
 
 def _slopes(e: Explanation, c: Chosen, v: Array) -> Array:
     """→ (n, t) change of the fitted pattern with every continuous shape parameter."""
     found = []
-    for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items():
+    for name, way in _curved(e, c).items():
         at = c.candidate.setting.get(name)
         if way in ("touch", "order") or not isinstance(at, (int, float)):
             continue
@@ -62,9 +85,14 @@ def _told(c: Chosen, weight: Array) -> Told:
     """→ how a size is told: millimetres as they are, angles and slopes as the largest effect on a touch."""
     units = [k.unit for k in c.candidate.coefficients]
     if units and units[0] != "mm":
-        return lambda v, effect: float(np.abs(effect / weight).max())
+        return _shown(weight)
     measure = _measure(form([k.name for k in c.candidate.coefficients]))
     return lambda v, effect: measure(v)
+
+
+def _shown(weight: Array) -> Told:
+    """→ a size told as the largest effect on a touch."""
+    return lambda v, effect: float(np.abs(effect / weight).max())
 
 
 def _std(told: Told, v: Array, columns: Array, slopes: Array, covariance: Array) -> float:
@@ -90,8 +118,7 @@ def _followed(e: Explanation, c: Chosen, told: Told, amplitude: float, around: A
     A drift whose time constant is about as long as the test is as well a larger and slower one: the size is followed along the
     time constant as far as the likelihood allows (profile likelihood), where a straight step from the best one would be too short.
     """
-    ways = e.catalogue.refine.get(c.candidate.cause, {})
-    names = [n for n, way in ways.items() if way == "log" and isinstance(c.candidate.setting.get(n), float)]
+    names = [n for n, way in _curved(e, c).items() if way == "log" and isinstance(c.candidate.setting.get(n), float)]
     if not names:
         return 0.0
     root = e.place.setting(e.ratios).root
@@ -141,7 +168,9 @@ def form(names: list[str]) -> str:
     return "numbers"
 
 
-def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches) -> Size:
+def _one(
+    c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, touches: Touches, more: Mapping[str, Any] | None = None
+) -> Size:
     names = [k.name for k in c.candidate.coefficients]
     units = [k.unit for k in c.candidate.coefficients]
     kind = form(names)
@@ -162,7 +191,7 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
         detail["run_s"] = round(float(touches.warm.max()), 1)
     if cause is not None and "at" in detail and cause.refine.get("at") == "touch":
         detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
-        detail["at_after"] = _unfelt(c, v, touches)
+    detail.update(more or {})
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
     each = zip(names, units, v, std_values, strict=bool(names))
@@ -170,16 +199,32 @@ def _one(c: Chosen, v: Array, std_values: Array, amplitude: float, std: float, t
     return Size(v, std_values, amplitude, std, detail, effect)
 
 
-def _unfelt(c: Chosen, v: Array, touches: Touches) -> int:
-    """what was chosen, its values, touches → the last touch before its moment that would have felt it; 0: none.
+def _begins(c: Chosen) -> bool:
+    """Whether it happened at one touch, and stays."""
+    cause = causes().get(c.candidate.cause)
+    return cause is not None and "at" in c.candidate.setting and cause.refine.get("at") == "touch"
 
-    Those between did not, so that the moment may lie anywhere among them.
-    """
-    cause, setting = causes()[c.candidate.cause], c.candidate.setting
+
+def _between(e: Explanation, c: Chosen, means: Rows, weight: Array) -> tuple[int, int]:
+    """explanation, what happened at a moment, rows, their weights (r,) → the last touch that was before it, the first that may have
+    been after it and by which the touches show it (1 = first touch used)."""
+    touches, cause, setting = means.whole, causes()[c.candidate.cause], c.candidate.setting
     always = pattern(touches, cause.make(touches.machine, **{**setting, "at": 1}))
-    felt = np.abs(always @ v)[: int(setting["at"]) - 1]
-    rows = np.flatnonzero(felt > FELT * touches.machine.probe.repeatability)
-    return int(rows[-1]) + 1 if len(rows) else 0
+    root = e.place.setting(e.ratios).root
+    others = [root @ o.columns for o in e.chosen if o is not c]
+    basis = orthonormal(np.hstack([root @ c.columns[:, :0], *others]))
+    rows = root @ (e.place.basis.T * weight)
+    rows, y = rows - basis @ (basis.T @ rows), root @ e.place.y
+    y = y - basis @ (basis.T @ y)
+    n, k = always.shape
+    gram, pull, every = np.empty((n, k, k)), np.empty((n, k)), np.empty((n, k))
+    seen, length = np.zeros((len(y), k)), np.zeros(k)
+    place, share = means.parts
+    for i in range(n - 1, -1, -1):  # what it does from touch i on
+        seen, length = seen + rows[:, [place[i]]] * (share[i] * always[i]), length + always[i] ** 2
+        gram[i], pull[i], every[i] = seen.T @ seen, seen.T @ y, length
+    _, first, last = between(gains(gram[1:], pull[1:], np.sqrt(np.maximum(every[1:], 1e-30))), e.sigma**2)
+    return first + 1, last + 2
 
 
 def _principal(v: Array) -> Array:

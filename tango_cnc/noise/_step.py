@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..estimate import Estimate, Jump
 from ..kinematics import Slot
 from ..records import Array
+from ..terms._moment import between, gains
 from ..touches import Touches
 from ._fit import LARGEST, Fitted, gls
 from ._start import SUSPECT, reachable
@@ -20,7 +21,6 @@ from ._system import System, system, widened
 
 FEWEST = 4  # touches before and after
 WORTH = 60.0  # white variances that a step has to take out of the residuals before it is tried
-FAINT = 1e-3  # share of what a displacement does to the touches below which other unknowns stand for it
 LEFT = 0.4  # of what the fit without it leaves, at most, that a step may leave
 UNFIT = 0.1  # share of touches that it may leave unfit: a shift makes some of any wrong touches fit
 LOST = 7.0  # what each touch without weight costs: as much as one that is a hundred times off
@@ -144,18 +144,10 @@ def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tu
     plain = after(np.einsum("ij,ik->ijk", seen, seen))
     gram = plain - np.einsum("nij,nik->njk", within, within)
     pull = after(seen * np.where(keep, left, 0.0)[:, None])
-    every = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))[FEWEST : n - FEWEST + 1]  # mm and rad to one scale
-    size, turn = np.linalg.eigh(gram[FEWEST : n - FEWEST + 1] / (every[:, :, None] * every[:, None, :]))
-    along = np.einsum("nij,ni->nj", turn, pull[FEWEST : n - FEWEST + 1] / every)
-    enough = size > FAINT * normal.shape[1]
-    gain = np.where(enough, along**2 / np.where(enough, size, 1.0), 0.0).sum(axis=1)
-    best = int(np.argmax(gain))
-    alike = gain > gain[best] - (3 * white) ** 2
-    begin, end = best, best
-    while begin > 0 and alike[begin - 1]:
-        begin -= 1
-    while end + 1 < len(gain) and alike[end + 1]:
-        end += 1
+    inside = slice(FEWEST, n - FEWEST + 1)
+    every = np.sqrt(np.maximum(np.diagonal(plain, axis1=1, axis2=2), 1e-30))[inside]
+    gain = gains(gram[inside], pull[inside], every)
+    best, begin, end = between(gain, white**2)
     return float(gain[best]), begin + FEWEST, end + FEWEST
 
 

@@ -19,6 +19,7 @@ from ..records import Array
 from ..terms import SCALES, Coefficient
 from ..texts import joined, say
 from .data import Remark, listed
+from .since import or_moment
 
 CHANCE = 1e-4  # that touches dropped at random fall together as much
 SHARE = 0.5  # of the touches of a group that are dropped
@@ -44,10 +45,7 @@ def common(result: Estimate) -> Iterator[Remark]:
     if bar or step:
         return  # the touches that have no weight belong together by that
     balls = list(_balls(result))
-    yield from balls
-    if not balls:
-        yield from _indexations(result)
-        yield from _facets(result)
+    yield from or_moment(result, balls or [*_indexations(result), *_facets(result)])
 
 
 def _dropped(result: Estimate) -> NDArray[np.bool_]:

@@ -146,11 +146,12 @@ def _found(touches: Touches, left: Left, level: float) -> list[Pattern]:
     return [*_steady(touches, left, level), *_moments(touches, left, level), *_bands(touches, left, level)]
 
 
-def left_over(result: Estimate) -> Left | None:
-    """estimate by the noise of its residuals → what the unknowns leave of its touches; None where nothing scatters."""
+def left_over(result: Estimate, every: bool = False) -> Left | None:
+    """estimate by the noise of its residuals, whether touches without weight count too → what the unknowns leave of its touches;
+    None where nothing scatters."""
     noise, n = result.noise, len(result.residuals)
     assert noise is not None
-    rows = np.flatnonzero(~result.unused)
+    rows = np.flatnonzero(~result.unused | every)
     facets = result.model.touches.facet
     scatter = np.array([noise.facets.get(facets[i], noise.white) for i in rows])
     if not scatter.size or scatter.min() <= 0:
