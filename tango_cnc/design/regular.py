@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -101,13 +102,15 @@ def _planned(problem: Problem, whole: Strategy, count: int, legs: order.Legs) ->
 
 
 def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:
-    """chosen plan → (count,) φ of random plans of as many visits and touches, drawn from the same candidates.
+    """chosen plan → (count,) φ of random plans that take as long: as many visits and facets, touched as often in a row.
 
-    Each visits other indexations at random; its touches are drawn from all that these offer. Costs are those of the chosen plan.
+    Each visits other indexations at random; its facets are drawn from all that these offer, and how often each is touched in a row
+    is shuffled among them. As many touches of other facets would take longer: a further touch of the same one has no way.
     """
     problem = found.problem
     choice, rng = problem.choice, np.random.default_rng(seed)
-    visits, touches = len(found.cell.strategy.indexations), len(found.rows) // problem.times
+    rows = np.array(list(Counter((touch.indexation, touch.facet) for touch in found.plan.touches).values()), float)
+    visits, touches = len(found.cell.strategy.indexations), len(rows)
     values = np.empty(count)
     for number in range(count):
         offered = np.empty(0, dtype=np.int64)
@@ -117,6 +120,7 @@ def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:
             offered = np.concatenate([choice.of_pose[j] for j in poses])
             more += 1
         drawn = rng.choice(offered, min(touches, len(offered)), replace=False)
-        told = information(choice, [choice.facet[i] for i in drawn], choice.rows[drawn])
+        often = rng.permutation(rows)[: len(drawn)] / problem.times
+        told = information(choice, [choice.facet[i] for i in drawn], choice.rows[drawn] * np.sqrt(often)[:, None])
         values[number] = value(problem.criterion, told)
     return values

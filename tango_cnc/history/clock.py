@@ -7,8 +7,6 @@ from typing import Protocol
 from ..texts import Said, say
 from .records import Night
 
-LEFT_OUT = "history.clock.left_out"
-
 
 class Dated(Protocol):
     """A history that is read by a clock."""
@@ -38,4 +36,4 @@ def asks(night: Night) -> bool:
 
 def told(night: Night) -> Said:
     """night that is left out → what it says, and what to do, as sentences."""
-    return say(LEFT_OUT, night=night.night, headline=night.headline, entry=night.entry, alarms=int(asks(night)))
+    return say("history.clock.left_out", night=night.night, headline=night.headline, entry=night.entry, alarms=int(asks(night)))

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from ..history.clock import LEFT_OUT
 from ..records import Machine
 from ..texts import Said
 from .days import day
@@ -16,6 +15,8 @@ from .texts import Texts
 from .units import Units
 from .verdict import Level
 from .words import spoken
+
+CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with which the database would be loaded
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
@@ -87,7 +88,7 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     told = [text.values for text in former if isinstance(text, Said)]
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
-    dated = any(isinstance(text, Said) and text.key == LEFT_OUT for text in former)
+    dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)
     return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.left_out" if dated else "may.former"))
 
 
