@@ -156,7 +156,7 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
             raise InputError(f"--readings: the night {stored.night.night} has no readings")
         write_text(readings_file, stored.readings)
     data = dict(stored.record)
-    if data.get("standing"):  # what an alarm does to a part is told as it is by that night, here as in words
+    if data.get("standing"):  # as the text does, the JSON says what an alarm did to a part by that night
         data["standing"] = [{**a, **by_tonight(a)} for a in data["standing"]]
     if write_json(json_file, data):
         return

@@ -151,8 +151,8 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
 
 
 def _more(every: Sequence[Kernel], parts: Sequence[set[str]], worth: Array, j: int) -> list[str]:
-    """shapes, what each follows, their evidence, number of the one that is told → covariates with one more that have more evidence
-    than it, though not so much that they are told in its place: the plainest of those that come near to the best.
+    """shapes, what each follows, their evidence, number of the one that the answer names → covariates with one more that have more
+    evidence than it, though not enough to take its place: the plainest of those that come near to the best.
     """
     more = [k for k in range(len(every)) if parts[j] < parts[k] and worth[k] > worth[j]]
     best = max((worth[k] for k in more), default=0.0)

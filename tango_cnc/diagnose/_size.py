@@ -63,7 +63,7 @@ def _known(e: Explanation, c: Chosen, told: Told, v: Array, slopes: Array, covar
 
 
 def _curved(e: Explanation, c: Chosen) -> dict[str, str]:
-    """→ shape parameters that change the shape: the time of a straight line only says in what unit its slope is told."""
+    """→ shape parameters that change the shape: the time of a straight line only sets the unit of its slope."""
     straight = c.candidate.setting.get("shape") == "linear"
     return {name: way for name, way in e.catalogue.refine.get(c.candidate.cause, {}).items() if not (straight and name == "tau")}
 

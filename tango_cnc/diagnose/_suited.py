@@ -128,7 +128,7 @@ def nearer(outcome: Outcome, suited: Sequence[Suited]) -> Outcome:
 
 
 def telling(suited: Sequence[Suited], c: Chosen) -> tuple[str, ...]:
-    """names the other way, a name → which touches would separate the two directions of its axis, in words."""
+    """names the other way, a name → sentences: which touches would separate the two directions of its axis."""
     near = [one for one in suited if one.turned and one.names[0] is c and one.above < ALONE]
     return tuple(say("diagnosis_said.both_directions", axis=over(one.names[0].candidate)) for one in near)
 

@@ -181,9 +181,9 @@ class History:
             given["last"] = last + REFUSED
         return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
 
-    def ahead(self, machine: str) -> tuple[Night, ...]:
-        """machine → its nights that the clock dates in the future, newest first; none without a clock."""
-        if self.clock is None or not self.knows(machine):
+    def ahead(self, machine: str | None = None) -> tuple[Night, ...]:
+        """machine (None: all) → nights that the clock dates in the future, newest first; none without a clock."""
+        if self.clock is None or (machine is not None and not self.knows(machine)):
             return ()
         day_before = f"{(self.clock() - timedelta(days=2)).astimezone():%Y-%m-%d}"
         later = replace(self, clock=None).nights(machine, since=day_before)

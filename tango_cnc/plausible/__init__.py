@@ -84,7 +84,7 @@ def judge(
         few = [*few_terms(cell, readings, result, NOISY * max(cell.machine.probe.repeatability, 1e-4))] if search else []
         found += [*few, *_fit(cell, result, told, agrees, patterns=not few)]
         moved = {n for r in found if r.kind == "step" and r.sure and r.moves for n in r.touches if result.rejected is not None}
-        moved &= {int(n) for n in touches.number[result.unused]}  # that they are far off is told by what moved
+        moved &= {int(n) for n in touches.number[result.unused]}  # what moved says already that these are far off
         found += [r for r in spare(result, lost, alone) if not r.touches or not set(r.touches) <= moved]
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))

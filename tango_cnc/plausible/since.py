@@ -25,7 +25,7 @@ FITS = 5.0  # standard deviations within which a touch fits
 MISFIT = 1.0  # part of a touch that may not fit for each of the displacement's numbers: so many it makes fit by itself
 QUIET = 1.5  # times the scatter that all touches together may leave beside the change
 ALIKE = 12.0  # χ² by which what moved may explain less than the best
-FEWEST = 2  # touches more that a moment has to explain before it is told alone
+FEWEST = 2  # touches more that a moment has to explain before the sentence names it alone
 SHOWN = 4  # places that a sentence names
 LARGEST = 1500  # touches of which a moment is looked for
 

@@ -121,8 +121,11 @@ class Places:
     def _with_former(self, found: dict[str, Machine]) -> dict[str, Machine]:
         """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
         names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Machine]()
+        histories = {id(m.history): m.history for m in found.values() if m.history is not None}
+        ahead = {(key, n.machine) for key, history in histories.items() for n in history.ahead()}
         for slug, m in list(found.items()):
-            if m.history is not None and (future := in_future(m.history, m.name)) is not None:
+            dated = m.history is not None and (id(m.history), m.name) in ahead
+            if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
