@@ -24,7 +24,7 @@ from ..state.filter import sigma_of
 from ..terms import SCALES
 from ..texts import Said, instead, joined, say
 from .ports import Past
-from .words import cause_texts, changed, is_gone, on_part, value
+from .words import LONG, cause_texts, changed, is_gone, on_part, value
 
 LAST_NIGHT = "last night"
 NEAR = 1.5  # days within which the night before is last night
@@ -83,8 +83,10 @@ def _day(stamp: str) -> float:
     return datetime.fromisoformat(stamp).timestamp() / 86_400
 
 
-def since(past: Past, machine: str, day: float) -> Since:
-    """history, machine, day of tonight → the last night that left a result; nights in between without one are said."""
+def since(past: Past, machine: str, day: float, every_days: float = 1.0) -> Since:
+    """history, machine, day of tonight, days from night to night → the last night that left a result; nights in between without
+    one are counted, also those that are not on record one by one.
+    """
     found = past.latest_knowledge(machine)
     if found is None:
         return Since("", say("night.alarms.newest_night"))
@@ -94,8 +96,15 @@ def since(past: Past, machine: str, day: float) -> Since:
     if not newer and day - _day(last.start_utc) < NEAR:
         return Since(last.night, say("night.alarms.last_night"))
     what = "not_measured" if all(n.verdict == "not_measured" for n in newer) else "no_result"
-    skipped = say(f"night.alarms.{what}_{'many' if len(newer) > 1 else 'one'}", count=len(newer)) if newer else ""
+    count = max(len(newer), missing(day - _day(last.start_utc), every_days)) if newer else 0
+    how_many = "long" if count > LONG else "many" if count > 1 else "one"
+    skipped = say(f"night.alarms.{what}_{how_many}", count=count) if newer else ""
     return Since(last.night, joined("", (last.night, skipped)))
+
+
+def missing(days: float, every_days: float) -> int:
+    """days between two nights that measured, days from night to night → nights missing between them."""
+    return int(days / every_days + 0.5) - 1
 
 
 def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import date, datetime
 from typing import Any
 
-from .alarms import night_of
+from .alarms import missing, night_of
 from .ports import Past
 
 MISSED = 14  # nights without a measurement that may lie between those that measured
@@ -22,8 +22,8 @@ def dated(before: Mapping[str, Any], past: Past, machine: str, begun: datetime, 
     tonight = night_of(begun)
     if before.get("unmeasured") and before.get("last_measured"):
         days = (date.fromisoformat(tonight) - date.fromisoformat(before["last_measured"])).days
-        missing = int(days / every_days + 0.5) - 1
-        found |= {"unmeasured_count": missing} if missing > len(before["unmeasured"]) else {}
+        count = missing(days, every_days)
+        found |= {"unmeasured_count": count} if count > len(before["unmeasured"]) else {}
     if ahead := past.ahead(machine):
         found["clock_back"] = ahead[0].night
     return found
