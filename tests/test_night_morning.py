@@ -23,11 +23,13 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import Ports
-from tango_cnc.nightly.alarms import Known, effect_of, since, standing
+from tango_cnc.nightly.alarms import Known, effect_of
 from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
+from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.standing import standing
 from tango_cnc.nightly.words import answer, headline, message
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell

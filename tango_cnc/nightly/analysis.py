@@ -42,11 +42,11 @@ from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import again, answered, parts
-from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
+from .alarms import Known, alarms_of
 from .behind import behind
 from .control import Given, InControl, limited
 from .course import ALIKE
-from .dates import clock_wrong
+from .dates import clock_wrong, date_of, since
 from .doubt import Judged, attempted, believed, doubted
 from .drift import as_alarm
 from .goes_on import anew, going_on
@@ -55,6 +55,7 @@ from .lag import sentence as lag_told
 from .learning import READ, Earlier
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
+from .standing import since_full, standing, unheard
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .within import as_json, moved_within
 from .words import is_gone
