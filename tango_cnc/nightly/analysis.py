@@ -328,6 +328,7 @@ class Nights:
             else "good",
             "change": None if first else parts.change(tonight, rate * AT_ONCE, rate),
             "alarms": alarms,
+            "terms": list(self.cell.terms),
             "parameters": parameters,
             "stylus": tip_of(known, after),
             "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
