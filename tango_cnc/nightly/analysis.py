@@ -42,11 +42,11 @@ from ..state.volume import Aim, aim, levers, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import again, answered, parts
-from .alarms import Known, alarms_of, date_of, since, since_full, standing, unheard
+from .alarms import Known, alarms_of
 from .behind import behind
 from .control import Given, InControl, limited
 from .course import ALIKE
-from .dates import clock_wrong
+from .dates import clock_wrong, date_of, since
 from .doubt import Judged, attempted, believed, doubted
 from .drift import as_alarm
 from .goes_on import anew, going_on
@@ -55,6 +55,7 @@ from .lag import sentence as lag_told
 from .learning import READ, Earlier
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
+from .standing import since_full, standing, unheard
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .within import as_json, moved_within
 from .words import is_gone
@@ -252,7 +253,8 @@ class Nights:
         judged = Judged("trustworthy")
         if self.judged is not None and result is not None:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
-        alarms = alarms_of(known, since(past, machine, day), ahead, tonight, named) if alarm else []
+        last = since(past, machine, day, self.settings.every_days)
+        alarms = alarms_of(known, last, ahead, tonight, named) if alarm else []
         diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, alarm, judged):
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
@@ -266,7 +268,7 @@ class Nights:
         elif not first:
             alarms = answered.undone(past, machine, known, after, alarms)
             alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
-            alarms = going_on(past, machine, known, after, alarms, since(past, machine, day), self.given)
+            alarms = going_on(past, machine, known, after, alarms, last, self.given)
             alarms, ignored = answered.split(past, machine, known, after, alarms, day)
             alarms = again.after_a_repair(past, machine, alarms)
         quiet = judged.believed and not (first or alarm or repaired)
@@ -297,7 +299,7 @@ class Nights:
                 parameters[name]["rate_per_day"] = moving.rate_per_day
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
         if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
-            told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], since(past, machine, day), self.given)
+            told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], last, self.given)
             alarms, ignored = answered.split(past, machine, known, after, told_of, day)
             alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
             waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]

@@ -15,12 +15,14 @@ from ..records import Array
 from ..report.texts import texts
 from ..state import Named, State
 from ..texts import say
-from .alarms import LISTED, Known, Since, date_of, of_cause, own_of
+from .alarms import Known, of_cause
 from .answered import BY_SIZE, WITHOUT_SIZE
 from .control import Given
 from .course import ALIKE, AT_ONCE
+from .dates import LISTED, Since, date_of
 from .moved import SURE, Moved, moved
 from .ports import Past
+from .standing import own_of
 from .words import value
 
 ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm

@@ -25,10 +25,10 @@ from ..history.former import formers
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
-from .alarms import night_of, standing, unheard
 from .broken import stopped, unexplained
-from .dates import dated
+from .dates import dated, night_of
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
+from .standing import standing, unheard
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
