@@ -406,7 +406,7 @@ def test_uncertainty_grows_where_nobody_has_touched() -> None:
 
 
 def test_an_estimate_without_errors_of_the_machine_gives_no_map() -> None:
-    with pytest.raises(TangoError, match="contains no error of the machine"):
+    with pytest.raises(TangoError, match=r"contains no error of the machine.*its terms ask for none"):
         volume.volume(fitted("S1"), np.zeros((1, 6)))
 
 

@@ -108,10 +108,10 @@ def blamed(file: Path, language: ModuleType, given: str | None = None) -> Iterat
         raise InputError(f"{file}: {said}. It was read as {name} ({how}); others: --language {others}") from None
 
 
-def found_of(result: Estimate) -> Known:
-    """estimate → what of it acts at a pose."""
+def found_of(result: Estimate, command: str = "compensate", so: str = "there is nothing to compensate") -> Known:
+    """estimate → what of it acts at a pose. Raises TangoError, by the command, where nothing does."""
     touches = result.model.touches
-    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40))
+    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40), command, so)
 
 
 def digest_of(found: Known) -> str:

@@ -71,7 +71,8 @@ def command(**options: Any) -> int:
         if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):
             click.echo("\n".join([*first, text]))
         return differs
-    setup, known = _program.setup_of(cell, options), _program.found_of(result)
+    setup = _program.setup_of(cell, options)
+    known = _program.found_of(result, "predict", "it predicts nothing of the tool tip")
     source: Path = options["source"]
     language = _program.language_of(source, cell, options["language"])
     touched = predict.touched_of(result.model.touches)
