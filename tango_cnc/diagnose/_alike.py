@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..records import InputError
 from ._candidates import Candidate
 from ._catalogue import Catalogue, Chosen, cost, total
 from ._space import Space, orthonormal
@@ -47,18 +48,23 @@ def alike(
 
 def _variants(cat: Catalogue, one: Candidate) -> Iterator[Candidate]:
     """catalogue, a named one → other causes of several directions, in each frame and of each axis, with its moment and course."""
-    seen = set()
+    known: dict[str, set[str]] = {}
     for c in cat.candidates:
-        ways = {*cat.refine.get(c.cause, {}), *COURSE}
+        known.setdefault(c.cause, set()).update(c.setting)
+    mine, seen = cat.refine.get(one.cause, {}), set()
+    for c in cat.candidates:
+        theirs = cat.refine.get(c.cause, {})
+        ways = {*theirs, *COURSE} & known[c.cause]
         place = {k: v for k, v in c.setting.items() if k not in ways}
         key = c.cause, *((k, str(v)) for k, v in sorted(place.items()))
         if not c.named or c.cause == one.cause or c.columns.shape[1] < 2 or key in seen:
             continue
         seen.add(key)
-        own = {k: v for k, v in one.setting.items() if k in ways and (k in c.setting or k in COURSE)}
-        if {k for k in c.setting if k in ways and k not in COURSE} != {k for k in own if k not in COURSE}:
+        own = {k: v for k, v in one.setting.items() if k in ways and (k in COURSE or mine.get(k) == theirs[k])}
+        missing = {k for k in c.setting if k in ways and k not in own and k not in COURSE}
+        if missing or bool(ways & {*COURSE}) != bool({*COURSE} & one.setting.keys()):
             continue
         try:
             yield cat.rebuild(c.cause, {**place, **own})
-        except (TypeError, ValueError, IndexError):
+        except (InputError, ValueError, IndexError):
             continue
