@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import httpx
@@ -37,15 +38,27 @@ FOLLOWERS = 50
 KNOCKED = 10  # one machine of so many
 
 
+def dated(ago: int) -> dict[str, str]:
+    """days before now → dates of a night: pages leave out nights that the clock of this computer dates in the future."""
+    start = (datetime.now(UTC) - timedelta(days=ago)).replace(microsecond=0)
+    stamps = {"start_utc": start, "end_utc": start + timedelta(seconds=250)}
+    return {"night": f"{start:%Y-%m-%d}"} | {key: f"{moment:%Y-%m-%dT%H:%M:%SZ}" for key, moment in stamps.items()}
+
+
 def fleet(folder: Path, machines: int, nights: int) -> None:
-    """One history of all machines, with records as a night writes them; parameters as many as a machine of five axes has."""
+    """One history of all machines, with records as a night writes them; parameters as many as a machine of five axes has.
+
+    The last of the nights is of this day.
+    """
     with opened(folder / "fleet.db") as history:
         for m in range(machines):
             hit = nights - 10 if m % KNOCKED == 1 else nights
-            alarm = knock(night("", hit)["night"]) | {"id": f"{m}-1", "night": night("", hit)["night"]}
+            found = dated(nights - 1 - hit)["night"]
+            alarm = knock(found) | {"id": f"{m}-1", "night": found}
             for i in range(nights):
                 more = {"alarms": [alarm]} if i == hit else {"standing": [alarm]} if i > hit else {}
-                record = night(f"machine {m:03d}", i, "changed" if more else "good", **more)
+                verdict = "changed" if more else "good"
+                record = night(f"machine {m:03d}", i, verdict, **more, **dated(nights - 1 - i))
                 base = record["parameters"]["EX0C"]
                 record["parameters"] |= {f"P{k:02d}": base for k in range(20)}
                 history.add_night(record, None)

@@ -22,7 +22,7 @@ from support.ncprograms import ends, rs274
 
 from tango_cnc.cli import tango
 from tango_cnc.compensate.fit import Known
-from tango_cnc.nc.blocks import languages
+from tango_cnc.nc.blocks import Modal, language, languages
 from tango_cnc.records import InputError
 
 
@@ -184,3 +184,31 @@ def test_rotary_axes_that_no_block_has_placed_are_said(knowledge: Known, placed:
     """The control may have them anywhere, and the corrections are those of 0."""
     _, account = rewritten(f"G21 G90 G17 G54\nG0 Y0.\n{placed}G1 X5. F500.\n", knowledge)
     assert account.assumed == assumed
+
+
+def test_m_functions_of_the_builder_are_said_with_their_first_line(knowledge: Known) -> None:
+    """M21 mirrors X on some controls and switches a relay on others: nobody knows it from here."""
+    program = "G21 G90 G17 G54\nG0 X0. Y0. Z50. A0. C0.\nM21\nM3 S900\nM8\nG1 X5. F500. M110\nM21\nG1 X6. M9\nM30\n"
+    text, account = rewritten(program, knowledge)
+    assert account.unknown == {"M21": 3, "M110": 6} and text.count("M21") == 2
+
+
+@pytest.mark.parametrize("name", ["rs274", "macro_b", "siemens"])
+@pytest.mark.parametrize("end", ["M2", "M30", "M02"])
+def test_what_stands_after_the_end_of_a_program_is_refused(name: str, end: str) -> None:
+    """No control goes there, so it was never compensated for anybody."""
+    modal, read_line = Modal(), language(name).read
+    read_line(f"G1 X1. {end}", 1, modal, "XYZAC")
+    for nothing in ("%", "", "(a note)" if name != "siemens" else "; a note"):
+        assert read_line(nothing, 2, modal, "XYZAC").kind == "none"
+    with pytest.raises(InputError, match=r"line 3: found G1 X2\.; the program has ended with M"):
+        read_line("G1 X2.", 3, modal, "XYZAC")
+
+
+@pytest.mark.parametrize("head", ["O0002", "O0002 (SECOND)", ":2"])
+def test_a_second_program_in_the_file_is_refused(head: str) -> None:
+    modal, read_line = Modal(), language("macro_b").read
+    assert read_line(head, 1, modal, "XYZAC").kind == "none"
+    read_line("G0 X1.", 2, modal, "XYZAC")
+    with pytest.raises(InputError, match="a second program begins here: make a file of each"):
+        read_line(head, 3, modal, "XYZAC")

@@ -125,6 +125,8 @@ def test_every_m_function_that_calls_or_moves_is_refused(name: str) -> None:
         ("siemens", "G2 X10 Y0 I5 K3", "K3 in an arc in the plane XY"),
         ("macro_b", "G2 X10. Y0. I5. R5.", "an arc with a radius and a center"),
         ("macro_b", "G2 X10. Y0. I5. L3", "L3"),
+        ("siemens", "SPOS=90", "SPOS=90; what this does"),
+        ("siemens", "G1 X10 OVRA[X]=50", "OVRA[X]=50; variables"),
         ("rs274", "M428", "M428; with tool center point control on"),
         ("macro_b", "M430", "M430; with tool center point control on"),
         ("klartext", "5 M5 M128", "M128"),

@@ -6,7 +6,8 @@ from datetime import datetime, timedelta, timezone
 
 import pytest
 
-from tango_cnc.nightly.alarms import _urgency, night_of
+from tango_cnc.nightly.dates import night_of
+from tango_cnc.nightly.standing import _urgency
 from tango_cnc.report.days import local_day
 
 FAR = timezone(timedelta(hours=9))

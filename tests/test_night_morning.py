@@ -23,11 +23,13 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly import Ports
-from tango_cnc.nightly.alarms import Known, effect_of, since, standing
+from tango_cnc.nightly.alarms import Known, effect_of
 from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
+from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.doubt import Judged, believed
 from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.standing import standing
 from tango_cnc.nightly.words import answer, headline, message
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
@@ -243,6 +245,9 @@ def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
         history.add_night(kept(3, status="missed", headline="no measurement: no night began", **missing))
         found = since(history, "M", tonight + 3)
         assert (found.date, found.words) == ("2026-10-01", "2026-10-01 (2 nights not measured)")
+        for days, told in ((30, "(29 nights not measured)"), (365, "(364 nights not measured: look whether the date")):
+            assert told in since(history, "M", tonight + days).words, "also those that are not on record one by one"
+        assert "(51 nights" in since(history, "M", tonight + 364, every_days=7).words
         before = _before("M", cast(Ports, SimpleNamespace(past=history)))
     assert before["last_measured"] == "2026-10-01"
     record = night(**before)

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from tango_cnc.files import read_cell
-from tango_cnc.nightly.alarms import Known, Since, alarms_of, effect_of
+from tango_cnc.nightly.alarms import Known, alarms_of, effect_of
+from tango_cnc.nightly.dates import Since
 from tango_cnc.nightly.words import _about
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts

@@ -24,7 +24,7 @@ from tango_cnc.commands import _night_world as world
 from tango_cnc.files import read_cell
 from tango_cnc.history import opened
 from tango_cnc.nightly import Ports
-from tango_cnc.nightly.alarms import night_of, since
+from tango_cnc.nightly.dates import night_of, since
 from tango_cnc.nightly.night import _before
 
 HOLD = """

@@ -19,7 +19,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, History, opened
 from tango_cnc.nightly import Measured
-from tango_cnc.nightly.alarms import since
+from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.night import _before, night
 from tango_cnc.nightly.ports import Ports
 from tango_cnc.nightly.words import message

@@ -15,6 +15,7 @@ from ..model import Model, residual
 from ..records import Array, InputError
 from ..touches import Touches
 from .programs import Kind, direction, machine_normal
+from .wandering import random_walk
 
 
 def heights(touches: Touches) -> Array:
@@ -98,7 +99,7 @@ def wetness(values: Array, block: int = 100, time: Array | None = None, last: in
     means = blocks.mean(axis=1)
     state = np.repeat(np.arange(first, count) % 2, block).astype(float)
     t = np.arange(len(values), dtype=float) if time is None else time
-    _, _, film, spread = _random_walk(t[used], values[used], np.diff(state))
+    _, _, film, spread = random_walk(t[used], values[used], np.diff(state))
     side = max(2, block // 5)
     edges = (blocks[1:, :side].mean(axis=1) - blocks[:-1, -side:].mean(axis=1)) * np.diff(state[::block])
     from scipy import special  # slow to load, and a plan of the touches needs no test
@@ -168,7 +169,7 @@ def drift(time: Array, values: Array) -> Drift:
     if len(values) < 5:
         raise InputError(f"capability drift: found {len(values)} touches in a direction; allowed: five or more")
     t = time - time[0]
-    walk = _random_walk(t, values)[:2]
+    walk = random_walk(t, values)[:2]
     spread = float(np.sum((values - values.mean()) ** 2))
 
     def rest(log_tau: float) -> tuple[float, Array]:
@@ -185,42 +186,6 @@ def drift(time: Array, values: Array) -> Drift:
     return Drift(
         float(t[-1]), float(np.ptp(values)), float(values.std(ddof=1)), *walk, float(fit[1]), math.exp(float(best.x)), explained
     )
-
-
-def _random_walk(t: Array, values: Array, known: Array | None = None) -> tuple[float, float, float, float]:
-    """(m,) s, (m,) mm, (m − 1,) steps of a state → random walk after one hour, white noise, effect of the state and its std, mm.
-
-    By restricted maximum likelihood (Harville 1977). The steps of the series do not know its mean; their covariance has three
-    diagonals.
-    """
-    steps, hours = np.diff(values), np.maximum(np.diff(t), 1e-9) / 3600
-    size = float(np.mean(steps**2))
-    if size == 0:
-        return 0.0, 0.0, 0.0, 0.0
-
-    from scipy import linalg, optimize
-
-    def fitted(x: Array) -> tuple[float, float, float]:
-        walk, white = size * np.exp(x)
-        bands = np.vstack([walk * hours / hours.mean() + 2 * white, np.full(len(steps), -white)])
-        factor = linalg.cholesky_banded(bands, lower=True)
-        level = 2 * float(np.sum(np.log(factor[0])))
-        if known is None:
-            return level + float(steps @ linalg.cho_solve_banded((factor, True), steps)), 0.0, 0.0
-        along = linalg.cho_solve_banded((factor, True), known)
-        weight = float(known @ along)
-        effect = float(steps @ along) / weight
-        rest = steps - effect * known
-        level += math.log(weight) + float(rest @ linalg.cho_solve_banded((factor, True), rest))
-        return level, effect, weight**-0.5
-
-    starts = [np.array([a, b]) for a, b in ((-1.0, -1.5), (-6.0, -0.7), (-0.1, -6.0))]
-    options = {"xatol": 1e-4, "fatol": 1e-8}
-    bounds = [(-18.0, 2.0)] * 2
-    found = [optimize.minimize(lambda x: fitted(x)[0], x, method="Nelder-Mead", bounds=bounds, options=options) for x in starts]
-    best = min(found, key=lambda f: float(f.fun)).x
-    walk, white = size * np.exp(best)
-    return math.sqrt(walk / hours.mean()), math.sqrt(white), *fitted(best)[1:]
 
 
 @dataclass(frozen=True)

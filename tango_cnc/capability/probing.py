@@ -15,6 +15,7 @@ import numpy as np
 from .. import kinematics
 from ..records import Array, InputError
 from ..touches import Touches
+from .wandering import random_walk
 
 RING = tuple((0.0, 10.0 * i) for i in range(36))  # degrees above the equator, around
 OVER = (
@@ -108,14 +109,16 @@ class Environment:
     etve: float  # largest minus smallest
     noise: float  # what repeatability alone stays below in 97.5 of 100 tests
     temperature: float  # K, range of the thermometer that explains most; 0 where there is none
-    per_kelvin: float  # mm/K of it
-    per_kelvin_std: float
+    per_kelvin: float  # mm/K of it, beside a random walk of the machine
+    per_kelvin_std: float  # of what goes up and down with it by chance; 0: nothing is left beside it
     explained: float  # share of the variance that it explains
 
 
 def environment(time: Array, values: Array, temperatures: Sequence[Array], repeatability: float) -> Environment:
     """(m,) s, (m,) mm, thermometers (m,) °C, standard deviation of a touch (mm) → what the surroundings do to one direction.
 
+    A machine wanders for other reasons, too. A straight line through it took such a walk for independent readings, and gave µm/K
+    many of its standard deviations large to a thermometer that had nothing to do with it.
     Raises InputError for fewer than ten touches.
     """
     from scipy import stats
@@ -126,8 +129,9 @@ def environment(time: Array, values: Array, temperatures: Sequence[Array], repea
     spread = float(np.sum((values - values.mean()) ** 2))
     for t in temperatures:
         if np.all(np.isfinite(t)) and np.ptp(t) > 0 and spread > 0:
-            fit = stats.linregress(t, values)
-            if fit.rvalue**2 > best[3]:
-                best = (float(np.ptp(t)), float(fit.slope), float(fit.stderr), float(fit.rvalue**2))
+            explained = float(stats.linregress(t, values).rvalue ** 2)
+            if explained > best[3]:
+                _, _, slope, std = random_walk(time, values, np.diff(t))
+                best = (float(np.ptp(t)), slope, std, explained)
     noise = repeatability * float(stats.studentized_range.ppf(RARE, len(values), np.inf))
     return Environment(float(time[-1] - time[0]), float(np.ptp(values)), noise, *best)

@@ -6,7 +6,7 @@ import hashlib
 import math
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -22,7 +22,7 @@ from ..estimate import Estimate
 from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
-from ..nc.predict import touched_of
+from ..nc.predict import Way, touched_of
 from ..nc.program import Account, Settings, compensated, made_with, mark_text
 from ..records import Cell, InputError
 
@@ -108,10 +108,10 @@ def blamed(file: Path, language: ModuleType, given: str | None = None) -> Iterat
         raise InputError(f"{file}: {said}. It was read as {name} ({how}); others: --language {others}") from None
 
 
-def found_of(result: Estimate) -> Known:
-    """estimate → what of it acts at a pose."""
+def found_of(result: Estimate, command: str = "compensate", so: str = "there is nothing to compensate") -> Known:
+    """estimate → what of it acts at a pose. Raises TangoError, by the command, where nothing does."""
     touches = result.model.touches
-    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40))
+    return known(result, sample(touches.machine, limits_of(touches.machine, touches, "probed", {}), 40), command, so)
 
 
 def digest_of(found: Known) -> str:
@@ -183,7 +183,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         "split": account.split,
         "points": account.count,
         "extrapolated": account.outside,
-        **({"taken_as_zero": sorted(account.assumed)} if account.assumed else {}),
+        **unstated(account),
         "largest_before_um": round(account.before, 4),
         "largest_before_line": account.worst_block,
         "largest_after_um": round(account.after, 4),
@@ -205,7 +205,7 @@ def said(data: dict[str, Any]) -> str:
         if data["extrapolated"]
         else ""
     )
-    stand = _at_zero(data.get("taken_as_zero", ()))
+    stand = "".join(f"{line}\n" for line in unstated_lines(data, "corrections"))
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
         f"{more}\n{given}{stand}{beyond}"
@@ -215,13 +215,26 @@ def said(data: dict[str, Any]) -> str:
     )
 
 
-def _at_zero(axes: Sequence[str]) -> str:
-    """rotary axes that no block has named before something was cut → what that means, as a line; '' for none."""
-    if not axes:
-        return ""
-    names, stand, them = " and ".join(axes), "stands" if len(axes) == 1 else "stand", "it" if len(axes) == 1 else "them"
-    words = " ".join(f"{axis}0." for axis in axes)
-    return (
-        f"no block says where {names} {stand}: taken to be at 0. If the control has {them} elsewhere, the corrections are wrong: "
-        f"write {words} into the first rapid\n"
-    )
+def unstated(found: Account | Way) -> dict[str, Any]:
+    """what was found along a program → plain data of what no block states; empty where all is stated."""
+    data = {"taken_as_zero": sorted(found.assumed), "m_functions": dict(found.unknown)}
+    return {key: value for key, value in data.items() if value}
+
+
+def unstated_lines(data: Mapping[str, Any], figures: str) -> list[str]:
+    """plain data, what would be wrong (corrections) → lines on rotary axes that no block places and on unknown M functions."""
+    lines = []
+    if axes := data.get("taken_as_zero"):
+        names, stand, them = " and ".join(axes), "stands" if len(axes) == 1 else "stand", "it" if len(axes) == 1 else "them"
+        words = " ".join(f"{axis}0." for axis in axes)
+        lines.append(
+            f"no block says where {names} {stand}: taken to be at 0. If the control has {them} elsewhere, the {figures} are wrong: "
+            f"write {words} into the first rapid"
+        )
+    if first := data.get("m_functions"):
+        names = ", ".join(f"{name} (line {line})" for name, line in first.items())
+        lines.append(
+            f"M functions of the machine's builder, taken not to change the path: {names}. Look in its manual: where one of them "
+            f"mirrors or shifts an axis, moves one, or switches tool center point control, the {figures} after it are wrong"
+        )
+    return lines

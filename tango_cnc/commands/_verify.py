@@ -151,6 +151,7 @@ class Verification:
         self.lines += [
             "Held-out indexations, µm (predicted/expected: 1 where the model predicts as well as it claims)",
             table(rows, "<<>>>>>>"),
+            *summary.held_out_lines(own),
         ]
         if len(own.groups) <= 6:
             self.lines += ["held out: " + held_out.in_words(self.readings, self.cell.machine, g) for g in own.groups]

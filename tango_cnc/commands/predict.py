@@ -71,7 +71,8 @@ def command(**options: Any) -> int:
         if not write_json(options["json_file"], {"simulated": True, **shown} if simulated else shown):
             click.echo("\n".join([*first, text]))
         return differs
-    setup, known = _program.setup_of(cell, options), _program.found_of(result)
+    setup = _program.setup_of(cell, options)
+    known = _program.found_of(result, "predict", "it predicts nothing of the tool tip")
     source: Path = options["source"]
     language = _program.language_of(source, cell, options["language"])
     touched = predict.touched_of(result.model.touches)
@@ -132,6 +133,7 @@ def _data(source: Path, way: predict.Way, found: list[tuple[features.Predicted, 
         "points": way.points,
         "extrapolated": way.outside,
         "extrapolated_axes": way.outside_by,
+        **_program.unstated(way),
         "largest_um": round(way.largest, 4),
         "largest_std_um": round(way.largest_std, 4),
         "largest_line": way.largest_line,
@@ -210,6 +212,7 @@ def _text(data: dict[str, Any]) -> str:
             f"extrapolated: at {share:.0f} % of the points an axis is beyond the touches ({axes}): "
             "the machine was not measured there"
         )
+    lines += _program.unstated_lines(data, "deviations")
     if data["features"]:
         rows = [["feature", "µm", "95 %", ""]]
         for f in data["features"]:

@@ -27,6 +27,7 @@ from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
 from ._common import ahead, cell_option, json_option, write_json
+from ._runs import judged_apart
 from ._trust import despite_option, judged, members, status, told
 
 PLACE = "Understand 20"  # in the list of commands
@@ -115,6 +116,8 @@ def command(
     source = current(folder, file)
     readings = read_readings(source, cell.machine, cell.artefact)
     robust, judgement = judged(cell, readings, items, degree, source=source)
+    if chosen["pool"] != "none" and not subsets:
+        robust, judgement = judged_apart(cell, readings, items, degree, source, (robust, judgement))
     if judgement.verdict == "implausible" and not despite:
         return _refused(judgement, json_file)
     if limits is not None:

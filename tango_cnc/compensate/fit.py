@@ -67,15 +67,12 @@ class Known:
         return np.asarray(self.root @ np.random.default_rng(seed).normal(size=(len(self.values), count)))
 
 
-def known(result: Estimate, poses: Poses) -> Known:
-    """estimate → its part that a control could know. Raises TangoError when it holds no error of the machine."""
+def known(result: Estimate, poses: Poses, command: str = "compensate", so: str = "there is nothing to compensate") -> Known:
+    """estimate → its part that a control could know. Raises TangoError, by the command, when it holds no error of the machine."""
     model = result.model
     own = [i for i, c in enumerate(model.coefficients) if _posed(c, poses.touches)]
     if not own:
-        raise TangoError(
-            "compensate: the estimate contains no error of the machine, so there is nothing to compensate; ask for more terms "
-            "(--terms S3), or see with 'tango check' why these touches determine nothing"
-        )
+        raise TangoError(result.selection.without_machine(command, so))
     return Known(
         tuple(model.coefficients[i] for i in own), result.values[own], result.covariance[np.ix_(own, own)], max(result.dof, 1)
     )

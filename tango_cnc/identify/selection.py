@@ -32,6 +32,13 @@ class Selection:
         """coefficient → the name under which its value may be reported."""
         return f"{name}-EXX1" if self.mismatch and name in ("EYY1", "EZZ1") else name
 
+    def without_machine(self, command: str, so: str) -> str:
+        """command, what follows → the sentence for a model without an error of the machine: not asked for, or not seen."""
+        todo = "its terms ask for none: ask for some (--terms S3)"
+        if self.unseen:
+            todo = "these touches determine none that its terms ask for: 'tango check' says why"
+        return f"{command}: the estimate contains no error of the machine, so {so}; {todo}"
+
 
 def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Selection:
     """touches, terms of a cell → the model they support. Raises InputError for a term that nothing knows."""

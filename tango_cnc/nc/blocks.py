@@ -56,6 +56,7 @@ class Block:
     tool: int | None = None  # changed to
     length: bool | None = None  # tool length switched on, off
     forgets: str = ""  # axes that go where no word says
+    unknown: tuple[str, ...] = ()  # M functions of which nobody here knows what they do
     label: str = ""  # N120: how features name it
 
 
@@ -73,6 +74,7 @@ class Modal:
     incremental: bool = False  # G91 on the way to a reference point
     metric: bool = False  # a block has stated it, as the next
     absolute: bool = False
+    ended: str = ""  # the M function that has ended the program
     changed: bool = False  # M6 has been seen
     length: bool = False  # G43 has switched the length of a tool on
     stale: bool = False  # the tool was changed since, and nothing has said whose length acts now

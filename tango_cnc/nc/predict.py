@@ -46,6 +46,8 @@ class Way:
     line: list[int] = field(default_factory=list)
     at: list[Array] = field(default_factory=list)  # (k,) mm rad, the axes there
     tool: list[float] = field(default_factory=list)  # mm, its length there
+    assumed: set[str] = field(default_factory=set)  # rotary axes that are taken to be at 0, while something is cut
+    unknown: dict[str, int] = field(default_factory=dict)  # M functions that may do anything: the line where each stands first
     zeros: dict[float, Machinery] = field(default_factory=dict)
 
 
@@ -76,6 +78,9 @@ def along(
     while batch := list(islice(motions, BATCH)):
         way.blocks += len(batch)
         for m in batch:
+            way.assumed |= set(m.assumed) if m.block.kind in ("feed", "arc") else set()
+            for name in m.block.unknown:
+                way.unknown.setdefault(name, m.block.number)
             if m.block.label and m.block.kind in ("feed", "arc", "rapid") and m.known:
                 labels.setdefault(m.block.label, []).append(m)
         for length in {m.length for m in batch}:

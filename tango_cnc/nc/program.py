@@ -40,6 +40,7 @@ class Account:
     count: int = 0
     worst_block: int = 0
     assumed: set[str] = field(default_factory=set)  # rotary axes that are taken to be at 0, while something is cut
+    unknown: dict[str, int] = field(default_factory=dict)  # M functions that may do anything: the line where each stands first
     changes: list[tuple[str, list[str]]] = field(default_factory=list)
 
 
@@ -120,6 +121,9 @@ def _batch(
 ) -> Iterator[tuple[list[str], Block]]:
     account.blocks += len(motions)
     account.assumed |= {axis for m in motions if m.assumed and m.block.kind in ("feed", "arc") for axis in m.assumed}
+    for m in motions:
+        for name in m.block.unknown:
+            account.unknown.setdefault(name, m.block.number)
     rotary = set(setup.machine.rotary) if settings.rotary else set()
     chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
     written: dict[int, list[Array]] = {}

@@ -15,8 +15,9 @@ import numpy as np
 from ..history import Decision
 from ..state import Named, State, reopened
 from ..texts import joined, say
-from .alarms import Known, Since, date_of, effect_of, said_of
+from .alarms import Known, effect_of, said_of
 from .back import gone, unclosed, went_back
+from .dates import Since, date_of
 from .moved import LEFT, SURE, Moved, found_by, hypothesis_of, moved
 from .ports import Past
 from .words import value

@@ -10,8 +10,9 @@ import numpy as np
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
-from .alarms import Known, date_of, effect_of
+from .alarms import Known, effect_of
 from .course import cause_of, only
+from .dates import date_of
 from .drift import drift_of
 from .one_date import night_of
 from .words import value

@@ -25,7 +25,7 @@ from ..records import Array, InputError
 from ..state.filter import restored
 from ..state.smooth import Filtered, smoothed
 from ..terms import SCALES
-from .alarms import own_of
+from .standing import own_of
 
 NIGHTS = 400  # looked back over
 LEAST = 12  # nights that tell anything

@@ -12,7 +12,8 @@ import numpy as np
 from ..history import Knowledge
 from ..records import Array
 from ..state import Hypothesis, State, hypotheses
-from .alarms import LISTED, Known
+from .alarms import Known
+from .dates import LISTED
 from .ports import Past
 
 SURE = 3.0  # standard deviations by which what is left, or what was added, has to stand out

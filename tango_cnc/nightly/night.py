@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,10 +25,11 @@ from ..history.former import formers
 from ..records import InputError, LinkError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
-from .alarms import night_of, standing, unheard
 from .broken import stopped, unexplained
-from .dates import dated
+from .dates import dated, night_of
+from .edited import asked, edited
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
+from .standing import standing, unheard
 from .words import headline, message
 
 MISSED = 7  # nights that were missed and are put on record one by one
@@ -70,7 +71,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
-            record = base | found
+            record = asked(base | found | _edited(machine, world, stamp, found))
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
@@ -82,6 +83,16 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         except (TangoError, OSError):
             record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
+
+
+def _edited(machine: str, world: Ports, stamp: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    """→ files of the cell that were changed since the last night that measured; {} of a night that did not measure."""
+    if not found.get("touches"):
+        return {}
+    try:
+        return edited(world.past, world.disk, machine, stamp, found.get("terms"))
+    except (TangoError, OSError):  # what is wrong with the history is reported with what could not be kept
+        return {}
 
 
 def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tuple[dict[str, Any], str]:

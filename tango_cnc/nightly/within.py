@@ -9,7 +9,8 @@ import numpy as np
 from ..records import Readings
 from ..state import Within
 from ..texts import say
-from .alarms import Known, Since, others, said_of
+from .alarms import Known, others, said_of
+from .dates import Since
 from .doubt import Judged
 
 

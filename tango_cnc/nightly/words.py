@@ -27,7 +27,7 @@ def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str
     return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
 
 
-OWN = ("night.drift_do", "night.comes_back.repaired_do")  # what to do that a full measurement does not take back
+OWN = ("night.drift_do", "night.comes_back.repaired_do", "night.edited.do")  # what to do that a full measurement does not take back
 
 
 def on_part(key: str, since: str, **values: str) -> str:
@@ -58,7 +58,14 @@ def is_gone(now: str) -> bool:
 
 
 def headline(record: Mapping[str, Any]) -> str:
-    """record of a night → one sentence."""
+    """record of a night → one sentence; what somebody changed in the cell comes first where anything is found."""
+    told = _headline(record)
+    if record.get("edited") and record["alarms"] and record["verdict"] in ("changed", "out_of_limits"):
+        return say("night.words.after_edit", edited=record["edited"]["text"], told=told)
+    return told
+
+
+def _headline(record: Mapping[str, Any]) -> str:
     if record["status"] == "missed":
         return say("night.words.no_measurement", why=record["why"])
     if record["status"] == "refused":
@@ -289,6 +296,8 @@ def message(
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    if (changed_files := record.get("edited")) and record["verdict"] != "doubtful":  # a doubt has it among its reasons
+        lines.append(f"* {t.of(changed_files['text'])}")
     if newest_night := record.get("clock_back"):
         lines.append(f"* {t('mail.clock_back', night=record['night'], newest=newest_night)}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]

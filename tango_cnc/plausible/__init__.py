@@ -27,6 +27,7 @@ from .either import AS_WELL, drift_of, either
 from .few_terms import few_terms
 from .groups import common
 from .halves import halves
+from .hidden_drift import hidden_drift
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .learned import learned
@@ -72,7 +73,7 @@ def judge(
     `agrees`: these touches are where earlier nights predicted them, so that a pattern in their residuals has to be surer.
     """
     touches = from_readings(cell.machine, cell.artefact, readings)
-    found = [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
+    found = _rows(cell, readings, touches, run)
     untrusted: list[str] = []
     labels: list[str] = []
     nothing = result is None
@@ -116,6 +117,24 @@ def judge(
         any(r.incomplete for r in found),
         nothing,
     )
+
+
+def without_fit(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Judgement:
+    """cell, readings, readings.json → what is wrong with them that is seen without any fit: missing, copied, made elsewhere."""
+    touches = from_readings(cell.machine, cell.artefact, readings)
+    found = [*_rows(cell, readings, touches, run), *_elsewhere(touches)]
+    wrong = [r for r in found if r.verdict != "trustworthy"]
+    return Judgement(
+        worst([r.verdict for r in found]),
+        tuple(r.text for r in wrong),
+        tuple(r.text for r in found if r.verdict == "trustworthy"),
+        tuple(_own(cell, r) for r in wrong if r.kind),
+        incomplete=any(r.incomplete for r in found),
+    )
+
+
+def _rows(cell: Cell, readings: Readings, touches: Touches, run: Mapping[str, Any] | None) -> list[Remark]:
+    return [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
 
 
 def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tuple[Suspicion, ...]:
@@ -188,7 +207,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         if (drift := drift_of(result)) is not None:
             behind = BETTER if agrees else AS_WELL
             found += [*either(result, drift, behind), *creeps(result, drift, behind)]
-    return [*found, *unseen(result), *learned(result), *stylus(cell, told), *offset(told)]
+    return [*found, *unseen(result), *hidden_drift(result), *learned(result), *stylus(cell, told), *offset(told)]
 
 
 def _noise(result: Estimate) -> list[Remark]:

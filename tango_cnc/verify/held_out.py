@@ -19,6 +19,7 @@ from ._shared import Figures, figures
 Groups = tuple[tuple[int, ...], ...]
 SELDOM = 1e-3  # chance of a ratio that is taken for more than chance
 TOGETHER = 2.0  # groups whose predictions count for those of one that stands alone
+MEDIAN = 0.6745  # of the absolute value of a normal quantity with standard deviation 1
 SAME = 1e-3  # of what an unknown does to a touch: less is the same
 
 
@@ -51,8 +52,19 @@ class HeldOut:
 
         A touch that depends on what only its own group tells is no test of the model: an expectation knows nothing of that.
         """
-        own = self.told
-        return float(np.sqrt(np.mean((self.residual[own] / self.expected[own]) ** 2))) if own.any() else 0.0
+        return self.ratio_of(self.told)
+
+    def ratio_of(self, rows: NDArray[np.bool_]) -> float:
+        """(n,) which rows → their rms of residual over expectation; 0 of none."""
+        return float(np.sqrt(np.mean((self.residual[rows] / self.expected[rows]) ** 2))) if rows.any() else 0.0
+
+    @property
+    def far(self) -> NDArray[np.bool_]:
+        """→ (n,) rows that are further off than any touch of as many is by chance (one run in 1000), as the others scatter."""
+        off = np.abs(self.residual / self.expected)
+        scatter = float(np.median(off[self.told])) / MEDIAN if self.told.any() else 1.0
+        limit = -special.ndtri(SELDOM / 2 / max(len(off), 1))
+        return self.told & (off > limit * max(scatter, 1.0))
 
     @property
     def beyond(self) -> float:

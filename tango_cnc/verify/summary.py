@@ -55,12 +55,33 @@ SURE = 3.0  # standard deviations
 FIGURES = ["n", "max", "min", "mean", "sd"]
 
 
+NAMED = 8  # touches that a line names
+
+
+def held_out_lines(found: HeldOut) -> list[str]:
+    """held-out residuals → what makes them larger than the estimate claims, for people; none where chance explains them."""
+    if found.ratio <= found.chance:
+        return []
+    head = f"predicted/expected {found.ratio:.2f}: chance alone seldom gives more than {found.chance:.2f}"
+    far = found.far
+    if not far.any():
+        return [f"{head}. No single touch makes it so: the model lacks something. Do: tango diagnose"]
+    order = np.argsort(-np.abs(found.residual * far), kind="stable")[: int(far.sum())]
+    names = [f"{found.touch[i]} ({found.residual[i] * 1e3:+.1f})" for i in order[:NAMED]]
+    more = f" and {len(order) - NAMED} more" if len(order) > NAMED else ""
+    what = "touch" if len(order) == 1 else "touches"
+    rest = f"all others {found.ratio_of(found.told & ~far):.2f}"
+    return [f"{head}. Furthest off, µm: {what} {', '.join(names)}{more}; {rest}. Look at them first: tango diagnose"]
+
+
 def held_out_json(found: HeldOut) -> dict[str, Any]:
     """held-out residuals → plain data."""
     each = [found.residual[found.group == i] for i in range(len(found.groups))]
     return {
         **figures_json(found.figures),
         "ratio_to_expected": found.ratio,
+        "ratio_by_chance": found.chance,
+        "far_off": [int(t) for t in found.touch[found.far]] if found.ratio > found.chance else [],
         "fitted_rms_um": float(np.sqrt(np.mean(found.fitted**2))) * 1e3,
         "groups": [
             {"indexations": list(g), "touches": len(r), "max_abs_um": float(abs(r).max()) * 1e3 if len(r) else None}

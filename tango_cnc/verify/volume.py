@@ -97,10 +97,7 @@ def volume(result: Estimate, position: Array) -> VolumeMap:
     """
     touches = result.model.touches
     if not any(c.slot.axis and not is_setup(c.slot) for c in result.model.coefficients):
-        raise TangoError(
-            "volume: the estimate contains no error of the machine, so its tool tip cannot be predicted; ask for more terms "
-            "(--terms S3), or see with 'tango check' why these touches determine nothing"
-        )
+        raise TangoError(result.selection.without_machine("volume", "its tool tip cannot be predicted"))
     poses = at_poses(touches.machine, position, np.zeros_like(position))
     nominal = kinematics.tip(poses.chain, position)
     outside, extrapolated = probed(touches, position)

@@ -14,6 +14,9 @@ AXES = "XYZABC"
 PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
 INSIDE = re.compile(r"\([^)]*\)|<[^>]*>")  # a comment within a word: X(half)10
 AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their block is done
+ENDS = {2, 30}  # M functions that end the program
+# M functions that leave the path alone on every control: stops, spindle, tool, coolant, orientation, gears, overrides.
+PLAIN = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 19, 30, *range(40, 46), 48, 49, 60}
 FORGET = {28, 30, 30.1, 28.1}
 MOST = 1e6  # mm, deg: no machine goes there
 UNKNOWN = "what this does to the path is not known"
@@ -86,6 +89,7 @@ class Style:
     dwell: str = ""  # axis words that may be the time of G4
     forgets: frozenset[float] = frozenset(FORGET)  # ways to reference and fixed points
     height: float | None = 43  # switches the tool's length on
+    begins: re.Pattern[str] = re.compile(r"\s*[oO:]\d+\s*(?:$|[(<;])")  # the head of a program
 
     def known(self, code: float) -> bool:
         """number of a G function → whether it is known what it does to the path."""
@@ -101,11 +105,17 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
     """dialect, line, its number from 1, modal state (changed), axes of the machine → block. Raises InputError by name."""
     if len(line) > LONGEST:
         raise refused(number, line, f"a block of {len(line.rstrip())} characters, which no control reads")
+    if modal.motion and style.begins.match(line):
+        raise refused(number, line.strip(), "a second program begins here: make a file of each")
     bare = style.comment.sub(lambda m: " " * len(m[0]), line)
     block = Block(number, line)
     stripped = bare.strip()
     if not stripped or stripped == "%":
         return block
+    if modal.ended:
+        raise refused(
+            number, stripped, f"the program has ended with {modal.ended}: what stands after it is never done; take it out"
+        )
     if stripped.startswith("/"):
         raise refused(number, "a block that may be skipped (/)", "where the machine goes then is not known: make two programs")
     words: list[Word] = []
@@ -142,6 +152,8 @@ def _strange(style: Style, text: str, number: int) -> None:
     for item in text.split():
         if item.upper() in style.harmless:
             continue
+        if re.match(r"(?i)[A-Z]{2,}\w*=", item):
+            raise refused(number, item, UNKNOWN)
         if "#" in item or "[" in item or "=" in item or re.match(r"R\d", item):
             raise refused(number, text, "variables and expressions are not followed: let the post-processor write numbers")
         if re.match(r"(?i)IF|WHILE|GOTO?|DO\d*$|END\d*$|THEN", item):
@@ -197,6 +209,10 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 raise refused(number, f"M{w.value:g}", KINEMATICS[int(w.value)])
             elif w.value in (72, 73):
                 raise refused(number, f"M{w.value:g}", "what it switches back is not followed")
+            elif w.value not in PLAIN:
+                block.unknown = (*block.unknown, f"M{w.value:g}")
+            if w.value in ENDS:
+                modal.ended = f"M{w.value:g}"
         elif w.letter in "UVW":
             raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")
         elif w.letter == "H" and style.height is not None and 49 not in codes:

@@ -14,7 +14,7 @@ COUNTED = False
 UNITS = ("G71 or G710", "G90")
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
-    re.compile(rf"(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
+    re.compile(rf"(?<![A-Za-z])(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
     re.compile(r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"),
     {
         **{k: v for k, v in _iso.REFUSED.items() if k not in (20, 5, 7, 10, 15, 16, 51, 52, 92)},

@@ -1,0 +1,210 @@
+"""Alarms of other nights that nobody has closed: how large they are by tonight, and who has them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..history.records import merged
+from ..loaded import Event
+from ..report.compensated import as_loaded, dated
+from ..report.words import unforeseen
+from ..state.changes import change
+from ..terms import SCALES
+from ..texts import Said, instead, joined, say
+from .dates import LISTED, date_of
+from .ports import Past
+from .words import is_gone, value
+
+LAST_NIGHT = "last night"
+TONIGHT = "tonight"  # after every moment on record
+
+
+def standing(
+    past: Past,
+    machine: str,
+    day: float,
+    parameters: Mapping[str, Any],
+    kind: str,
+    events: Sequence[Event] = (),
+    tonight: Collection[str] = (),
+) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night, what happened to compensations, ids of alarms that go on tonight
+    → alarms of other nights that nobody has closed, each as the last night that told it.
+
+    Unanswered ones come first, and what does more to a part before what does less.
+
+    Closed is accept, repaired, and ignore until its date has passed; who acknowledged one is named with it.
+    """
+    if not past.knows(machine):
+        return []
+    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    known, when = (parameters, "") if parameters else _known(past, machine)
+    found: list[dict[str, Any]] = []
+    measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
+    seen = set(tonight)
+    for stored in past.alarmed(machine, LISTED):
+        seen |= merged(stored.record["alarms"])
+        for alarm in stored.record["alarms"]:
+            if alarm["id"] and alarm["id"] in seen:
+                continue
+            seen.add(alarm["id"])
+            decision = last.get(alarm["id"])
+            if decision is not None and decision.action in ("accept", "repaired"):
+                continue
+            if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
+                continue
+            if measured is None:
+                measured = _measured(past, machine)
+            full = measured[0] if measured[1] > stored.night.start_utc else ""
+            told = {key: alarm.get(key) for key in ("id", "cause", "parameter", "text", "since", "size", "std", "unit", "sigmas")}
+            told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
+            answered = decision is not None and decision.action == "acknowledge"
+            told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
+            told |= {key: alarm[key] for key in ("compensation", "ignored", "again", "follows") if alarm.get(key)}
+            told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
+            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
+            now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
+            told |= {"now": now, "total": _total(alarm, stored.record, known)}
+            gone = is_gone(told["now"])
+            told["confirmed"] = full if full and told["now"] and not gone else None
+            told |= {"do": say("night.gone_do")} if gone else {}
+            told |= since_full(told, measured[0] if measured[1] >= stored.night.start_utc else "")  # or by itself
+            told = as_loaded(told, events)
+            if answered and decision is not None:
+                told["owner"] = decision.owner
+            found.append(told)
+    return sorted((_with_later(a, found) for a in found), key=_urgency)
+
+
+def _first_night(alarm: Mapping[str, Any], record: Mapping[str, Any]) -> str:
+    """alarm, the last night that told it → date of the first one: an id begins with it."""
+    return str(alarm["id"])[:10] if alarm.get("goes_on") else str(record["night"])
+
+
+def _with_later(alarm: dict[str, Any], every: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """alarm of another night, all of them → the same; with what it is now is said what later alarms of its parameter have added."""
+    same = [a for a in every if (a["cause"], a["parameter"]) == (alarm["cause"], alarm["parameter"])]
+    later = [a for a in same if a["night"] > alarm["night"] and a["size"] and not a["rate_per_day"]]
+    if not later or not isinstance(alarm["now"], Said) or alarm["now"].key != "night.alarms.now":
+        return alarm
+    came = [
+        say("night.alarms.came", size=value(a["size"], a["unit"], a["std"]), night=a["night"])
+        for a in sorted(later, key=lambda a: str(a["night"]))
+    ]
+    return alarm | {"now": joined("; ", (alarm["now"], *came))}
+
+
+def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any], kind: str) -> list[dict[str, Any]]:
+    """history, machine, day, what is known tonight, kind of night → alarms that somebody ignores until a day that is not over
+    (`standing` has no such), what does more to a part first, with what they are by now.
+    """
+    if not past.knows(machine):
+        return []
+    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    wanted = {key: d for key, d in last.items() if d.action == "ignore" and (d.until or "") >= today}
+    if not wanted:
+        return []
+    known, when = (parameters, "") if parameters else _known(past, machine)
+    found = []
+    for stored in past.alarmed(machine, LISTED):
+        for a in stored.record["alarms"]:
+            if (d := wanted.pop(a["id"], None)) is None:  # each as the last night that told it
+                continue
+            now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
+            told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
+            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
+            told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
+            found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
+    return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
+
+
+def _known(past: Past, machine: str) -> tuple[Mapping[str, Any], str]:
+    """history, machine → what its last believed night knew of its parameters, and the date of it; nothing, '' for none.
+
+    A night that is in doubt, or did not measure, knows nothing of its own: an alarm stays as large as it was seen last.
+    """
+    night = next((n for n in past.nights(machine, last=LISTED) if n.verdict not in ("doubtful", "not_measured")), None)
+    return ({}, "") if night is None else (past.night(night.entry).record.get("parameters") or {}, night.night)
+
+
+def _was(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], when: str) -> str:
+    """alarm, its night, what is known since and from when → what moved as far as it was seen then; '' for what is no parameter."""
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
+    change = _total(alarm, record, parameters)
+    if change is None or then is None or now is None:
+        return ""
+    told = value(change, now["unit"], math.hypot(now["std"], then["std"]))
+    return say("night.alarms.was", told=told, night=when)
+
+
+def _measured(past: Past, machine: str) -> tuple[str, str]:
+    """history, machine → date and start (UTC) of its last whole full measurement that was believed; '', '' for none."""
+    nights = past.nights(machine, last=LISTED)
+    good = (n for n in nights if n.kind == "full" and n.status == "complete" and n.verdict not in ("doubtful", "not_measured"))
+    return next(((n.night, n.start_utc) for n in good), ("", ""))
+
+
+def since_full(alarm: Mapping[str, Any], full: str) -> dict[str, str]:
+    """alarm, date of a full measurement after the change ('': none yet) → what it then means for a part and what to do, where the
+    alarm asks for that measurement because nothing names a cause.
+    """
+    if not full or alarm["cause"] != "unknown":
+        return {}
+    return {"on_part": say("cause.unknown.on_part_full", night=full), "do": say("cause.unknown.do_full", night=full)}
+
+
+def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:
+    """alarm of another night → its place: unanswered ones first, then by what they do to a part as far as they stand now."""
+    grown = abs(alarm["total"] / alarm["size"]) if alarm["total"] is not None and alarm["size"] else 1.0
+    answered = alarm["decision"] is not None
+    return answered, change(alarm["cause"]).of_the_probe, -abs(alarm["on_part_um"] or 0.0) * grown
+
+
+def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:
+    """alarm, its night, what is known tonight → whether what moved is still where it went; '' for what is no one parameter."""
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
+    change = _total(alarm, record, parameters)
+    if change is None or then is None or now is None:
+        return ""
+    size = float(alarm["size"])
+    if (whole := (alarm.get("ignored") or {}).get("total")) is not None:  # its text says how far it is in all
+        change, size = change + float(whole) - size, float(whole)
+    spread = math.hypot(now["std"], then["std"])
+    told = value(change, now["unit"], spread)
+    return still(size, change, spread, told, confirmed=kind == "full" and bool(now.get("seen")))
+
+
+def still(size: float, change: float, std: float, told: str, *, confirmed: bool) -> Said:
+    """size of an alarm, change tonight, its standard deviation, in words, whether a full measurement has seen it → whether what
+    moved is still where it went.
+    """
+    slack = max(3 * std, 0.25 * abs(size))
+    if abs(change - size) < slack:
+        return say(f"night.alarms.{'confirmed' if confirmed else 'still_there'}", told=told)
+    return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
+
+
+def own_of(parameters: Mapping[str, Any], name: str) -> Mapping[str, Any] | None:
+    """what a night knows, parameter of an alarm → what it knows of that: of scales that change alike their mean; None of others."""
+    if name != "scales":
+        return parameters.get(name)
+    scales = [parameters[n] for n in SCALES if n in parameters]
+    if len(scales) < len(SCALES):
+        return None
+    numbers = {key: [p.get(key) for p in scales] for key in ("value", "std", "change")}
+    told = {key: None if None in values else float(np.mean(values)) for key, values in numbers.items()}
+    return told | {"unit": scales[0]["unit"], "seen": all(p.get("seen") for p in scales)}
+
+
+def _total(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any]) -> float | None:
+    """alarm, its night, what is known tonight → change since before the alarm, in its unit; None for what is no one parameter."""
+    then, now = own_of(record.get("parameters") or {}, alarm["parameter"]), own_of(parameters, alarm["parameter"])
+    if then is None or now is None or then.get("change") is None:
+        return None
+    made_before = alarm.get("rate_per_day") or alarm.get("repair")  # a drift, or what a repair left, was not made in its night
+    step = alarm["size"] if made_before else then["change"]
+    return float(now["value"] - (then["value"] - step))
