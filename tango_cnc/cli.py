@@ -82,6 +82,8 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         _say(f"tango: {printable(str(error), MESSAGE)}")
         return error.exit_code
     except click.ClickException as error:
+        if isinstance(error, click.UsageError):
+            error.message += _folder(error)
         error.show()
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
@@ -99,6 +101,17 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         _say(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk")
         return 2
     return result if isinstance(result, int) else 0
+
+
+def _folder(error: click.UsageError) -> str:
+    """what click says of a command line → where the folder of the cell goes, if it is that; else nothing."""
+    if error.ctx is None or not any("-C" in option.opts for option in error.ctx.command.params):
+        return ""
+    extra = re.search(r"unexpected extra arguments? \((.+)\)$", error.message)
+    if not extra and getattr(error, "option_name", "") not in ("-c", "--cell", "--folder", "--dir"):
+        return ""
+    stop, place = (".", extra[1].split()[0]) if extra else ("", "DIR")
+    return f"{stop} The folder of the cell goes behind -C: {error.ctx.command_path} -C {place}"
 
 
 def _say(sentence: str) -> None:
