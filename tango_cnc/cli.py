@@ -82,9 +82,9 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         _say(f"tango: {printable(str(error), MESSAGE)}")
         return error.exit_code
     except click.ClickException as error:
-        if isinstance(error, click.UsageError):
-            error.message += _folder(error)
         error.show()
+        if isinstance(error, click.UsageError) and (advice := _folder(error)):
+            _say(advice)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         _say("tango: stopped by the user")
@@ -110,8 +110,7 @@ def _folder(error: click.UsageError) -> str:
     extra = re.search(r"unexpected extra arguments? \((.+)\)$", error.message)
     if not extra and getattr(error, "option_name", "") not in ("-c", "--cell", "--folder", "--dir"):
         return ""
-    stop, place = (".", extra[1].split()[0]) if extra else ("", "DIR")
-    return f"{stop} The folder of the cell goes behind -C: {error.ctx.command_path} -C {place}"
+    return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
 
 
 def _say(sentence: str) -> None:

@@ -59,7 +59,7 @@ def test_misspelt_option_is_answered_with_the_nearest(cell: Path, capsys: pytest
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("plan", "shop/cell"), "(shop/cell). The folder of the cell goes behind -C: tango plan -C shop/cell"),
+        (("plan", "shop/cell"), "The folder of the cell goes behind -C: tango plan -C shop/cell"),
         (("check", "-c", "cell"), "The folder of the cell goes behind -C: tango check -C DIR"),
         (("estimate", "a", "b"), "tango estimate -C a"),
         (("ports", "cell"), ""),
