@@ -13,6 +13,7 @@ from tango_cnc.history import opened
 from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import same_pace
 from tango_cnc.nightly.words import message
+from tango_cnc.report import morning
 from tango_cnc.report.faults import faults, unclosed
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -214,6 +215,8 @@ def test_a_stylus_that_creeps_is_one_alarm_with_how_far_it_is_by_now(root: Path,
         assert there == pytest.approx(0.0015 * (min(n, 21) - max(since, 9)), abs=0.0012), r["night"]
     (last,) = records[-1]["standing"]
     assert "µm now" in str(last["now"]) and "µm now" in records[-1]["headline"]
+    there = round(1e3 * last["total"])
+    assert f"off by up to {there} µm" in morning.render(records[-1])
 
 
 @pytest.mark.long

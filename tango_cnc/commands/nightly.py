@@ -257,10 +257,11 @@ def _status(
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
     from ..history.former import formers, of_folder
-    from ..nightly.words import answer, by_tonight
+    from ..nightly.words import answer
     from ..report.morning import next_night
     from ..report.repeated import shortened
     from ..report.texts import code
+    from ..report.tonight import by_tonight
     from ._unreadable import machine_of
 
     name = ""

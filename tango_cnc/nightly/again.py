@@ -7,11 +7,11 @@ from typing import Any
 
 from ..history import Decision
 from ..report.texts import texts
+from ..report.tonight import is_gone
 from ..texts import say
 from .moved import found_by
 from .ports import Past
 from .standing import own_of
-from .words import is_gone
 
 STOOD = 0.25  # of the smaller of two steps, by which it may have moved between them
 

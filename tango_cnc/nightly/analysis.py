@@ -18,6 +18,7 @@ from ..history import Knowledge, Night
 from ..history.records import merged
 from ..loaded import Event
 from ..records import Array, Cell, Readings
+from ..report.tonight import is_gone
 from ..state import (
     Frame,
     Named,
@@ -60,7 +61,6 @@ from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .within import as_json, moved_within
-from .words import is_gone
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 STYLUS = 0.1  # share of the false alarms of drifts that a stylus which creeps may have

@@ -13,6 +13,7 @@ from typing import Any
 from ..history import Decision
 from ..records import Array
 from ..report.texts import texts
+from ..report.tonight import LENGTHS
 from ..state import Named, State
 from ..texts import say
 from .alarms import Known, of_cause
@@ -27,7 +28,6 @@ from .words import value
 
 ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm
 GREW = 0.25  # of its size, by which an alarm has grown by the last night where it goes on without a further alarm
-LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length
 KNOCK = 10.0  # µm that one night moves the tool tip by, from which it may be a knock by itself
 PAUSE = 3.5  # days within which the next step of what has gone on before belongs to it
 FASTER = 2.0  # times what it made a day, from which tonight's step is a knock on top of it

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..report.tonight import LENGTHS
 from ..state import State
 from .alarms import Known
-from .goes_on import LENGTHS, newest_of
+from .goes_on import newest_of
 from .moved import Moved, moved
 from .ports import Past
 from .standing import still

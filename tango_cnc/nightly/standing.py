@@ -11,13 +11,14 @@ import numpy as np
 from ..history.records import merged
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
+from ..report.tonight import is_gone
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
 from ..texts import Said, instead, joined, say
 from .dates import LISTED, date_of
 from .ports import Past
-from .words import is_gone, value
+from .words import value
 
 LAST_NIGHT = "last night"
 TONIGHT = "tonight"  # after every moment on record

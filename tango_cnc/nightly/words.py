@@ -11,13 +11,13 @@ from ..report.compensated import held
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
+from ..report.tonight import by_tonight, is_gone
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
 
 SHOWN = 3  # alarms that wait, in full
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
-AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
 
 
 def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str]:
@@ -50,11 +50,6 @@ def value(number: float, unit: str, std: float | None = None) -> str:
 def one_day(days: float) -> str:
     """days to come → ending of the key of the sentence: _one for one day or less, '' for more."""
     return "_one" if round(days) <= 1 else ""
-
-
-def is_gone(now: str) -> bool:
-    """what a night says of an older alarm by now → whether what moved is back where it was."""
-    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
 
 
 def headline(record: Mapping[str, Any]) -> str:
@@ -359,23 +354,6 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
-
-
-def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
-    """alarm → `on_part` and `on_part_um`; what goes on from an earlier night as it is tonight."""
-    part, small, total, size = cause["on_part"], cause.get("on_part_um"), cause.get("total"), float(cause.get("size") or 0.0)
-    same = {"on_part": part, "on_part_um": small}
-    if not small or not total or not size or is_gone(cause["now"]):
-        return same
-    if not (cause.get("rate_per_day") or cause.get("ignored")) and abs(float(total) - size) <= AS_FOUND * abs(size):
-        return same
-    counted = float((cause.get("ignored") or {}).get("total") or size)
-    large = abs(float(small) * (counted + float(total) - size) / counted)
-    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
-    if not isinstance(part, Said):
-        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
-    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
-    return {"on_part": grown, "on_part_um": large}
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:
