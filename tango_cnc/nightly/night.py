@@ -22,7 +22,7 @@ from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
 from ..history.former import formers
-from ..records import InputError, LinkError, TangoError
+from ..records import InputError, LinkError, NothingSentError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
 from .broken import stopped, unexplained
@@ -122,7 +122,8 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     try:
         measured = world.control.measure(kind, touches)
     except LinkError as error:
-        return found | {"why": sentence(error), "kind": "none", "moved": True}, None, {}, None
+        found |= {} if isinstance(error, NothingSentError) else {"moved": True}
+        return found | {"why": sentence(error), "kind": "none"}, None, {}, None
     found |= {
         **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
         "hashes": dict(measured.hashes),
