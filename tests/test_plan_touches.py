@@ -12,6 +12,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan, plan_hash, split
 from tango_cnc.plan.touches import PLACES, Planned
 from tango_cnc.records import Plan, Touch
+from tango_cnc.records.plan import LEAST
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
 
@@ -81,3 +82,23 @@ def test_what_is_done_with_a_plan_afterwards_does_not_move_its_touches() -> None
     assert [(touch.standoff, touch.end) for half in halves for touch in half.touches] == [
         (touch.standoff, touch.end) for touch in made(3).touches
     ]
+
+
+def test_a_way_that_is_too_short_for_some_controls_is_made_with_the_next_motion() -> None:
+    """Mach3 takes no search that begins nearer than 0.254 mm to its target."""
+    whole = made()
+    first, second, third = whole.touches[:3]
+    x = whole.machine.column("X")
+    left = second.leave or second.over
+    near = tuple(value + 0.1 * (i == x) for i, value in enumerate(left))
+    short = replace(whole, touches=(first, second, replace(third, enter=near)), turns=whole.turns[:1])
+    places, at = [], dict[str, float]()
+    for move in short.moves:
+        way = [abs(value - at[name]) for name, value in move.target.items() if name in short.machine.linear and name in at]
+        assert move.kind not in ("retract", "clear") or move.touch == first.number or sum(way) > LEAST / 2
+        at.update(move.target)
+        places.append((move.kind, *(at.get(name) for name in "XYZ")))
+    kinds = [move.kind for move in short.moves if move.touch == third.number]
+    assert kinds == ["approach", "probe", "back", "retract"]
+    for kind, touch in (("approach", third.standoff), ("probe", third.end), ("back", third.standoff)):
+        assert (kind, *(touch[short.machine.column(name)] for name in "XYZ")) in places

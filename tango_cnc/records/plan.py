@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from .cell import Artefact, Machine, Strategy
@@ -12,6 +12,7 @@ from .numbers import Id
 
 OFF = 1.5  # mm that a program goes off a facet, where nothing can guard it, before it goes back guarded
 STEP = math.radians(170)  # at most, of an axis that takes the nearer way: less than half a turn
+LEAST = 0.3  # mm of a motion: RS274/NGC, and Mach3 with it, takes no search that begins nearer than 0.254 mm to its target
 MoveKind = Literal["retract", "clear", "index", "approach", "find", "off", "near", "probe", "back", "prove"]
 
 
@@ -80,10 +81,31 @@ class Plan:
 
     @property
     def moves(self) -> Iterator[Move]:
-        """→ every motion in its order; each names only the axes that move. One at a time, however long the plan is."""
+        """→ every motion in its order; each names only the axes that move. One at a time, however long the plan is.
+
+        A retract or a way over of less than `LEAST` is made with the next linear motion: some controls take none so short. Before
+        the first touch all are made, because the move that proves the probe begins at the place of the plan.
+        """
         if self.only is not None:
             yield self.only
             return
+        at: dict[str, float] = {}
+        late: Mapping[str, float] = {}  # what was left out and has to be made up for
+        linear, begin = frozenset(self.machine.linear), self.touches[0].number if self.touches else 0
+        for move in self._each():
+            if move.target.keys() <= linear:
+                if late:
+                    move = replace(move, target={**late, **move.target})
+                known = move.kind in ("retract", "clear") and len(at) == len(linear) and move.touch != begin
+                if known and math.dist(tuple(move.target.values()), [at[name] for name in move.target]) < LEAST:
+                    late = move.target
+                    continue
+                at.update(move.target)
+                late = {}
+            yield move
+
+    def _each(self) -> Iterator[Move]:
+        """→ every motion to a place of the plan, however short."""
         turns = iter(self.turns)
         turn = next(turns, None)
         at: tuple[float, ...] | None = None
