@@ -83,6 +83,8 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         return error.exit_code
     except click.ClickException as error:
         error.show()
+        if isinstance(error, click.UsageError) and (advice := _folder(error)):
+            _say(advice)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         _say("tango: stopped by the user")
@@ -99,6 +101,16 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         _say(f"tango: {where}: {error.strerror}; check the path, its permissions and the room on the disk")
         return 2
     return result if isinstance(result, int) else 0
+
+
+def _folder(error: click.UsageError) -> str:
+    """what click says of a command line → where the folder of the cell goes, if it is that; else nothing."""
+    if error.ctx is None or not any("-C" in option.opts for option in error.ctx.command.params):
+        return ""
+    extra = re.search(r"unexpected extra arguments? \((.+)\)$", error.message)
+    if not extra and getattr(error, "option_name", "") not in ("-c", "--cell", "--folder", "--dir"):
+        return ""
+    return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
 
 
 def _say(sentence: str) -> None:

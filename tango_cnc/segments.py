@@ -6,6 +6,7 @@ import numpy as np
 
 from .records import InputError, Readings, TermItem
 from .terms import serving
+from .touches import counted
 
 FEWEST = 3  # touches of a segment below which its offset is not worth three unknowns
 
@@ -20,7 +21,7 @@ def offsets(readings: Readings, frame: str) -> tuple[TermItem, ...]:
         raise InputError(
             "--segment-offset: found readings of one run without interruption; allowed: readings with a column 'segment'"
         )
-    used = readings.segment[readings.ok]
+    used, count = readings.segment[readings.ok], counted(readings)[readings.ok]
     begins = np.flatnonzero(np.diff(used)) + 1
     for first, end in zip(begins, [*begins[1:], len(used)], strict=True):
         if end - first < FEWEST:
@@ -28,4 +29,4 @@ def offsets(readings: Readings, frame: str) -> tuple[TermItem, ...]:
                 f"--segment-offset: found {end - first} usable touches in segment {used[first]}; allowed: at least {FEWEST}, "
                 "for their displacement in three directions. Estimate without its offset"
             )
-    return tuple({"cause": serving("interruption"), "at": int(first) + 1, "frame": frame} for first in begins)
+    return tuple({"cause": serving("interruption"), "at": int(count[first]), "frame": frame} for first in begins)

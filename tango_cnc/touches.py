@@ -48,6 +48,7 @@ class Touches:
     temperatures: dict[str, Array]
     tip: Array | None = None  # (n, 3) mm, table frame: where a first estimate puts the stylus tip, beside its facet's nominal point
     stylus: NDArray[np.int64] | None = None  # (n,) number of the stylus, of `Machine.styli`; None: all with that of the probe
+    count: NDArray[np.int64] | None = None  # (n,) as `counted`
 
     def __len__(self) -> int:
         return len(self.number)
@@ -69,7 +70,20 @@ class Touches:
             temperatures={k: v[index] for k, v in self.temperatures.items()},
             tip=None if self.tip is None else self.tip[index],
             stylus=None if self.stylus is None else self.stylus[index],
+            count=_later(self.counted[index]),
         )
+
+    @cached_property
+    def counted(self) -> NDArray[np.int64]:
+        """→ (n,) numbers of the touches in the readings, over all cycles and days; touches that were left out count, too.
+
+        `at` and `until` of a cause mean these.
+        """
+        return np.arange(1, len(self) + 1) if self.count is None else self.count
+
+    def row(self, at: float) -> int:
+        """number of a touch, as `counted` → the row of the first touch from there on; the last one where all are before it."""
+        return min(int(np.searchsorted(self.counted, int(at))), len(self) - 1)
 
     @cached_property
     def styli(self) -> tuple[int, ...]:
@@ -232,7 +246,26 @@ def from_readings(machine: Machine, artefact: Artefact, readings: Readings) -> T
         np.array([f.normal for f in facets]).reshape(-1, 3),
         {name: values for name, values in rows.temperatures.items() if np.isfinite(values).all()},  # no value is made up
         stylus=rows.stylus,
+        count=counted(readings)[readings.ok],
     )
+
+
+def counted(readings: Readings) -> NDArray[np.int64]:
+    """readings → (n,) number of every row, over all cycles and days: each of these has as many touches as the longest one."""
+    number = np.asarray(readings.touch, dtype=np.int64)
+    if len(number) and np.any(np.diff(number) <= 0):
+        begins = (np.diff(readings.day) != 0) | (np.diff(readings.cycle) != 0)
+        number = number + int(number.max()) * np.concatenate([[0], np.cumsum(begins)])
+    return number if np.all(np.diff(number) > 0) else np.arange(1, len(number) + 1)
+
+
+def _later(count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(n,) numbers of rows in any order → the same as far as they grow; what comes again is counted as touches made later."""
+    again = np.flatnonzero(np.diff(count) <= 0)
+    if not again.size:
+        return count
+    first = int(again[0]) + 1
+    return np.concatenate([count[:first], count[:first].max() + np.arange(1, len(count) - first + 1)])
 
 
 def of_stylus(machine: Machine, stylus: NDArray[np.int64] | None, count: int, what: str) -> Array:

@@ -111,6 +111,15 @@ def test_a_fact_is_shown_as_far_as_anybody_reads() -> None:
         assert len(str(refused.value)) < 1000
 
 
+@pytest.mark.parametrize(
+    ("stated", "said"),
+    [("skip = G31", "which is a key of its own"), ("skip = G38", "is no fact that this post leaves open"), ("wait", "is no fact")],
+)
+def test_a_key_with_its_value_is_told_from_a_wrong_fact(stated: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        confirmed([stated], ["G53 holds for all axes"], ["skip = G31"])
+
+
 def test_a_number_of_a_touch_has_no_thousands_of_digits() -> None:
     cell = read_cell(ROOT / "examples" / "trunnion")
     assert asked(cell, {"left_out": [f"touch {'9' * 5000} on facet 1: too far"]}).made == asked(cell, {"left_out": []}).made

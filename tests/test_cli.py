@@ -56,6 +56,21 @@ def test_misspelt_option_is_answered_with_the_nearest(cell: Path, capsys: pytest
     assert "--readings" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("plan", "shop/cell"), "The folder of the cell goes behind -C: tango plan -C shop/cell"),
+        (("check", "-c", "cell"), "The folder of the cell goes behind -C: tango check -C DIR"),
+        (("estimate", "a", "b"), "tango estimate -C a"),
+        (("ports", "cell"), ""),
+    ],
+)
+def test_a_cell_that_is_given_without_its_option(arguments: tuple[str, ...], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(*arguments) == 2
+    text = capsys.readouterr().err
+    assert said in text and ("behind -C" in text) == bool(said)
+
+
 @pytest.mark.long
 def test_exit_status_0_and_results_on_stdout(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()

@@ -203,3 +203,9 @@ def test_what_the_wrong_one_of_two_knocks_leaves_gets_no_name() -> None:
     d = tried[1]
     assert {f.cause for f in d.findings} <= KNOCKS and "axis_knock" in listed(d)
     assert [f.cause for f in d.findings] == ["axis_knock"] or d.verdict == "unexplained"
+
+
+@pytest.mark.parametrize("variance", [0.0, 1e-27])
+def test_touches_without_scatter_leave_one_moment(variance: float) -> None:
+    """A model that leaves nothing of its touches contradicts every moment but the best one."""
+    assert between(np.array([1e-4, 2e-3, 1e-3]), variance) == (1, 1, 1)

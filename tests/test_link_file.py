@@ -6,11 +6,13 @@ import subprocess
 import sys
 
 import pytest
+from support.linkparts import MARK, job
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
 from postprocessors import heidenhain
 from tango_cnc.commands.init import write_example
+from tango_cnc.link._client import Begun, Refused
 from tango_cnc.link.protocols import file as protocol
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
@@ -152,3 +154,13 @@ def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, lang
             control.kill()
     assert result.code == 0, result.err
     assert agree(folder)
+
+
+def test_a_damaged_line_counts_from_the_start_mark_on():
+    """What stands in the file before it is of another run, or a person's: it stops nothing."""
+    one = protocol.Client(job(), {})
+    assert one.receive(b"P1 H1 X1,5\n") == []
+    marks = one.receive(f"TANGO START {MARK} 3\n".encode())
+    assert isinstance(marks[-1], Begun)
+    (refused,) = one.receive(b"P1 H1 X1,5\n")
+    assert isinstance(refused, Refused) and "a comma" in refused.why

@@ -29,9 +29,10 @@ from sim_controller.protocols.modbus import (
 )
 from tango_cnc.link import _measure, _rest
 from tango_cnc.link._client import Begun, Identified, Touched
+from tango_cnc.link._dialogue import Stop
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._trust import Distrust, Gate, judge
-from tango_cnc.link.protocols import dnc
+from tango_cnc.link.protocols import dnc, modbus
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
 
@@ -365,3 +366,18 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
         "part 2 of 2: 30 touches; the control has to have O8701.nc now: it is not sent",
         "asked",
     ]
+
+
+@pytest.mark.parametrize(
+    ("letter", "away", "arrives"), [("X", 360.0, False), ("X", 0.0, True), ("C", 360.0, True), ("C", 1.0, False)]
+)
+def test_a_whole_turn_is_nothing_to_a_rotary_axis_alone(letter, away, arrives):
+    """An axis of lengths that stands 360 mm off is not where it was sent."""
+    layout = SimpleNamespace(value=lambda name, counts: counts / 1e4)
+    client = SimpleNamespace(_layout=layout, _position=lambda block: {letter: 20.0 + away})
+    try:
+        modbus.Client._arrived(client, {letter: 200_000}, ())
+    except Stop as stop:
+        assert not arrives and f"{letter} stands at" in str(stop)
+    else:
+        assert arrives

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.link.entries import Identity, Opened, Reading
-from tango_cnc.link.journal import Journal, Known, look_at, read_journal, read_on
+from tango_cnc.link.journal import Journal, Known, look_at, read_journal, read_on, salvaged
 from tango_cnc.records import InputError, LinkError
 
 
@@ -278,3 +278,29 @@ def test_killed_in_the_middle_of_writing_nothing_said_is_lost_and_nothing_invent
         found = touches(file)
         assert found == list(range(1, len(found) + 1))
         assert last <= found[-1] <= last + 1
+
+
+def test_a_journal_that_was_saved_with_other_line_ends_loses_no_reading(tmp_path):
+    """An editor of Windows, or FTP in text mode: only the ends are others."""
+    file = tmp_path / "run.journal"
+    lines = written(file, 1, 2, 3)
+    file.write_bytes(b"".join(lines).replace(b"\n", b"\r\n"))
+    found = look_at(file)
+    entries, left_out = salvaged(found)
+    assert (found.returns, found.wrong, left_out) == (True, None, [])
+    assert [entry.touch for entry in entries if isinstance(entry, Reading)] == [1, 2, 3]
+    with pytest.raises(InputError, match=r"run\.journal: its lines end in CR LF.*dos2unix.*then --resume goes on"):
+        read_journal(file)
+    file.write_bytes(b"".join(lines))
+    assert (touches(file), look_at(file).returns) == ([1, 2, 3], False)
+
+
+def test_a_changed_line_shows_under_other_line_ends_too(tmp_path):
+    file = tmp_path / "run.journal"
+    lines = written(file, 1, 2, 3)
+    lines[2] = lines[2].replace(b'"touch":2', b'"touch":7')
+    file.write_bytes(b"".join(lines).replace(b"\n", b"\r\n"))
+    found = look_at(file)
+    assert found.returns and found.wrong is not None and found.wrong.number == 3
+    with pytest.raises(InputError, match="a damaged line"):
+        read_journal(file)

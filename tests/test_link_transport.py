@@ -84,6 +84,9 @@ def test_ports_have_many_names(url, scheme, target):
     [
         ("http://host:80", "http"),
         ("sockets://host:80", "Did you mean 'socket'"),
+        ("tcp://host:80", "Did you mean 'socket'"),
+        ("modbus+tcp://host:502", "found no device number; allowed: 0 … 247"),
+        ("modbus+tcp://host:502/300", "found device '300'; allowed: 0 … 247"),
         ("socket://host", "host:port"),
         ("socket://host:65536", "65535"),
         ("socket://host:0", "65535"),

@@ -13,6 +13,7 @@ from tango_cnc.history import opened
 from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import same_pace
 from tango_cnc.nightly.words import message
+from tango_cnc.report import morning
 from tango_cnc.report.faults import faults, unclosed
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -196,3 +197,32 @@ def test_a_stylus_that_creeps_is_one_alarm_as_well(root: Path, tmp_path: Path) -
     grown = [a for r in records[8:12] for a in r["alarms"]]
     assert {a["cause"] for a in grown} == {"stylus"} and len({a["id"] for a in grown}) == 1
     assert grown[-1]["size"] == pytest.approx(0.020, abs=0.0015)
+
+
+@pytest.mark.long
+def test_a_stylus_that_creeps_is_one_alarm_with_how_far_it_is_by_now(root: Path, tmp_path: Path) -> None:
+    """Its size is a length in space: of no one parameter, and yet every morning says how far it has come, alarm or not."""
+    creep = tuple(Event(n, stylus={"EXt": 0.0015}) for n in range(10, 22))
+    records = answered(root, tmp_path / "h.db", Story(creep, wander=0.5), 22, {})
+    told_ = [a for r in records for a in r["alarms"]]
+    assert told_ and {a["cause"] for a in told_} == {"stylus"} and len({a["id"] for a in told_}) == 1
+    begun = next(n for n, r in enumerate(records, 1) if r["alarms"])
+    since = next(n for n, r in enumerate(records, 1) if r["night"] == records[begun - 1]["alarms"][0]["since"])
+    assert 7 <= since <= 10 and begun <= 14, "after five nights, 7.5 µm, at the latest"
+    for n, r in enumerate(records[begun - 1 :], begun):
+        (own,) = [*r["alarms"], *r.get("standing", ())]
+        there = own.get("total") or own["size"]
+        assert there == pytest.approx(0.0015 * (min(n, 21) - max(since, 9)), abs=0.0012), r["night"]
+    (last,) = records[-1]["standing"]
+    assert "µm now" in str(last["now"]) and "µm now" in records[-1]["headline"]
+    there = round(1e3 * last["total"])
+    assert f"off by up to {there} µm" in morning.render(records[-1])
+
+
+@pytest.mark.long
+def test_a_stylus_that_is_back_has_gone_again(root: Path, tmp_path: Path) -> None:
+    story = Story((Event(8, stylus={"EYt": 0.020}), Event(10, stylus={"EYt": -0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {})
+    (there,) = records[8]["standing"]
+    assert there["total"] == pytest.approx(0.020, abs=0.002) and "still there" in there["now"]
+    assert all("gone again" in a["now"] for a in records[10]["standing"] if a["id"] == there["id"])

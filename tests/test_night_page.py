@@ -13,10 +13,10 @@ from support.server import cell
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision
 from tango_cnc.history.former import Former
-from tango_cnc.nightly.words import by_tonight
 from tango_cnc.report.alarm import alarm
 from tango_cnc.report.morning import context, render
 from tango_cnc.report.texts import texts
+from tango_cnc.report.tonight import by_tonight
 from tango_cnc.report.units import Units
 from tango_cnc.texts import say
 

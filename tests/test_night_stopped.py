@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 from support.histories import knowledge, record
 from support.nights import knock
 
@@ -18,6 +19,7 @@ from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, History, opened
+from tango_cnc.link.lock import holding
 from tango_cnc.nightly import Measured
 from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.night import _before, night
@@ -184,3 +186,30 @@ def test_a_decision_with_or_without_its_date_is_a_sentence(history: History, act
     with pytest.raises(InputError, match=words) as found:
         history.decide("M", Decision("2026-10-02-1", action, "Ann", "", until, "2026-10-05T08:00:00Z"))
     assert "None" not in str(found.value)
+
+
+def invoked(args: list[str]) -> Result:
+    return CliRunner().invoke(tango, args, standalone_mode=False)
+
+
+def test_a_night_that_was_cut_off_is_told_before_the_next_one(tmp_path: Path) -> None:
+    """After a kill the machine may still move: status and fleet end with 1, and say to look at it. One at work is no trouble."""
+    folder = tmp_path / "cell"
+    assert CliRunner().invoke(tango, ["init", "--example", "trunnion", str(folder)]).exit_code == 0
+    with opened(folder / "history.db") as history:
+        now = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+        good = record(3, start_utc=now, end_utc=now) | {"machine": read_cell(folder).machine.name}
+        history.add_night(good, "touch\n1\n", knowledge(3))
+    asked = (["nightly", "-C", str(folder), "--status"], ["fleet", str(folder)])
+    assert [invoked(one).return_value for one in asked] == [0, 0]
+    begun = folder / "nights" / "begun"
+    begun.mkdir(parents=True)
+    (begun / "2026-11-23T020000Z").write_text("2026-11-23T02:00:00Z")
+    with holding(folder, "tango nightly"):
+        runs = [invoked(one) for one in asked]
+        assert [r.return_value for r in runs] == [0, 0] and "at work: the night 2026-11-23T020000Z" in runs[0].output
+    for one in asked:
+        run = invoked(one)
+        assert run.return_value == 1 and "Look at the machine first" in " ".join(run.output.split())
+    told = json.loads(invoked([*asked[0], "--json", "-"]).output)
+    assert told["cut_off"] == ["2026-11-23T020000Z"]

@@ -288,7 +288,9 @@ def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, caps
     assert call("plan", "-C", cell) == 0
     text = (cell / "program" / "O7700.nc").read_text()
     assert "G65 P7702" in text and "\nG65 P9832\n" in text and "UNVERIFIED PROBE ON" not in text
+    assert "WARNING" not in capsys.readouterr().err
     assert call("plan", "-C", cell, "--post", "linuxcnc", "--out", tmp_path / "out") == 0
+    assert "tango.yaml states macros, probe_on for fanuc: the program for linuxcnc is made without them" in capsys.readouterr().err
 
 
 OWN = """

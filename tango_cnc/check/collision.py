@@ -176,9 +176,10 @@ def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
     cosine = np.einsum("ij,ij->i", pose.normal, pose.spindle)
     for row in np.flatnonzero(cosine < SHANK):
         angle = np.degrees(np.arccos(np.clip(cosine[row], -1, 1)))
+        shown = f"{angle:.0f}" if angle >= 91.5 else f"{math.ceil(angle * 10) / 10:g}"  # never the 91 that is allowed
         yield (
             np.arange(len(cosine)) == row,
-            f"the facet faces {angle:.0f}° away from the spindle, a straight stylus reaches up to 91°",
+            f"the facet faces {shown}° away from the spindle, a straight stylus reaches up to 91°",
             "facing",
         )
     air = probe.tip_radius - probe.stylus_radius

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,8 +15,9 @@ import click
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..records import InputError, TangoError
-from ..texts import say
+from ..texts import joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
+from ._cut_off import cut_off
 from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:
@@ -45,11 +46,12 @@ class _Row:
     tip: tuple[float, ...] = ()  # µm of the last nights, oldest first
     said: str = ""
     former: bool = False  # another name of a machine that has a line of its own
+    cut_off: tuple[str, ...] = ()  # nights of its cell that were begun and never ended
 
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return self.standing.alarms_open > 0 if self.former else self.standing.wants_somebody
+        return self.standing.alarms_open > 0 if self.former else bool(self.cut_off) or self.standing.wants_somebody
 
 
 @click.command()
@@ -131,9 +133,15 @@ def command(
             if not known or len(cells) == 1:
                 raise
             trouble |= {str(c.folder): str(error) for c in known}
+    found = [row if row.former or row.cell is None else replace(row, cut_off=tuple(cut_off(row.cell))) for row in found]
     found.sort(key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
     machines = [
-        {**vars(s), "last": None if s.last is None else vars(s.last), "cell": None if row.cell is None else str(row.cell)}
+        {
+            **vars(s),
+            "last": None if s.last is None else vars(s.last),
+            "cell": None if row.cell is None else str(row.cell),
+            "cut_off": row.cut_off,
+        }
         for row in found
         for s in [row.standing]
     ]
@@ -148,7 +156,8 @@ def command(
             late_word = t("cli.nightly.late") if s.late else ""
             name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
-            rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, row.said])
+            cut = joined("; ", [t("cli.nightly.cut_off", stamp=stamp) for stamp in row.cut_off])
+            rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, joined("; ", (cut or None, row.said or None))])
         click.echo(table(rows, "<<<><<<", on_terminal()))
     for folder, why in trouble.items():
         click.echo(t("cli.fleet.unreadable", cell=folder, why=why), err=True)

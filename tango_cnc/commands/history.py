@@ -148,7 +148,8 @@ def _said(event: Compensation, t: Texts) -> str:
 @json_option
 def show(history: History, machine: str, night: str, readings_file: Path | None, json_file: str | None) -> None:
     """One night whole: last, a date, or the number of an entry."""
-    from ..nightly.words import by_tonight, message
+    from ..nightly.words import message
+    from ..report.tonight import by_tonight
 
     stored = history.night(_night(history, machine, night))
     if readings_file is not None:

@@ -50,11 +50,12 @@ def list_(folder: Path, json_file: str | None) -> None:
 @json_option
 def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
     """Looks at every line of a journal (default: readings.journal of the cell). Exit status 1: it is damaged or was changed."""
-    from ..link.journal import look_at
+    from ..link.journal import RETURNS, look_at
 
     file = file or folder / LAST
     found = look_at(file)
-    complaints = [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
+    complaints = [f"{file}: {RETURNS}"] if found.returns else []
+    complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
     if not found.lines:
         complaints.append(f"{file}: no entry in it")
     if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:
@@ -141,6 +142,8 @@ def _counted(name: str, statuses: list[str], begun: str | None, state: str) -> d
 def _state(found: Found) -> str:
     if found.wrong is not None:
         return f"damaged or changed at line {found.wrong.number}"
+    if found.returns:
+        return "lines end in CR LF"
     return "an unfinished last line" if found.unfinished else "whole"
 
 

@@ -18,6 +18,7 @@ from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
 from ..texts import joined, say
 from ._common import cell_option, controller_of, json_option, on_terminal, table, write_json
+from ._cut_off import cut_off
 from ._shop import headlines, note_simulated, of_shop
 
 if TYPE_CHECKING:
@@ -256,10 +257,11 @@ def _status(
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
     from ..history.former import formers, of_folder
-    from ..nightly.words import answer, by_tonight
+    from ..nightly.words import answer
     from ..report.morning import next_night
     from ..report.repeated import shortened
     from ..report.texts import code
+    from ..report.tonight import by_tonight
     from ._unreadable import machine_of
 
     name = ""
@@ -279,6 +281,7 @@ def _status(
         newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
         waiting = [stamp for stamp, _ in disk.unsent()]
         unfinished = [stamp for stamp, _ in disk.unfinished()]
+        cut = cut_off(folder)
         alarms = history.open_alarms(name, today=f"{datetime.now().astimezone():%Y-%m-%d}") if nights else ()
         record = history.night(newest.entry).record if newest else {}
         told = {a["id"]: a for a in record.get("standing") or ()}
@@ -299,6 +302,7 @@ def _status(
             note_simulated(history, name, t)
     data = {
         **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
+        "cut_off": cut,
         "trouble": None if wrong is None else str(wrong),
         "left_out": None if future is None else vars(future),
         **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming or None},
@@ -331,9 +335,9 @@ def _status(
         for stamp in waiting:
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:
-            click.echo("  " + t("cli.nightly.begun", stamp=stamp))
+            click.echo("  " + t("cli.nightly.cut_off" if stamp in cut else "cli.nightly.begun", stamp=stamp))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
     wanted = standing is None or standing.wants_somebody
     wanted |= future is not None and asks(future)
-    return 1 if wanted or alarms or wrong is not None or any(f.alarms for f in renamed) else 0
+    return 1 if wanted or cut or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

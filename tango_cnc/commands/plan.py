@@ -104,6 +104,13 @@ def command(
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     own = cell.controller is not None and (post is None or post == cell.controller.post)
     options = dict(cell.controller.options) if cell.controller and own else {}
+    if cell.controller and cell.controller.options and not own:
+        given = ", ".join(cell.controller.options)
+        click.echo(
+            f"WARNING: {folder / 'tango.yaml'} states {given} for {cell.controller.post}: the program for {post} is made without "
+            f"them. State post: {post} there where they hold for it, too",
+            err=True,
+        )
     target = folder_of(out or folder / "program", cell) if capability is None else out or folder / "capability" / capability
     if not dry_run:  # before the work; the names of programs are known after it
         _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import linalg, special
 
 from ..records import Array
+from ._alike import alike
 from ._candidates import VISIBLE, Candidate
 from ._catalogue import (
     Catalogue,
@@ -151,7 +152,8 @@ def alternatives(e: Explanation, one: Chosen) -> list[tuple[Chosen, float]]:
         behind = best - total(e.place, [*others, other])
         if behind < DECISIVE:
             result.append((other, behind))
-    return sorted(result, key=lambda pair: pair[1])
+    every = alike(e.place, e.catalogue, one, others, best, result)
+    return sorted((pair for pair in every if pair[1] < DECISIVE), key=lambda pair: pair[1])
 
 
 def _family(cat: Catalogue, cause: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import terms as families
-from ..records import Array, TermItem
+from ..records import Array
 from ._candidates import pattern
 from ._catalogue import Chosen
 from ._contest import Outcome
@@ -27,7 +27,7 @@ class Moment:
     first: int  # row of its first touch, counted from 0
     last: int  # and of its last one
     axis: str | None  # rotary axis that stood at another angle; None for a shift
-    item: TermItem  # the entry of a list of terms that takes it into the model
+    item: Mapping[str, Any]  # the entry of a list of terms that takes it into the model
     columns: Array  # (n, k) mm
     amplitude: float  # mm at the touch that feels it most
     score: float  # evidence for it
@@ -70,7 +70,7 @@ def _moment(
     means: Rows, found: Explanation, weight: Array, kind: str, first: int, last: int, where: dict[str, Any], score: float
 ) -> Moment:
     name = families.serving("moment")
-    detail = {"at": first + 1, "until": last + 1, **where}
+    detail = {"at": int(means.whole.counted[first]), "until": int(means.whole.counted[last]), **where}
     columns = pattern(means.whole, families.cause(name, means.whole.machine, detail))
     design = found.place.basis.T @ (columns * weight[:, None])
     values = np.linalg.lstsq(design, found.place.y, rcond=1e-9)[0]
@@ -87,9 +87,9 @@ def _there_and_back(means: Rows, found: Explanation, named: Sequence[Chosen], we
         frame = str(first.candidate.setting["frame"])
         if frame != second.candidate.setting["frame"] or not means.all:
             continue
-        at, until = (int(c.candidate.setting["at"]) for c in (first, second))
+        at, until = (means.whole.row(c.candidate.setting["at"]) for c in (first, second))
         where = {} if frame == "machine" else {"frame": frame}
-        one = _moment(means, found, weight, "window", at - 1, until - 2, where, 0.0)
+        one = _moment(means, found, weight, "window", at, until - 1, where, 0.0)
         window = place.basis.T @ (one.columns * weight[:, None])
         beside = [c.columns for c in named if c is not first and c is not second]
         pair = _misfit(place.y, [*beside, first.columns, second.columns])

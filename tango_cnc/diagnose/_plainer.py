@@ -16,9 +16,10 @@ from itertools import combinations
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE, SIDE, weights
+from ..terms._shape import LEGENDRE, SIDE, values, weights
 from ..touches import Touches
 from ._adapted import Adapting, frames
+from ._alike import SAME
 from ._catalogue import STRONG
 from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, score, scores, whiten
@@ -26,6 +27,7 @@ from ._smooth import CURVED, Kernel
 
 TOLD = 3  # other covariates that are told
 LEVER = 0.75  # of the lever of a tilt that one place makes
+FLAT = 1e-6  # component of a normal that has no side
 AMONG = SURE - STRONG  # what it costs at least that functions were chosen among hundreds, where they have one covariate more
 TURNS = 2  # of adapting each shape beside the others
 BEFORE = ("way", "path", "since", "pause")
@@ -140,6 +142,7 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     wider += _more(every, parts, plain, j)
     levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
     levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
+    levers += _against(every[j], field.means.whole)
     told = {frozenset(one.split(" × ")): one for one in reversed([*levers, *wider, *(every[k].covariate for k in near)])}
     rivals = tuple(reversed(told.values()))[:TOLD]
     if j >= known:  # functions that were not adapted know their size better, unless they clearly cannot follow it
@@ -184,6 +187,23 @@ def _levers(kernel: Kernel, touches: Touches) -> list[str]:
         if part.max() > LEVER:
             found.append(axis)
     return found
+
+
+def _against(kernel: Kernel, touches: Touches) -> list[str]:
+    """shape, touches → the same with the direction of touch in the place of the side from which an axis came, where the touches
+    that feel it came against their normals, as good as all of them: then these two are one thing.
+    """
+    if kernel.form is None:
+        return []
+    felt = np.sum(weights(touches, kernel.form.weight) ** 2, axis=1)
+    known, found = values(touches), []
+    for f in (f for f in kernel.form.factors if f.kind == SIDE and f.covariate.startswith("d")):
+        for name in (name for name in known if name.startswith("normal")):
+            against = touches.sign(f.covariate[1:]) * np.where(np.abs(known[name]) > FLAT, known[name], 0.0)
+            if max(felt[against > 0].sum(), felt[against < 0].sum()) > SAME * felt.sum() > 0:
+                parts = [name if o is f else o.covariate for o in kernel.form.factors]
+                found.append(" × ".join(parts))
+    return found[:1]
 
 
 def _richer(one: Kernel, other: Kernel) -> bool:

@@ -70,9 +70,11 @@ class Rows:
             return
         n, r = len(self.whole), len(self.seen)
         for setting in record.variants(self.seen):
-            own = "facet" in setting or "facets" in setting
-            moved = {k: int(self.first[setting[k] - 1]) + 1 if own else setting[k] * n // r for k in PLACES if setting.get(k)}
-            yield {**setting, **moved}
+            if "facet" in setting or "facets" in setting:
+                yield setting
+                continue
+            places = {k: (self.seen.row(setting[k]) + 1) * n // r for k in PLACES if setting.get(k)}
+            yield {**setting, **{k: int(self.whole.counted[place - 1]) for k, place in places.items()}}
 
     def candidate(self, c: Candidate) -> Candidate:
         """candidate of touches → of rows."""

@@ -50,7 +50,7 @@ def size(e: Explanation, means: Rows, weight: Array) -> dict[int, Size]:
             more["run_std_um"] = _known(e, c, shown, v, slopes[i], covariance[np.ix_(block, block)], around) * 1e3
         if _begins(c):
             more["at_after"], more["at"] = _between(e, c, means, weight)
-            more["time_s"] = float(touches.time[more["at"] - 1])
+            more["time_s"] = float(touches.time[touches.row(more["at"])])
         each = np.sqrt(np.clip(np.diag(covariance)[own], 0.0, None))
         result[id(c)] = _one(c, v, each, amplitude, std, touches, more)
     return result
@@ -190,7 +190,7 @@ def _one(
     if "tau" in c.candidate.setting and len(touches):
         detail["run_s"] = round(float(touches.warm.max()), 1)
     if cause is not None and "at" in detail and cause.refine.get("at") == "touch":
-        detail["time_s"] = float(touches.time[min(int(detail["at"]), len(touches)) - 1])
+        detail["time_s"] = float(touches.time[touches.row(detail["at"])])
     detail.update(more or {})
     if kind == "numbers" and len(v) == 1:
         effect["amplitude"] = float(v[0])
@@ -207,9 +207,9 @@ def _begins(c: Chosen) -> bool:
 
 def _between(e: Explanation, c: Chosen, means: Rows, weight: Array) -> tuple[int, int]:
     """explanation, what happened at a moment, rows, their weights (r,) → the last touch that was before it, the first that may have
-    been after it and by which the touches show it (1 = first touch used)."""
+    been after it and by which the touches show it (their numbers in the readings)."""
     touches, cause, setting = means.whole, causes()[c.candidate.cause], c.candidate.setting
-    always = pattern(touches, cause.make(touches.machine, **{**setting, "at": 1}))
+    always = pattern(touches, cause.make(touches.machine, **{**setting, "at": int(touches.counted[0])}))
     root = e.place.setting(e.ratios).root
     others = [root @ o.columns for o in e.chosen if o is not c]
     basis = orthonormal(np.hstack([root @ c.columns[:, :0], *others]))
@@ -224,7 +224,7 @@ def _between(e: Explanation, c: Chosen, means: Rows, weight: Array) -> tuple[int
         seen, length = seen + rows[:, [place[i]]] * (share[i] * always[i]), length + always[i] ** 2
         gram[i], pull[i], every[i] = seen.T @ seen, seen.T @ y, length
     _, first, last = between(gains(gram[1:], pull[1:], np.sqrt(np.maximum(every[1:], 1e-30))), e.sigma**2)
-    return first + 1, last + 2
+    return int(touches.counted[first]), int(touches.counted[last + 1])
 
 
 def _principal(v: Array) -> Array:

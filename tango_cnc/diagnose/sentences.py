@@ -252,11 +252,8 @@ def known(again: Again) -> str:
 
 def moment(m: Moment) -> str:
     """what belongs to one moment or one pose → a sentence."""
-    touches = (
-        say("diagnosis_said.touch", first=m.first + 1)
-        if m.first == m.last
-        else say("diagnosis_said.touches", first=m.first + 1, last=m.last + 1)
-    )
+    first, last = (int(m.item[key]) for key in ("at", "until"))
+    touches = say("diagnosis_said.touch", first=first) if first == last else say("diagnosis_said.touches", first=first, last=last)
     size = f"{m.amplitude * 1e3:.1f} µm"
     if m.kind == "window":
         return say("diagnosis_said.were_made_while_everything_on", touches=touches, size=size)

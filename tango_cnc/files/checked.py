@@ -125,7 +125,8 @@ class Node:
         if not isinstance(self.raw, Series) or (length is not None and len(self.raw.value) != length):
             count = len(self.raw.value) if isinstance(self.raw, Series) else 0
             what = f"{count} value{'s' if count != 1 else ''}" if isinstance(self.raw, Series) else None
-            raise self.wrong("a list" if length is None else f"a list of {length} values", what)
+            point = "; a decimal has a point, no comma" if length and count > length else ""
+            raise self.wrong("a list" if length is None else f"a list of {length} values{point}", what)
         return [Node(self.file, value, f"{self.path}[{i}]") for i, value in enumerate(self.raw.value)]
 
     def text(self, allowed: Collection[str] | None = None) -> str:
@@ -255,9 +256,9 @@ def parse(file: Path, text: str) -> Node:
         raise complaint(file, None, "", f"nested deeper than {DEEPEST} levels", "see docs/formats.md for its keys") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise complaint(
-            file, mark.line + 1 if mark else None, "", f"not valid YAML: {error.problem}", "check indentation and brackets"
-        ) from None
+        blamed = text.splitlines()[mark.line : mark.line + 1] if mark else []
+        advice = "YAML allows no tabs: write blanks in their place" if "\t" in "".join(blamed) else "check indentation and brackets"
+        raise complaint(file, mark.line + 1 if mark else None, "", f"not valid YAML: {error.problem}", advice) from None
     except yaml.YAMLError as error:
         raise complaint(file, None, "", f"not valid YAML: {error}", "save the file as UTF-8 text") from None
     if raw is None:

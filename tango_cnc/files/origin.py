@@ -163,17 +163,21 @@ def hurried(origin: Origin) -> str:
 
 def changed_keys(origin: Origin, folder: Path) -> dict[str, list[str]]:
     """origin, folder of the cell → by file of the cell the keys that have changed since the readings were made."""
-    found: dict[str, list[str]] = {}
-    if not isinstance(origin.known.get("cell"), dict):
-        return found
-    now = _texts(folder)
-    for name, text in origin.known["cell"].items():
+    then = origin.known.get("cell")
+    if not isinstance(then, dict):
+        return {}
+    return {name: [key for key, _, _ in keys] for name, keys in changes(then, _texts(folder)).items()}
+
+
+def changes(then: Mapping[str, str], now: Mapping[str, str]) -> dict[str, list[tuple[str, Any, Any]]]:
+    """{file of a cell: its text} before and after → by file that both have the keys that differ, with what they were and are."""
+    found: dict[str, list[tuple[str, Any, Any]]] = {}
+    for name, text in then.items():
         if name in now and now[name] != text:
             with suppress(InputError):
                 before, after = (dict(_flat(parse(Path(name), t).plain())) for t in (text, now[name]))
-                keys = [key for key in {**before, **after} if before.get(key) != after.get(key)]
-                if keys:
-                    found[name] = keys
+                keys = [(key, before.get(key), after.get(key)) for key in {**before, **after} if before.get(key) != after.get(key)]
+                found |= {name: keys} if keys else {}
     return found
 
 

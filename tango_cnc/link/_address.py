@@ -26,6 +26,7 @@ LINE: Mapping[str, tuple[str, ...]] = {
 DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")  # every protocol may have these
+OTHERS = {"tcp": "socket", "telnet": "socket", "com": "serial", "tty": "serial", "rs232": "serial", "ssh": "sftp", "cifs": "smb"}
 OWN = (".yaml", ".yml", ".csv", ".json", ".journal", ".lock")  # endings of what a cell consists of
 LAST_PORT = 65535
 DEVICE = re.compile(r"[/\\.][^?]*|[^:/?]+")  # a path, or the name of a port
@@ -72,7 +73,11 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
     if way.unit:
         target, _, number = target.rpartition("/")
         if not target or not re.fullmatch("[0-9]{1,3}", number) or not 0 <= int(number) <= 247:
-            raise InputError(f"port {url!r}: no device number; e.g. modbus+tcp://192.168.1.20:502/1 or modbus+rtu:///dev/ttyUSB0/1")
+            found = f"found device {printable(repr(number), 80)}" if target else "found no device number"
+            raise InputError(
+                f"port {url!r}: {found}; allowed: 0 … 247 at its end, e.g. modbus+tcp://192.168.1.20:502/1 or "
+                "modbus+rtu:///dev/ttyUSB0/1"
+            )
         unit = int(number)
     if way.needs == "device" and not target:
         raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
@@ -168,7 +173,8 @@ def _parts(url: str) -> tuple[str, str, str]:
     scheme = known.get(parts.scheme.lower(), "")
     if not scheme:
         allowed = ", ".join(f"{name}://" for name in known)
-        meant = suggestion(parts.scheme.lower()[:80], known)
+        asked = parts.scheme.lower()
+        meant = f" Did you mean {OTHERS[asked]!r}?" if asked in OTHERS else suggestion(asked[:80], known)
         raise InputError(
             f"port {shown(url)!r}: found scheme {parts.scheme!r}; allowed: {allowed} or a device path{meant and '.' + meant}"
         )

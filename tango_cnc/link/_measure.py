@@ -27,7 +27,7 @@ from ..files.origin import origin_file, set_aside, write_origin
 from ..gate import ALIVE_TIME
 from ..plan import plan_hash
 from ..program.record import Program
-from ..records import Cell, InputError, LinkError, Plan
+from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from ._address import Address, linked, parse, spoken
 from ._client import Job
@@ -92,15 +92,15 @@ def measure(
         total = len(plan.touches)
         if most is None:
             watch(News(total, total, 0.0, None, "every touch has been measured: nothing was sent"))
-        return _finish(before, digest, plan, wanted.readings)
+        return _finish(before, digest, plan, wanted.readings, cell.folder)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
-    with _written("the program", "make room, or check the rights of the folder, and start again"):
+    with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = post(part)
     jobs = [replace(job, run=plan) for job in _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))]
     client, *_ = [protocol.Client(job, address.options) for job in jobs]  # what it refuses leaves no files, and stops no run later
     sensors = Watch(read_sensors(cell.folder))
-    with _written("the program", "make room, or check the rights of the folder, and start again"):
+    with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
 
     def announced(number: int) -> None:
@@ -144,8 +144,8 @@ def measure(
             except LinkError as error:
                 then = wanted.then or f"'tango run {wanted.how}' makes the missing touches"
                 advice = "" if isinstance(error, Moved) else f"; {then}"
-                raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, advice)}".rstrip()) from None
-            return _finish(journal.entries, journal.digest, plan, wanted.readings)
+                raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, cell.folder, advice)}".rstrip()) from None
+            return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder)
         finally:
             journal.close()
     finally:
@@ -154,13 +154,13 @@ def measure(
 
 
 @contextlib.contextmanager
-def _written(what: str, then: str) -> Iterator[None]:
-    """what is written, what to do when it cannot be → within it, an error of the disk becomes a LinkError that says so."""
+def _written(what: str, then: str, kind: type[LinkError] = LinkError) -> Iterator[None]:
+    """what is written, what to do when it cannot be, kind of error → within it, an error of the disk becomes one that says so."""
     try:
         yield
     except OSError as error:
         where = f" to {error.filename2 or error.filename}" if error.filename else ""
-        raise LinkError(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
+        raise kind(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
 
 
 def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:
@@ -317,7 +317,7 @@ def _partial(file: Path) -> Path:
     return file.with_name(f"{file.stem}.partial.csv")
 
 
-def _keep(journal: Journal, plan: Plan, file: Path, advice: str) -> str:
+def _keep(journal: Journal, plan: Plan, file: Path, folder: Path, advice: str) -> str:
     """Writes the partial files; → a sentence that says where and what to do."""
     readings = readings_of(journal.entries, plan)
     if readings is None:
@@ -325,7 +325,7 @@ def _keep(journal: Journal, plan: Plan, file: Path, advice: str) -> str:
     try:
         origin = provenance(journal.entries, plan, journal.digest)
         _write(_partial(file), readings_text(readings), origin)
-        write_origin(_partial(file), file.parent, "measured", run=origin)
+        write_origin(_partial(file), folder, "measured", run=origin)
     except OSError as error:
         return (
             f"What was measured is in {journal.file}; {_partial(file)} could not be written ({error.strerror}): make room{advice}."
@@ -333,7 +333,7 @@ def _keep(journal: Journal, plan: Plan, file: Path, advice: str) -> str:
     return f"What was measured is in {_partial(file)}{advice}."
 
 
-def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> dict[str, Any]:
+def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folder: Path) -> dict[str, Any]:
     readings = readings_of(entries, plan)
     assert readings is not None  # nothing is missing, and a plan has touches
     origin = provenance(entries, plan, digest)
@@ -344,7 +344,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path) -> di
         same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)
         _write(file, text, origin)
-        write_origin(file, file.parent, "measured", kept, origin)
+        write_origin(file, folder, "measured", kept, origin)
     for old in (_partial(file), _partial(file).with_suffix(".json"), origin_file(_partial(file))):
         with contextlib.suppress(OSError):  # what is in it is in the readings too
             old.unlink(missing_ok=True)

@@ -15,7 +15,7 @@ import json
 import os
 import stat
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from .lock import lock
 FORMAT = "tango-journal/1"
 LONGEST = 1 << 20  # bytes of one line; a program of ten thousand touches has an entry of 60 000
 MOST = 1 << 28  # bytes of a journal: a million touches
+RETURNS = "its lines end in CR LF: another program has saved it, or it was copied as text"
 HASH = 32  # hexadecimal digits of SHA-256
 
 
@@ -48,6 +49,7 @@ class Found:
 
     lines: tuple[Line, ...]
     unfinished: int
+    returns: bool = False  # whether another program has ended its lines with CR LF; they are read all the same
 
     @property
     def wrong(self) -> Line | None:
@@ -97,7 +99,10 @@ def _read(line: bytes) -> tuple[dict[str, Any], Entry]:
 
 def look_at(file: Path) -> Found:
     """file → every line of it, good or not. Raises InputError when it cannot be read."""
-    return _looked_at(_bytes(file)[0], Known())
+    data = _bytes(file)[0]
+    if b"\r\n" in data:  # JSON has no CR of its own, so none of it is lost
+        return replace(_looked_at(data.replace(b"\r\n", b"\n"), Known()), returns=True)
+    return _looked_at(data, Known())
 
 
 def _looked_at(data: bytes, known: Known) -> Found:
@@ -167,6 +172,11 @@ def read_on(file: Path, known: Known | None = None) -> Known:
     data, known = _bytes(file, known)
     found = _looked_at(data, known)
     if (bad := found.wrong) is not None:
+        if b"\r\n" in data and (whole := look_at(file)).returns and whole.wrong is None:
+            raise InputError(
+                f"{file}: {RETURNS}. Make them LF again (dos2unix {file}), then --resume goes on; "
+                f"'tango journal salvage {file}' saves the readings as they are"
+            )
         raise InputError(
             f"{file}:{bad.number}: {bad.wrong}. 'tango journal salvage {file}' saves the readings before and after it; "
             "then start anew without --resume"

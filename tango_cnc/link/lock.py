@@ -80,6 +80,24 @@ def holding(folder: Path, what: str) -> Iterator[None]:
             _released(file, handle)
 
 
+def at_work(folder: Path) -> str:
+    """folder of a cell → who is at work there, by the text of its lock; '' for nobody. Nothing is locked, so nobody is kept out.
+
+    Of another computer nobody knows here whether its program still runs: it is taken to.
+    """
+    try:
+        handle = os.open(folder / NAME, os.O_RDONLY)
+    except OSError:
+        return ""
+    try:
+        holder = _holder(handle)
+    finally:
+        os.close(handle)
+    if holder is None or (holder.host == socket.gethostname() and not _alive(holder.pid)):
+        return ""
+    return holder.named()
+
+
 def lock(handle: int) -> None:
     """open file → locked until it is closed. Raises OSError: another program has locked it, or the file system has no locks."""
     if os.name == "posix":

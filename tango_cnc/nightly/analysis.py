@@ -18,6 +18,7 @@ from ..history import Knowledge, Night
 from ..history.records import merged
 from ..loaded import Event
 from ..records import Array, Cell, Readings
+from ..report.tonight import is_gone
 from ..state import (
     Frame,
     Named,
@@ -53,14 +54,16 @@ from .goes_on import anew, going_on
 from .lag import lagging
 from .lag import sentence as lag_told
 from .learning import READ, Earlier
+from .lengths import by_tonight
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .standing import since_full, standing, unheard
+from .stylus import crept, tip_of
 from .trend import SLOPE, drift, looking_ahead, slopes
 from .within import as_json, moved_within
-from .words import is_gone
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
+STYLUS = 0.1  # share of the false alarms of drifts that a stylus which creeps may have
 RECENT = 40  # nights that are looked at first: nearly always as many as are needed
 SET_APART = 7  # nights looked back over for one that measured
 
@@ -289,7 +292,9 @@ class Nights:
             alarms = [given[-1].told(a) for a in alarms] if given else alarms
         found = parameters if judged.believed else {}
         waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in alarms} | merged(alarms))
-        waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting] if judged.believed else waiting
+        if judged.believed:
+            waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting]
+            waiting = by_tonight(past, machine, known, after, waiting, kind)
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
@@ -298,11 +303,14 @@ class Nights:
             for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
                 parameters[name]["rate_per_day"] = moving.rate_per_day
         goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
-        if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) and not goes_on:
+        if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) * (1 - STYLUS) and not goes_on:
             told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], last, self.given)
             alarms, ignored = answered.split(past, machine, known, after, told_of, day)
             alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
             waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
+        loose = crept(known, recent, after, rate * (1 - AT_ONCE) * STYLUS) if quiet and not alarms else None
+        if loose is not None and not any(a["cause"] == "stylus" for a in (*waiting, *silent)):
+            alarms, ignored = answered.split(past, machine, known, after, [loose], day)
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
         since_then = begun([*alarms, *waiting], moving)
         crossed = beyond if judged.believed else []
@@ -320,7 +328,9 @@ class Nights:
             else "good",
             "change": None if first else parts.change(tonight, rate * AT_ONCE, rate),
             "alarms": alarms,
+            "terms": list(self.cell.terms),
             "parameters": parameters,
+            "stylus": tip_of(known, after),
             "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
             "limits": limits,
             "residual": parts.residual(what, after, tonight),

@@ -13,6 +13,7 @@ from typing import Any
 from ..history import Decision
 from ..records import Array
 from ..report.texts import texts
+from ..report.tonight import LENGTHS
 from ..state import Named, State
 from ..texts import say
 from .alarms import Known, of_cause
@@ -27,8 +28,8 @@ from .words import value
 
 ENDS = ("accept", "repaired", "ignore")  # answers after which what goes on is another alarm
 GREW = 0.25  # of its size, by which an alarm has grown by the last night where it goes on without a further alarm
-LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length
 KNOCK = 10.0  # µm that one night moves the tool tip by, from which it may be a knock by itself
+PAUSE = 3.5  # days within which the next step of what has gone on before belongs to it
 FASTER = 2.0  # times what it made a day, from which tonight's step is a knock on top of it
 
 
@@ -88,9 +89,9 @@ def _going_on(
         answer = last.get(key)
         if (older["cause"], older["parameter"]) != (alarm["cause"], alarm["parameter"]) or _over(answer, date_of(after.day)):
             continue
-        if any(g.utc >= stored.night.start_utc for g in given) or not _moved_last(past, machine, stored, older, alarm):
-            return alarm
         days = after.day - float(stored.record["state"]["day"])
+        if any(g.utc >= stored.night.start_utc for g in given) or not _moved_last(past, machine, stored, older, alarm, days):
+            return alarm
         m = moved(past, machine, k, after, stored, older)
         if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
             return alarm
@@ -127,8 +128,10 @@ def _over(answer: Decision | None, today: str) -> bool:
     return answer.action != "ignore" or (answer.until or "") >= today
 
 
-def _moved_last(past: Past, machine: str, stored: Any, older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
-    """→ whether it moved until the last night that was believed: between two knocks with a quiet night nothing goes on."""
+def _moved_last(past: Past, machine: str, stored: Any, older: Mapping[str, Any], alarm: Mapping[str, Any], days: float) -> bool:
+    """→ whether it moved until the last night that was believed: between two knocks with a quiet night nothing goes on. What has
+    gone on before may rest for some nights.
+    """
     if alarm.get("rate_per_day"):  # nights together have told it
         return bool(older.get("ignored"))
     known = past.latest_knowledge(machine)
@@ -140,7 +143,8 @@ def _moved_last(past: Past, machine: str, stored: Any, older: Mapping[str, Any],
         return False
     size, total = float(older["size"]), last_told.get("total")
     grew = total is not None and float(total) * size > 0 and abs(float(total)) > (1 + GREW) * abs(size)
-    return grew or bool(older.get("rate_per_day") and older.get("steady", True))
+    rests = bool(older.get("goes_on")) and days < PAUSE
+    return grew or rests or bool(older.get("rate_per_day") and older.get("steady", True))
 
 
 def _onward(m: Moved, alarm: Mapping[str, Any]) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,11 +22,12 @@ from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
 from ..history.former import formers
-from ..records import InputError, LinkError, TangoError
+from ..records import InputError, LinkError, NothingSentError, TangoError
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
+from .edited import asked, edited
 from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
 from .standing import standing, unheard
 from .words import headline, message
@@ -70,7 +71,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
-            record = base | found
+            record = asked(base | found | _edited(machine, world, stamp, found))
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
@@ -82,6 +83,16 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         except (TangoError, OSError):
             record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
+
+
+def _edited(machine: str, world: Ports, stamp: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    """→ files of the cell that were changed since the last night that measured; {} of a night that did not measure."""
+    if not found.get("touches"):
+        return {}
+    try:
+        return edited(world.past, world.disk, machine, stamp, found.get("terms"))
+    except (TangoError, OSError):  # what is wrong with the history is reported with what could not be kept
+        return {}
 
 
 def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tuple[dict[str, Any], str]:
@@ -111,7 +122,8 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     try:
         measured = world.control.measure(kind, touches)
     except LinkError as error:
-        return found | {"why": sentence(error), "kind": "none", "moved": True}, None, {}, None
+        found |= {} if isinstance(error, NothingSentError) else {"moved": True}
+        return found | {"why": sentence(error), "kind": "none"}, None, {}, None
     found |= {
         **{"kind": kind, "planned": measured.planned, "machine_time_s": round(measured.seconds, 1)},
         "hashes": dict(measured.hashes),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..report.tonight import is_gone
 from ..state import State
 from .alarms import Known
 from .course import followed, moved_since, name_of, on_record
 from .drift import Drift, drift_of
-from .words import is_gone
 
 
 def begun(alarms: Sequence[Mapping[str, Any]], moving: Drift | None = None) -> dict[str, tuple[str, float]]:

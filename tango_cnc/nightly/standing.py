@@ -11,13 +11,14 @@ import numpy as np
 from ..history.records import merged
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
+from ..report.tonight import is_gone
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
 from ..texts import Said, instead, joined, say
 from .dates import LISTED, date_of
 from .ports import Past
-from .words import is_gone, value
+from .words import value
 
 LAST_NIGHT = "last night"
 TONIGHT = "tonight"  # after every moment on record
@@ -175,9 +176,16 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
         change, size = change + float(whole) - size, float(whole)
     spread = math.hypot(now["std"], then["std"])
     told = value(change, now["unit"], spread)
-    slack = max(3 * spread, 0.25 * abs(size))
+    return still(size, change, spread, told, confirmed=kind == "full" and bool(now.get("seen")))
+
+
+def still(size: float, change: float, std: float, told: str, *, confirmed: bool) -> Said:
+    """size of an alarm, change tonight, its standard deviation, in words, whether a full measurement has seen it → whether what
+    moved is still where it went.
+    """
+    slack = max(3 * std, 0.25 * abs(size))
     if abs(change - size) < slack:
-        return say(f"night.alarms.{'confirmed' if kind == 'full' and now.get('seen') else 'still_there'}", told=told)
+        return say(f"night.alarms.{'confirmed' if confirmed else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from scipy import special
 
 from ..records import Array
+from ..report.tonight import is_gone
 from ..state import State
 from ..texts import joined, say
 from .alarms import Known
@@ -35,7 +36,7 @@ from .course import (
 )
 from .creep import creeping
 from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
-from .words import is_gone, one_day, value, what_of
+from .words import one_day, value, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
 SLOPE = 21  # nights that a rate is told from

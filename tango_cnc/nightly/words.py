@@ -11,13 +11,13 @@ from ..report.compensated import held
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
+from ..report.tonight import by_tonight, is_gone
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
 
 SHOWN = 3  # alarms that wait, in full
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
-AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
 
 
 def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str]:
@@ -27,7 +27,7 @@ def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str
     return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
 
 
-OWN = ("night.drift_do", "night.comes_back.repaired_do")  # what to do that a full measurement does not take back
+OWN = ("night.drift_do", "night.comes_back.repaired_do", "night.edited.do")  # what to do that a full measurement does not take back
 
 
 def on_part(key: str, since: str, **values: str) -> str:
@@ -52,13 +52,15 @@ def one_day(days: float) -> str:
     return "_one" if round(days) <= 1 else ""
 
 
-def is_gone(now: str) -> bool:
-    """what a night says of an older alarm by now → whether what moved is back where it was."""
-    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
-
-
 def headline(record: Mapping[str, Any]) -> str:
-    """record of a night → one sentence."""
+    """record of a night → one sentence; what somebody changed in the cell comes first where anything is found."""
+    told = _headline(record)
+    if record.get("edited") and record["alarms"] and record["verdict"] in ("changed", "out_of_limits"):
+        return say("night.words.after_edit", edited=record["edited"]["text"], told=told)
+    return told
+
+
+def _headline(record: Mapping[str, Any]) -> str:
     if record["status"] == "missed":
         return say("night.words.no_measurement", why=record["why"])
     if record["status"] == "refused":
@@ -289,6 +291,8 @@ def message(
         lines.append("* " + (t("mail.chance", text=text, p=f"{change['p_value']:.2g}") if _by_test(record) else t.of(text)))
     if (asked := record.get("next")) is not None:
         lines.append(f"* {t('mail.next', kind=code(asked['kind']), why=asked['why'])}")
+    if (changed_files := record.get("edited")) and record["verdict"] != "doubtful":  # a doubt has it among its reasons
+        lines.append(f"* {t.of(changed_files['text'])}")
     if newest_night := record.get("clock_back"):
         lines.append(f"* {t('mail.clock_back', night=record['night'], newest=newest_night)}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
@@ -350,23 +354,6 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
-
-
-def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
-    """alarm → `on_part` and `on_part_um`; what goes on from an earlier night as it is tonight."""
-    part, small, total, size = cause["on_part"], cause.get("on_part_um"), cause.get("total"), float(cause.get("size") or 0.0)
-    same = {"on_part": part, "on_part_um": small}
-    if not small or not total or not size or is_gone(cause["now"]):
-        return same
-    if not (cause.get("rate_per_day") or cause.get("ignored")) and abs(float(total) - size) <= AS_FOUND * abs(size):
-        return same
-    counted = float((cause.get("ignored") or {}).get("total") or size)
-    large = abs(float(small) * (counted + float(total) - size) / counted)
-    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
-    if not isinstance(part, Said):
-        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
-    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
-    return {"on_part": grown, "on_part_um": large}
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

@@ -27,6 +27,7 @@ from .either import AS_WELL, drift_of, either
 from .few_terms import few_terms
 from .groups import common
 from .halves import halves
+from .hidden_drift import hidden_drift
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .learned import learned
@@ -206,7 +207,7 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         if (drift := drift_of(result)) is not None:
             behind = BETTER if agrees else AS_WELL
             found += [*either(result, drift, behind), *creeps(result, drift, behind)]
-    return [*found, *unseen(result), *learned(result), *stylus(cell, told), *offset(told)]
+    return [*found, *unseen(result), *hidden_drift(result), *learned(result), *stylus(cell, told), *offset(told)]
 
 
 def _noise(result: Estimate) -> list[Remark]:

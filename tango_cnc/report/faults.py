@@ -18,6 +18,7 @@ from .days import day, local_day
 from .plain import plain
 from .texts import Texts
 from .together import CLOSED, SAME, closed, together
+from .tonight import LENGTHS, by_tonight
 from .units import Units, shown
 from .words import spoken, unforeseen
 
@@ -67,6 +68,7 @@ def faults(
             a |= {k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {}
         if stale:  # what the last night measured was another machine
             a |= {"total": None, "now": ""}
+        a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         a = as_loaded(a, events)
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})

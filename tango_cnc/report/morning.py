@@ -138,6 +138,7 @@ def context(
             for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
         ],
         "office": _office(record, found, t),
+        "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,

@@ -166,8 +166,9 @@ def find(item: TermItem, machine: Machine) -> list[Coefficient]:
     for family in families().values():
         if (one := family.coefficient(name, machine)) is not None:
             return [one]
+    listed = f" Write a list: [{name}]" if "," in name else ""
     known = [*(c.name for family in families().values() for c in family.coefficients(machine, 3)), *causes()]
     raise InputError(
         f"terms: found {name!r}, which no term of machine {machine.topology} has; allowed: S1, S2, S3, S4, and names such as "
-        f"{', '.join(known[:6])} …{suggestion(name, ['S1', 'S2', 'S3', 'S4', *known])}"
+        f"{', '.join(known[:6])} …{listed or suggestion(name, ['S1', 'S2', 'S3', 'S4', *known])}"
     )

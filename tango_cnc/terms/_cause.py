@@ -44,19 +44,20 @@ def moments(touches: Touches) -> list[int]:
     """touches → first touches after which something may sit elsewhere: every fourth, and the first of every indexation."""
     n = len(touches)
     begins = np.flatnonzero(np.diff(touches.indexation)) + 2
-    return [int(at) for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}) if FEWEST < at <= n - FEWEST]
+    rows = [at - 1 for at in sorted({*begins.tolist(), *range(FEWEST + 1, n - FEWEST, 4)}) if FEWEST < at <= n - FEWEST]
+    return [int(touches.counted[row]) for row in rows]
 
 
 def since(at: float) -> Pattern:
-    """first touch after something happened (1 = first touch used) → 0 before, 1 from there on, (n,)."""
-    return lambda t: (np.arange(1, len(t) + 1) >= int(at)).astype(float)
+    """first touch after something happened (its number in the readings) → 0 before, 1 from there on, (n,)."""
+    return lambda t: (t.counted >= int(at)).astype(float)
 
 
 def onsets(touches: Touches, rows: int) -> Iterator[Array]:
     """touches, rows that are searched → (n, 1) columns, 0 before a moment and 1 from there on, every eight searched rows."""
     stride = 8 * -(-len(touches) // rows)
     for at in range(stride, len(touches) - stride, stride):
-        yield since(at + 1)(touches)[:, None]
+        yield since(int(touches.counted[at]))(touches)[:, None]
 
 
 def displaced(

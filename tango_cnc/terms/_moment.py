@@ -30,5 +30,5 @@ def between(gain: Array, variance: float) -> tuple[int, int, int]:
     ratio of a change point; Hinkley 1970). A touch that feels less than that of the displacement contradicts none.
     """
     best = int(np.argmax(gain))
-    alike = np.flatnonzero(gain > gain[best] - TELLS**2 * variance)
+    alike = np.flatnonzero(gain >= gain[best] - TELLS**2 * variance)
     return best, int(alike[0]), int(alike[-1])

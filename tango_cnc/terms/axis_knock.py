@@ -24,7 +24,7 @@ def variants(touches: Touches) -> Variants:
 
 
 def make(machine: Machine, at: float, axis: str, direction: Sequence[float] | None = None) -> list[Coefficient]:
-    """machine, first touch after it (1 = first touch used), axis → displacement in x y z of what carries it, mm."""
+    """machine, first touch after it (its number in the readings), axis → displacement in x y z of what carries it, mm."""
     stem, after = label("axis_knock", axis, int(at)), since(at)
     slots = [Slot(axis, "inter", i) for i in range(3)]
     if direction is None:

@@ -20,7 +20,7 @@ def variants(touches: Touches) -> Variants:
     for facet in dict.fromkeys(touches.facet):
         rows = np.flatnonzero(np.array(touches.facet) == facet)
         for row in rows[2 : len(rows) - FEWEST + 1]:
-            yield {"facet": facet, "at": int(row) + 1}
+            yield {"facet": facet, "at": int(touches.counted[row])}
 
 
 def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, float]) -> bool:
@@ -29,11 +29,11 @@ def plausible(values: Array, setting: Mapping[str, Any], offsets: Mapping[str, f
 
 
 def make(machine: Machine, facet: str, at: float = 1) -> list[Coefficient]:
-    """machine, facet, first touch with it (1 = first touch used) → coefficient in mm."""
+    """machine, facet, first touch with it (its number in the readings) → coefficient in mm."""
     at, facet = int(at), str(facet)
 
     def there(t: Touches) -> Array:
-        return ((np.array(t.facet) == facet) & (np.arange(1, len(t) + 1) >= at)).astype(float)
+        return ((np.array(t.facet) == facet) & (t.counted >= at)).astype(float)
 
     return [early(label("chip", facet, at), there)]
 

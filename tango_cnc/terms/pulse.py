@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
@@ -28,12 +26,11 @@ def make(
     direction: Sequence[float] | None = None,
     frame: str = "machine",
 ) -> list[Coefficient]:
-    """machine, first and last touch (1 = first touch used) → displacement x y z in mm of that frame; or an angle."""
+    """machine, first and last touch (their numbers in the readings) → displacement x y z in mm of that frame; or an angle."""
     first, last = int(at), int(until)
 
     def inside(t: Touches) -> Array:
-        number = np.arange(1, len(t) + 1)
-        return ((number >= first) & (number <= last)).astype(float)
+        return ((t.counted >= first) & (t.counted <= last)).astype(float)
 
     if axis is not None:
         need("pulse", "axis", axis, machine.rotary)

@@ -18,7 +18,7 @@ def variants(touches: Touches) -> Variants:
 
 
 def make(machine: Machine, at: float, frame: str = "machine", direction: Sequence[float] | None = None) -> list[Coefficient]:
-    """machine, first touch after it (1 = first touch used) → displacement in x y z of that frame, mm."""
+    """machine, first touch after it (its number in the readings) → displacement in x y z of that frame, mm."""
     return displaced(label("step", int(at), frame), frame, since(at), direction)
 
 

@@ -16,7 +16,7 @@ def variants(touches: Touches) -> Variants:
 
 
 def make(machine: Machine, at: float, direction: Sequence[float] | None = None) -> list[Coefficient]:
-    """machine, first touch after it (1 = first touch used) → displacement of the surfaces in x y z of the spindle frame, mm."""
+    """machine, first touch after it (its number in the readings) → displacement of surfaces in x y z of the spindle frame, mm."""
     return displaced(label("stylus_knock", int(at)), "spindle", since(at), direction)
 
 

@@ -34,7 +34,9 @@ def variants(touches: Touches) -> Variants:
                     one, two = sorted((touches.facet[row], touches.facet[other]))
                     here[one, two] = here.get((one, two), True) and _elsewhere(touches, int(row), int(other))
         for pair, exchanged in here.items():
-            found.setdefault(pair, []).append((int(rows[0]) + 1, int(rows[-1]) + 1) if exchanged else None)
+            found.setdefault(pair, []).append(
+                (int(touches.counted[rows[0]]), int(touches.counted[rows[-1]])) if exchanged else None
+            )
     for pair, spans in found.items():
         for i, first in enumerate(spans):
             for last in takewhile(lambda span: span is not None, spans[i : i + (LONGEST if touches.tip is None else len(spans))]):
@@ -69,7 +71,7 @@ def make(machine: Machine, facets: tuple[str, str], at: int = 1, until: int = FO
     one, two = (str(f) for f in facets)
 
     def pattern(t: Touches) -> Array:
-        number, facet = np.arange(1, len(t) + 1), np.array(t.facet)
+        number, facet = t.counted, np.array(t.facet)
         inside = (number >= at) & (number <= until)
         return inside * ((facet == one).astype(float) - (facet == two))
 

@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, permutations
 from pathlib import Path
 from typing import Any
 
@@ -448,6 +448,8 @@ def judged(outcomes: Sequence[Outcome]) -> dict[str, list[bool]]:
             tell(f"{case}: right covariate", any(r.startswith(expected(causes[0])) for r in o.remains))
         else:
             tell(f"{case}: exactly the right name" + ("s" if len(causes) > 1 else ""), sorted(o.found) == sorted(causes))
+        if case in (TWO, THREE):
+            tell(f"{case}: the right names, or they are among the alternatives", _covered(o))
         if case in (ONE, SMALL, OTHER):
             tell(f"{case}: right name first", o.found[:1] == causes)
             tell(f"{case}: right name or among the alternatives", causes[0] in [*o.found, *(a for x in o.alternatives for a in x)])
@@ -455,6 +457,14 @@ def judged(outcomes: Sequence[Outcome]) -> dict[str, list[bool]]:
             tell("size within two of its standard deviations", *o.within)
             tell("held-out gain at least 80 % of that of the true pattern", *o.worth)
     return rows
+
+
+def _covered(o: Outcome) -> bool:
+    """outcome → whether each finding stands for another one of the causes that were hidden, by its name or an alternative."""
+    told = [{name, *others} for name, others in zip(o.found, o.alternatives, strict=False)]
+    return len(told) == len(o.trial.causes) and any(
+        all(cause in one for cause, one in zip(causes, told, strict=True)) for causes in permutations(o.trial.causes)
+    )
 
 
 def confusion(outcomes: Sequence[Outcome]) -> list[str]:

@@ -1,0 +1,54 @@
+"""Alarms of a stylus, a table or a ball of other nights: their size is a length in space, which no one parameter has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..report.tonight import LENGTHS
+from ..state import State
+from .alarms import Known
+from .goes_on import newest_of
+from .moved import Moved, moved
+from .ports import Past
+from .standing import still
+from .words import value
+
+
+def by_tonight(
+    past: Past, machine: str, k: Known, after: State, waiting: Sequence[dict[str, Any]], kind: str
+) -> list[dict[str, Any]]:
+    """history, machine, what is known, state after tonight, alarms of other nights, kind of night → the same; those of a length
+    with `now` and `total`: how far it is tonight from where it was before the alarm.
+    """
+    if not any(a["cause"] in LENGTHS for a in waiting):
+        return list(waiting)
+    newest = newest_of(past, machine)
+    return [_by_tonight(past, machine, k, after, a, newest, kind) if a["cause"] in LENGTHS else a for a in waiting]
+
+
+def _by_tonight(
+    past: Past,
+    machine: str,
+    k: Known,
+    after: State,
+    alarm: dict[str, Any],
+    newest: Mapping[str, tuple[Any, Mapping[str, Any]]],
+    kind: str,
+) -> dict[str, Any]:
+    if alarm["id"] not in newest or (m := moved(past, machine, k, after, *newest[alarm["id"]])) is None:
+        return alarm
+    total, std = _length(m)
+    told = value(total, m.unit, std).removeprefix("+")
+    return alarm | {"total": total, "now": still(float(alarm["size"]), total, std, told, confirmed=kind == "full")}
+
+
+def _length(m: Moved) -> tuple[float, float]:
+    """how far it has moved → mm from where it was before, and its standard deviation: the share along the way of the alarm where
+    it has come back, else the whole.
+    """
+    then, along, std = m.along()
+    whole = float(np.linalg.norm(m.now))
+    return (whole if along > 0.5 * then else along), std

@@ -1,0 +1,33 @@
+"""An alarm of another night as it is tonight: gone again, or how far it has come, and what that does to parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..texts import Said
+
+LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
+AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
+
+
+def is_gone(now: str) -> bool:
+    """what a night says of an older alarm by now → whether what moved is back where it was."""
+    return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+
+
+def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm → `on_part` and `on_part_um`; what goes on from an earlier night as it is tonight."""
+    part, small, total, size = cause["on_part"], cause.get("on_part_um"), cause.get("total"), float(cause.get("size") or 0.0)
+    same = {"on_part": part, "on_part_um": small}
+    if not small or not total or not size or is_gone(cause["now"]):
+        return same
+    if not (cause.get("rate_per_day") or cause.get("ignored")) and abs(float(total) - size) <= AS_FOUND * abs(size):
+        return same
+    counted = float((cause.get("ignored") or {}).get("total") or size)
+    large = abs(float(small) * (counted + float(total) - size) / counted)
+    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
+    if not isinstance(part, Said):
+        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
+    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
+    return {"on_part": grown, "on_part_um": large}
