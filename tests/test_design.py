@@ -308,6 +308,19 @@ def test_a_table_that_no_axis_reaches_is_refused_with_the_axis_and_what_it_lacks
     assert re.search(r"lacks least is beyond a travel: [XYZ] -?\d+\.\d+ mm, travel -", said) and "obstacles" in said
 
 
+@pytest.mark.parametrize("goal", ["volume", "check", "locations"])
+def test_a_goal_that_no_touch_of_the_machine_can_see_is_refused_with_the_reason(
+    goal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three axes and facets that nobody has calibrated: scales and squareness go into the places of the facets."""
+    folder = tmp_path / "cell"
+    assert guarded(tango.main, ["init", str(folder), "--example", "three_axis"], standalone_mode=False) == 0
+    assert guarded(tango.main, ["design", "-C", str(folder), "--goal", goal], standalone_mode=False) == 2
+    said = capsys.readouterr().err
+    assert re.search(rf"--goal {goal}: no plan here can see an error of the machine .*: EA0Z cannot be separated from", said)
+    assert "D, A or condition" in said and "facets with an uncertainty in artefact.yaml are calibrated" in said
+
+
 @pytest.mark.long
 def test_a_check_of_a_cell_that_nobody_has_measured_says_what_comes_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

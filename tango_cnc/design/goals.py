@@ -10,7 +10,7 @@ import numpy as np
 
 from ..files.checked import suggestion
 from ..model import STYLUS, Model
-from ..records import Array, InputError
+from ..records import Array, Combination, InputError
 from ..report.units import shown
 from ..terms import Coefficient, inter_axis
 from .candidates import Candidates
@@ -110,6 +110,25 @@ def _bar(choice: Candidates) -> list[int]:
         return []
     centres = {f"E{c}ball{ball}" for ball in bar.balls for c in "XYZ"}
     return [j for j, name in enumerate(model.names) if name in centres]
+
+
+def unseen_of_machine(choice: Candidates) -> list[Combination]:
+    """candidates → the errors of the machine that are asked for and that no touch of theirs can see."""
+    return sorted((one for one in choice.selection.unseen if one.names[0] not in STYLUS), key=lambda one: one.names[0])
+
+
+def refuse_unseen(word: str, choice: Candidates, asked: bool) -> None:
+    """goal, candidates, whether any plan sees what it asks for → nothing. Raises InputError with the reason where none does."""
+    if asked:
+        return
+    own = unseen_of_machine(choice)
+    more = f" ({len(own) - 1} more likewise: {', '.join(one.names[0] for one in own[1:5])} …)" if own[1:] else ""
+    why = f": {own[0].text}{more}" if own else ""
+    todo = "a cell with more (facets with an uncertainty in artefact.yaml are calibrated)" if own else "--terms with S3 or S4"
+    raise InputError(
+        f"--goal {word}: no plan here can see an error of the machine that this goal asks for{why}; allowed: D, A or condition, "
+        f"which choose touches for what can be seen, or {todo}"
+    )
 
 
 def usual_limits(model: Model, reach: float) -> dict[str, float]:

@@ -90,11 +90,13 @@ def setting(cell: Cell, wish: Wish, say: Callable[[str], None] = lambda text: No
     begin, full = prior.held(choice), None
     if wish.goal.word == "volume":
         criterion = goals.volume(lever, choice.scale)
+        goals.refuse_unseen(wish.goal.word, choice, bool(np.any(criterion.spread)))
     elif wish.goal.word == "check":
         changing = _changing(wish, choice)
         before, full = _before(cell, wish, choice)
         choice = check.with_changes(choice, before, changing, wish.stylus)
         criterion, begin = check.worst_change(choice, lever), choice.held
+        goals.refuse_unseen(wish.goal.word, choice, bool(np.any(criterion.worst)))
     elif wish.goal.word == "A":
         criterion = goals.every(choice)
     elif wish.goal.word == "condition":
@@ -103,6 +105,8 @@ def setting(cell: Cell, wish: Wish, say: Callable[[str], None] = lambda text: No
         criterion = goals.of_limits(choice, {})
     else:
         reach = float(np.linalg.norm(np.subtract(where.high, where.low))) / 2
+        located = any(map(goals.is_location, model.coefficients)) or not goals.unseen_of_machine(choice)
+        goals.refuse_unseen(wish.goal.word, choice, bool(wish.goal.limits) or located)
         limits = wish.goal.limits or goals.usual_limits(model, reach)
         criterion = goals.of_limits(choice, limits, seen=True)
     problem = Problem(choice, criterion, seconds, wish.feed, begin, gate=wish.gate, say=say)

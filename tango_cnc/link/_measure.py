@@ -27,7 +27,7 @@ from ..files.origin import origin_file, set_aside, write_origin
 from ..gate import ALIVE_TIME
 from ..plan import plan_hash
 from ..program.record import Program
-from ..records import Cell, InputError, LinkError, Plan
+from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from ._address import Address, linked, parse, spoken
 from ._client import Job
@@ -95,12 +95,12 @@ def measure(
         return _finish(before, digest, plan, wanted.readings, cell.folder)
     again = repeatable(before, plan)
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
-    with _written("the program", "make room, or check the rights of the folder, and start again"):
+    with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = post(part)
     jobs = [replace(job, run=plan) for job in _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))]
     client, *_ = [protocol.Client(job, address.options) for job in jobs]  # what it refuses leaves no files, and stops no run later
     sensors = Watch(read_sensors(cell.folder))
-    with _written("the program", "make room, or check the rights of the folder, and start again"):
+    with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
 
     def announced(number: int) -> None:
@@ -154,13 +154,13 @@ def measure(
 
 
 @contextlib.contextmanager
-def _written(what: str, then: str) -> Iterator[None]:
-    """what is written, what to do when it cannot be → within it, an error of the disk becomes a LinkError that says so."""
+def _written(what: str, then: str, kind: type[LinkError] = LinkError) -> Iterator[None]:
+    """what is written, what to do when it cannot be, kind of error → within it, an error of the disk becomes one that says so."""
     try:
         yield
     except OSError as error:
         where = f" to {error.filename2 or error.filename}" if error.filename else ""
-        raise LinkError(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
+        raise kind(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
 
 
 def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:

@@ -50,6 +50,17 @@ def _stood(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
     return abs(float(total) - float(alarm["size"]) - float(older["size"])) < STOOD * min(abs(older["size"]), abs(alarm["size"]))
 
 
+def _once(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
+    """alarm of an earlier night, alarm of tonight → whether it has moved once: all of it is no more than tonight's step.
+
+    Two nights find one change where a wrong clock keeps the night of the first out of what the second is compared with.
+    """
+    total = older.get("total")
+    if total is None or older.get("rate_per_day") or alarm.get("rate_per_day"):
+        return False
+    return abs(float(total) - float(alarm["size"])) < STOOD * min(abs(older["size"]), abs(alarm["size"]))
+
+
 def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]) -> dict[str, Any]:
     """alarm of tonight, those of earlier nights that nobody has closed, what is known → the same.
 
@@ -60,6 +71,6 @@ def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], para
     if own_of(parameters, alarm["parameter"]) is None or alarm.get("repair"):  # a length has no way
         return alarm
     onward = [a for a in same if float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0]
-    if not onward or (len(same) == 1 and _stood(onward[0], alarm)):
+    if not onward or (len(same) == 1 and (_stood(onward[0], alarm) or _once(onward[0], alarm))):
         return alarm
     return alarm | {"do": texts()("night.drift_do", name=alarm["parameter"])}

@@ -19,3 +19,7 @@ class LinkError(TangoError):
     """The controller or the line to it failed; what was measured so far is on disk."""
 
     exit_code = 3
+
+
+class NothingSentError(LinkError):
+    """A run could not begin on this computer: the control was sent nothing, and nothing moves."""
