@@ -124,3 +124,21 @@ def test_few_touches_name_nothing_and_say_so() -> None:
         assert d.few is not None and d.few < FREE and not d.findings and d.verdict != "explained"
         assert f"Only {d.few} touches are left" in as_text(d)
     assert d.verdict == "unexplained"
+
+
+@pytest.mark.long
+def test_a_subset_of_few_touches_that_leaves_none_free_tells_nothing_of_a_name() -> None:
+    """Few touches are left beyond the unknowns; without a fifth of the indexations none was left, and the diagnosis broke off."""
+    s = trials.stage()
+    rng = np.random.default_rng(2)
+    of = s.history.indexation
+    kept: list[int] = []
+    for number in rng.permutation(np.unique(of)):
+        kept += np.flatnonzero(of == number).tolist()
+        if len(kept) >= 61:
+            break
+    y = s.history.position[:, s.history.column("Y")]
+    early = 0.012 * np.sin(2 * np.pi * y / 16) * s.history.normal[:, 1] + blind.NOISE * rng.normal(size=len(of))
+    readings = s.readings(early).rows(np.sort(kept[:61]))
+    d = diagnose(s.bench.cell.machine, s.bench.cell.artefact, readings, s.bench.cell.terms)
+    assert d.few is not None and not d.findings and d.verdict == "unexplained"

@@ -114,6 +114,15 @@ def test_from_a_cell_to_a_prediction_and_a_comparison_on_the_command_line(tmp_pa
         assert runner.invoke(tango, [*wrong, "-C", str(cell)]).exit_code != 0
 
 
+def test_a_ball_on_the_axis_of_a_fork_head_is_brought_away_by_tilting_the_head() -> None:
+    one = read_cell(EXAMPLES / "fork_head").machine
+    over = {"X": (-300.0, 300.0), "Y": (-300.0, 300.0), "Z": (0.0, 400.0), "A": (-1.4, 1.4), "C": (-3.0, 3.0)}
+    with pytest.raises(InputError, match=r"tilt A, e\.g\. --at A=45"):
+        path_of(one, over, Wanted("rotary-C", "rtest", at={"A": 0.0}))
+    there = path_of(one, over, Wanted("rotary-C", "rtest", at={"A": math.pi / 4}))
+    assert "mm from C" in there.text
+
+
 def test_names_that_a_machine_cannot_make_are_refused_with_those_it_can() -> None:
     two_at_table = read_cell(EXAMPLES / "trunnion").machine
     assert {"K1", "BK1", "BK2"} <= set(names_of(two_at_table))

@@ -13,7 +13,8 @@ from support.histories import knowledge, record
 from tango_cnc.files.origin import changes
 from tango_cnc.history import opened
 from tango_cnc.nightly.edited import asked, edited
-from tango_cnc.nightly.ports import Disk
+from tango_cnc.nightly.night import _edited
+from tango_cnc.nightly.ports import Disk, Ports
 from tango_cnc.nightly.words import headline, message
 from tango_cnc.report import morning
 
@@ -88,3 +89,21 @@ def test_a_night_in_doubt_has_the_edit_as_its_first_reason(tmp_path: Path) -> No
     night = asked(record(4, verdict="doubtful", plausible=doubt) | {"alarms": []} | changed)
     assert [str(r) for r in night["plausible"]["reasons"]] == [str(changed["edited"]["text"]), "the touches do not fit"]
     assert "somebody has changed machine.yaml (probe.tip_radius 3.0 → 6.0)" in headline(night)
+
+
+def test_a_night_that_is_refused_names_the_edit(tmp_path: Path) -> None:
+    """The facet that proves the probe was 10 mm from the plan, and people were sent to find the table again."""
+    (tmp_path / "tango.yaml").write_text("machine: machine.yaml\nartefact: a.yaml\nstrategy: s.yaml\n", encoding="utf-8")
+    (tmp_path / "machine.yaml").write_text(MACHINE.replace("252.3", "262.3"), encoding="utf-8")
+    for name in ("a.yaml", "s.yaml"):
+        (tmp_path / name).write_text("name: x\n", encoding="utf-8")
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(3, artefacts={"folder": "nights/2026-10-03T020000Z"}), "touch\n1\n", knowledge(3))
+        world = cast(Ports, SimpleNamespace(past=history, disk=disk(BEFORE, {})))
+        refused = {"preflight": [{"check": "gate", "passed": False, "found": "facet 101 is 10 mm off", "do": "find it"}]}
+        edit = _edited("M", str(tmp_path), world, TONIGHT, refused)
+        assert "machine.yaml (probe.length 252.3 → 262.3)" in edit["edited"]["text"]
+        rest = {"verdict": "not_measured", "limits": [], "planned": 0, "machine_time_s": 0.0, "touches": 0, "why": "refused"}
+        night = record(4) | rest | refused | edit | {"status": "failed"}
+        assert "machine.yaml (probe.length 252.3 → 262.3)" in message(night | {"headline": headline(night)}, (), ())[1]
+        assert _edited("M", str(tmp_path), world, TONIGHT, {"preflight": [], "moved": True}) == {}

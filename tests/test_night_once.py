@@ -12,6 +12,7 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.link._measure import _written
 from tango_cnc.nightly import Ports
 from tango_cnc.nightly.again import step_by_step
+from tango_cnc.nightly.goes_on import _twice
 from tango_cnc.nightly.night import _measured
 from tango_cnc.records import LinkError, NothingSentError
 from tango_cnc.report.look import looks
@@ -58,3 +59,8 @@ def test_a_full_disk_before_anything_was_sent_sends_nobody_to_the_control() -> N
 def test_a_machine_that_moves_on_while_it_is_measured_warms_up_first() -> None:
     (told,) = looks([say("night.moves_on")], texts())
     assert "Let the machine warm up" in told and "stylus and probe sit tight" in told
+
+
+@pytest.mark.parametrize(("cause", "asks"), [("stylus", False), ("pretravel", False), ("axis_location", True)])
+def test_what_is_of_the_probe_asks_for_no_compensation(cause: str, asks: bool) -> None:
+    assert ("compensation" in str(_twice({"cause": cause}).get("do", ""))) == asks

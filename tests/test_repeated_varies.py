@@ -69,6 +69,7 @@ def test_a_machine_that_varies_from_day_to_day_has_intervals_and_a_decision(cell
     assert min(one, other) > 5e-4
 
 
+@pytest.mark.long
 def test_a_mistake_in_one_run_is_named_with_its_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with (cell / "repeated.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -84,6 +85,7 @@ def test_a_mistake_in_one_run_is_named_with_its_run(cell: Path, capsys: pytest.C
     assert all("day 1" not in text and "day 3" not in text for text in data["reasons"])
 
 
+@pytest.mark.long
 def test_a_day_that_repeats_another_is_still_no_measurement(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with (cell / "repeated.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

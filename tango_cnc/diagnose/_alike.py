@@ -33,12 +33,15 @@ def alike(
         theirs = orthonormal(columns)
         left, shared, right = np.linalg.svd(own.T @ theirs)
         count = int(np.sum(shared**2 > SAME))
-        if not count or (count == own.shape[1] and count == theirs.shape[1]):
+        if not count:
             continue
         tried = int((cat.group == cat.causes.index(candidate.cause)).sum())
         whole = cost(candidate, tried, place.m)
-        price = whole - (candidate.columns.shape[1] - count) * float(np.log(place.m))
-        mine = one.price - (one.columns.shape[1] - count) * float(np.log(place.m))
+        # Both save as many directions: one of the many that a table of an axis has is chosen to look like the name.
+        spared = min(candidate.columns.shape[1], one.columns.shape[1]) - count
+        if spared < 1:
+            continue
+        price, mine = (p - spared * float(np.log(place.m)) for p in (whole, one.price))
         value = total(place, [*others, Chosen(candidate, theirs @ right[:count].T, price)])
         reached = max(best, total(place, [*others, Chosen(one.candidate, own @ left[:, :count], mine)]))
         if candidate.cause not in found or reached - value < found[candidate.cause][1]:

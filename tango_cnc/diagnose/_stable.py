@@ -41,6 +41,8 @@ def stability(
         place = space(data[whole], base[whole], len(rows), (), faint(data[rows]))
         part = Field([replace(k, columns=k.columns[rows]) for k in few], place.basis, weight[rows], field.means, rows)
         part.among = field.among
+        if place.m <= sum(c.columns.shape[1] for c in (*outcome.named, *fixed)):  # few touches: this subset tells nothing
+            continue
         kept = [_restricted(c, place.basis, rows) for c in outcome.named]
         seen = [c for c in fixed if np.abs(c.candidate.columns[rows]).any()]
         stands = contest(part, place.y, [_restricted(c, place.basis, rows) for c in seen], kept, -WEAK).named

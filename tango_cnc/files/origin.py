@@ -64,7 +64,7 @@ def write_origin(readings: Path, folder: Path, made_by: str, kept: str | None = 
         "run": {key: run[key] for key in RUN if key in run} if run is not None else {},
         "header": f"{zlib.crc32(text.splitlines()[0].encode()):08x}",
         "rows": check_values(text),
-        "cell": _texts(folder),
+        "cell": cell_texts(folder),
         "kept": [*before.get("kept", []), *([kept] if kept else [])],
     }
     write_text(origin_file(readings), json.dumps(data, indent=1, ensure_ascii=False) + "\n")
@@ -166,7 +166,7 @@ def changed_keys(origin: Origin, folder: Path) -> dict[str, list[str]]:
     then = origin.known.get("cell")
     if not isinstance(then, dict):
         return {}
-    return {name: [key for key, _, _ in keys] for name, keys in changes(then, _texts(folder)).items()}
+    return {name: [key for key, _, _ in keys] for name, keys in changes(then, cell_texts(folder)).items()}
 
 
 def changes(then: Mapping[str, str], now: Mapping[str, str]) -> dict[str, list[tuple[str, Any, Any]]]:
@@ -187,7 +187,7 @@ def other_machine(origin: Origin, folder: Path) -> tuple[str, str] | None:
     None, too, where nobody knows of which machine the readings are.
     """
     texts = origin.known.get("cell")
-    then, now = (_machine(each) for each in (texts if isinstance(texts, dict) else {}, _texts(folder)))
+    then, now = (_machine(each) for each in (texts if isinstance(texts, dict) else {}, cell_texts(folder)))
     then = then or _measured_on(origin.readings)
     return (then, now) if then and now and then != now else None
 
@@ -218,7 +218,8 @@ def _machine(texts: Mapping[str, str]) -> str:
     return ""
 
 
-def _texts(folder: Path) -> dict[str, str]:
+def cell_texts(folder: Path) -> dict[str, str]:
+    """folder of a cell, or of readings within it → texts of machine, artefact and strategy by name; {} where it is no cell."""
     found = {}
     with suppress(InputError, OSError, KeyError):
         fields = dict(load(folder / "tango.yaml").items())

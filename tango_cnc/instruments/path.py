@@ -222,6 +222,14 @@ def _circle(
     return Path(name, text, tool, at, command, sense, position, direction, ("radial",), ways, True, outside, radius)
 
 
+def _farther(tool: Machine, axis: str) -> str:
+    """machine, rotary axis → what brings the ball away from that axis."""
+    if axis in tool.workpiece_branch:
+        return "give --radius"
+    beyond = [a for a in tool.tool_branch[tool.tool_branch.index(axis) + 1 :] if a in tool.rotary]
+    return f"tilt {beyond[0]}, e.g. --at {beyond[0]}=45" if beyond else "give another --tool-length"
+
+
 def _rotary(
     tool: Machine,
     over: Mapping[str, tuple[float, float]],
@@ -261,8 +269,8 @@ def _rotary(
     size = np.linalg.norm(radial, axis=1)
     if size.min() < SMALLEST:
         raise InputError(
-            f"--test {name}: found the ball {size.min():.2f} mm from {axis}; allowed: {SMALLEST:g} mm or more; give --radius, or "
-            "--tool-length for an axis at the tool"
+            f"--test {name}: found the ball {size.min():.2f} mm from {axis}; allowed: {SMALLEST:g} mm or more; "
+            f"{_farther(tool, axis)}"
         )
     tangential = spun(position, np.pi / 2) - spun(position, -np.pi / 2)
     radial, tangential = radial / size[:, None], tangential / np.linalg.norm(tangential, axis=1)[:, None]

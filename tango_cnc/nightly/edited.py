@@ -14,16 +14,18 @@ ORIGIN = "readings.origin.json"
 LONG = 40  # characters of a value that are told
 
 
-def edited(past: Past, disk: Disk, machine: str, stamp: str, terms: object = None) -> dict[str, Any]:
-    """history, disk, machine, stamp of tonight, its terms → `edited`: since which night, `text`, and by file the keys with what
-    they were and are; {} where nothing was changed, and where nobody can know.
+def edited(
+    past: Past, disk: Disk, machine: str, stamp: str, terms: object = None, now: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """history, disk, machine, stamp of tonight, its terms, files of the cell (None: those beside its readings) → `edited`: since
+    which night, `text`, and by file the keys with what they were and are; {} where nothing was changed, and where nobody can know.
     """
     if (known := past.latest_knowledge(machine)) is None:
         return {}
     last = known[0]  # what tonight is compared with: a night in doubt carried nothing on
     record = past.night(last.entry).record
     before = str((record.get("artefacts") or {}).get("folder") or "").rpartition("/")[2]
-    found = changes(_cell(disk, before), _cell(disk, stamp))
+    found = changes(_cell(disk, before), _cell(disk, stamp) if now is None else now)
     if terms is not None and record.get("terms") not in (None, terms):
         found["tango.yaml"] = [("terms", record["terms"], terms)]
     if not found:

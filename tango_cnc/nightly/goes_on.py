@@ -15,6 +15,7 @@ from ..records import Array
 from ..report.texts import texts
 from ..report.tonight import LENGTHS
 from ..state import Named, State
+from ..state.changes import change
 from ..texts import say
 from .alarms import Known, of_cause
 from .answered import BY_SIZE, WITHOUT_SIZE
@@ -96,7 +97,7 @@ def _going_on(
         if m is None or not same_pace(older, alarm, days) or not _onward(m, alarm):
             return alarm
         if _knocks(k, m, older, alarm):
-            return alarm | {"follows": _followed(older, stored), "do": say("night.goes_on.twice_do")}
+            return alarm | {"follows": _followed(older, stored)} | _twice(alarm)
         if (begun := _begun(newest, last, older, date_of(after.day))) is not None:
             first_m = moved(past, machine, k, after, *begun)
             if first_m is not None:  # two knocks were one thing that goes on: it is the alarm of the first one
@@ -170,6 +171,11 @@ def _tip(k: Known, directions: Array, alarm: Mapping[str, Any]) -> float:
     return size * 1e3 if alarm["unit"] == "mm" else k.worst(directions[:, 0] * size)
 
 
+def _twice(alarm: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm of tonight → what to do after two nights in which it moved; as for one of a probe, which no compensation moves."""
+    return {} if change(alarm["cause"]).of_the_probe else {"do": say("night.goes_on.twice_do")}
+
+
 def _followed(older: Mapping[str, Any], stored: Any) -> dict[str, Any]:
     """alarm of the night before, its night → what tonight's alarm says of it."""
     size, night = value(float(older["size"]), str(older["unit"]), float(older["std"])), str(stored.record["night"])
@@ -201,7 +207,7 @@ def _told(
         whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
     told = value(step, unit, float(alarm["std"]))
     told = told if len(m.now) == 1 else told.removeprefix("+")
-    whole |= {"do": say("night.goes_on.twice_do")} if twice else {}
+    whole |= _twice(alarm) if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
     whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}
     held = {"owner": answer.owner, "decision": "acknowledge"} if answer is not None and answer.action == "acknowledge" else {}

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..files.nightly import Nightly
+from ..files.origin import cell_texts
 from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
@@ -71,7 +72,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
-            record = asked(base | found | _edited(machine, world, stamp, found))
+            record = asked(base | found | _edited(machine, cell, world, stamp, found))
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
@@ -85,12 +86,17 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 
-def _edited(machine: str, world: Ports, stamp: str, found: Mapping[str, Any]) -> dict[str, Any]:
-    """→ files of the cell that were changed since the last night that measured; {} of a night that did not measure."""
-    if not found.get("touches"):
+def _edited(machine: str, cell: str, world: Ports, stamp: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    """→ files of the cell that were changed since the last night that measured; {} of a night whose run came to nothing.
+
+    What refuses a night may be what was changed: a probe that is longer in the file, and a facet that is not where it was.
+    """
+    refused = any(not p["passed"] for p in found["preflight"])
+    if not found.get("touches") and not refused:
         return {}
     try:
-        return edited(world.past, world.disk, machine, stamp, found.get("terms"))
+        now = cell_texts(Path(cell)) if refused else None
+        return edited(world.past, world.disk, machine, stamp, found.get("terms"), now)
     except (TangoError, OSError):  # what is wrong with the history is reported with what could not be kept
         return {}
 
