@@ -7,6 +7,7 @@ macros, because Mach3 skips an M code that has none: without them nothing moves.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -81,7 +82,14 @@ def probe_on(job: Job) -> Iterator[str]:
 
 
 def move(job: Job, leg: Leg) -> Iterator[str]:
-    """A protected move by its macro."""
+    """A protected move by its macro. Raises InputError for a way that is too short for a G31."""
+    way = [leg.to[name] - leg.came[name] for name in "XYZ" if name in leg.came]
+    if leg.kind in ("retract", "clear") and len(way) == 3 and math.hypot(*way) < basic.SHORTEST:
+        raise InputError(
+            f"mach3: found a way of {math.hypot(*way):.3f} mm before touch {leg.touch.number}; "
+            f"allowed: {basic.SHORTEST:g} mm or more, as G31 of Mach3 takes none so short. Let strategy.yaml begin with another "
+            "indexation"
+        )
     yield _three(basic.TARGET, leg.to)
     yield " ".join(f"#{basic.MOVES + i}={int(name in leg.target)}" for i, name in enumerate("XYZ"))
     yield f"#{basic.FEED}={number(job.options['positioning_feed'])}"

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from postprocessors._base import load, program
 from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan, plan_hash, split
 from tango_cnc.plan.touches import PLACES, Planned
-from tango_cnc.records import Plan, Touch
+from tango_cnc.records import InputError, Plan, Touch
 from tango_cnc.records.plan import LEAST
 
 GOLDEN = Path(__file__).parent / "golden" / "cell"
@@ -102,3 +103,13 @@ def test_a_way_that_is_too_short_for_some_controls_is_made_with_the_next_motion(
     assert kinds == ["approach", "probe", "back", "retract"]
     for kind, touch in (("approach", third.standoff), ("probe", third.end), ("back", third.standoff)):
         assert (kind, *(touch[short.machine.column(name)] for name in "XYZ")) in places
+
+
+def test_a_first_way_that_mach3_cannot_make_is_refused_with_what_helps() -> None:
+    whole = made()
+    turn, z = whole.turns[0], whole.machine.column("Z")
+    begun = turn.via or turn.after
+    near = tuple(value - 0.1 * (i == z) for i, value in enumerate(begun))
+    short = replace(whole, touches=(replace(whole.touches[0], enter=near), *whole.touches[1:]))
+    with pytest.raises(InputError, match=r"mach3: found a way of 0\.100 mm before touch 1; .* begin with another indexation"):
+        program(load("mach3"), short, {}, "0" * 12)

@@ -127,7 +127,8 @@ def _one_stylus(cell: Cell) -> None:
     if used != (cell.machine.stylus,):
         raise InputError(
             f"{cell.strategy.name}: found touches with stylus {' and '.join(map(str, used))}; a program has one stylus: "
-            "name it with --stylus, where the command has it; this one does without other styli"
+            "name it with --stylus; a command without it needs a strategy of one stylus: name in tango.yaml a copy of it "
+            "without the indexations of the others"
         )
 
 
