@@ -104,7 +104,7 @@ def test_what_is_farther_off_than_anything_that_is_touched_has_no_size(root: Pat
     cell = read_cell(root / "examples" / "trunnion")
     known = Known(cell, cast(Any, SimpleNamespace(names=("a", "b", "c"))), np.zeros((1, 3, 3)))
     for size, told in (
-        (4.0, "by 6928.2 µm"),
+        (2.0, "by 3464.1 µm"),
         (60_000.0, "more than 5 mm from where it was since last night: nothing moves so far"),
     ):
         h = Hypothesis("ball", "ball 1", np.eye(3), "mm", ("X", "Y", "Z"))
