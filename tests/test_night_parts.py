@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tango_cnc.files import read_cell
-from tango_cnc.nightly.alarms import Known, alarms_of, effect_of
+from tango_cnc.nightly.alarms import Known, alarms_of, effect_of, said_of
 from tango_cnc.nightly.dates import Since
 from tango_cnc.nightly.words import _about
 from tango_cnc.records import Cell
@@ -97,3 +97,16 @@ def test_a_pivot_whose_height_has_changed_is_not_told_as_a_stylus_alone(root: Pa
     assert "where it is the stylus" in alarm["on_part"] and "A is turned by 120°" in alarm["on_part"] and "A axis" in alarm["do"]
     aside = replace(named, size=np.array([15 * UM, 0.0, 0.0]))  # no pivot does that
     assert alarms_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, aside)[0]["instead"] == []
+
+
+def test_what_is_farther_off_than_anything_that_is_touched_has_no_size(root: Path) -> None:
+    """A radius that somebody edited made a ball move by 61 m: no number of it is worth telling."""
+    cell = read_cell(root / "examples" / "trunnion")
+    known = Known(cell, cast(Any, SimpleNamespace(names=("a", "b", "c"))), np.zeros((1, 3, 3)))
+    for size, told in (
+        (2.0, "by 3464.1 µm"),
+        (60_000.0, "more than 5 mm from where it was since last night: nothing moves so far"),
+    ):
+        h = Hypothesis("ball", "ball 1", np.eye(3), "mm", ("X", "Y", "Z"))
+        named = Named(h, np.full(3, size), np.full(3, 0.01), 99.0, 0.0, 1.0, ())
+        assert told in said_of(known, Since("2026-10-01", "last night"), named)[2]

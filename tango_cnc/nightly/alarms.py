@@ -20,6 +20,7 @@ from .words import cause_texts, changed, on_part, value
 
 FAR = 1e-6  # p-value of what a story leaves, below which it is not the whole story
 MOSTLY = 0.95  # share of what has changed that a story explains for it to be reported as the whole one
+FARTHEST = 5.0  # mm that a stylus, a table or a ball moves and is still touched as planned
 TURNED = re.compile(r"E[ABC]0([XYZABCS])")
 
 
@@ -189,6 +190,8 @@ def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
         finite = named.std[np.isfinite(named.std)]
         name = {"name": _place(h.parameter)} if h.cause == "ball" else {}
         told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words, **name)
+        if size > FARTHEST:
+            told = texts()(f"changed.far_{h.cause}", size=f"{FARTHEST:g}", since=before.words, **name)
         return size, float(finite.max()) if len(finite) else 0.0, told
     size, std = float(named.size[0]), float(named.std[0])
     told = value(size, h.unit, std)

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..report.tonight import LENGTHS
 from ..state import State
-from .alarms import Known
+from ..texts import say
+from .alarms import FARTHEST, Known
 from .goes_on import newest_of
 from .moved import Moved, moved
 from .ports import Past
@@ -41,7 +42,7 @@ def _by_tonight(
     if alarm["id"] not in newest or (m := moved(past, machine, k, after, *newest[alarm["id"]])) is None:
         return alarm
     total, std = _length(m)
-    told = value(total, m.unit, std).removeprefix("+")
+    told = value(total, m.unit, std).removeprefix("+") if total <= FARTHEST else say("night.alarms.farther", size=f"{FARTHEST:g}")
     return alarm | {"total": total, "now": still(float(alarm["size"]), total, std, told, confirmed=kind == "full")}
 
 
