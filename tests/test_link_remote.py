@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from support.linkparts import job
@@ -22,6 +23,7 @@ from support.remote import (
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
+from postprocessors._base import load, program
 from sim_controller.probing import rig
 from sim_controller.session import Session, Setup
 from tango_cnc.commands.init import write_example
@@ -29,7 +31,11 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.link._client import Failed
 from tango_cnc.link.protocols import remote
 from tango_cnc.link.transport import Lost, foreseen, open_port, parse
+from tango_cnc.link.transport._remote import _name
+from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
+
+GOLDEN = Path(__file__).parent / "golden" / "cell"
 
 
 def opened(server, **options):
@@ -240,3 +246,12 @@ def test_a_pipe_is_no_key_and_has_no_password(tmp_path):
         foreseen(parse(f"sftp://anna@127.0.0.1:1/x?key={pipe}", remote.OPTIONS))
     with pytest.raises(InputError, match=r"password: found .*pipe; allowed: a file with one word"):
         parse(f"sftp://anna@127.0.0.1:1/x?password=file:{pipe}", remote.OPTIONS)
+
+
+@pytest.mark.parametrize(
+    ("post", "name"), [("siemens", ""), ("okuma", ""), ("heidenhain", ""), ("fanuc", "O7700"), ("fagor", "TANGO.NC")]
+)
+def test_in_a_folder_a_program_has_the_name_that_its_control_takes(post):
+    """What 'tango plan' calls it; a Fanuc knows its number."""
+    called, _, lines = program(load(post), plan(read_cell(GOLDEN)), {}, "0" * 12)
+    assert _name("\n".join(lines()).encode("ascii")) == OTHERWISE.get(post, called)

@@ -25,6 +25,7 @@ BOM = b"\xef\xbb\xbf"
 START = b"TANGO START"
 OURS = re.compile(rb"PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}")
 HEAD = 4000  # bytes within which a program of ours names itself
+NAMES = {rb"^DEF INT TG_": "TANGO.MPF", rb"^OTNGO\b": "TANGO.MIN"}  # of programs for Siemens and Okuma in a folder
 BROKEN = (OSError, EOFError, LinkError)
 
 
@@ -144,11 +145,13 @@ class Remote:
 
 
 def _name(program: bytes) -> str:
-    """program → the name under which it goes into a folder: its O number, its Klartext name, else TANGO.NC."""
+    """program → the name under which it goes into a folder: its O number, its Klartext name, one of `NAMES`, else TANGO.NC."""
     if klartext := re.match(rb"(?:\d+ )?BEGIN PGM ([A-Za-z0-9_-]{1,32}) ", program):
         return f"{klartext[1].decode()}.H"
     number = re.search(rb"^O(\d{4,5})", program, re.MULTILINE)
-    return f"O{number[1].decode()}" if number else "TANGO.NC"
+    if number:
+        return f"O{number[1].decode()}"
+    return next((name for shape, name in NAMES.items() if re.search(shape, program, re.MULTILINE)), "TANGO.NC")
 
 
 def _why(error: BaseException) -> str:
