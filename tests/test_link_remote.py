@@ -248,9 +248,10 @@ def test_a_pipe_is_no_key_and_has_no_password(tmp_path):
         parse(f"sftp://anna@127.0.0.1:1/x?password=file:{pipe}", remote.OPTIONS)
 
 
-@pytest.mark.parametrize(
-    ("post", "name"), [("siemens", ""), ("okuma", ""), ("heidenhain", ""), ("fanuc", "O7700"), ("fagor", "TANGO.NC")]
-)
+OTHERWISE = {"fanuc": "O7700", "fagor": "TANGO.NC"}
+
+
+@pytest.mark.parametrize("post", ["siemens", "okuma", "heidenhain", *OTHERWISE])
 def test_in_a_folder_a_program_has_the_name_that_its_control_takes(post):
     """What 'tango plan' calls it; a Fanuc knows its number."""
     called, _, lines = program(load(post), plan(read_cell(GOLDEN)), {}, "0" * 12)
