@@ -55,7 +55,7 @@ def test_touches_without_contact_do_not_shift_where_the_segment_begins(interrupt
     text = (interrupted / "simulated.csv").read_text().splitlines()
     text[5] = text[5].replace(",ok,", ",miss,")
     (interrupted / "simulated.csv").write_text("\n".join(text) + "\n")
-    assert "step[200,machine].x" in estimated(interrupted, "--segment-offset", "machine")["parameters"]
+    assert "step[201,machine].x" in estimated(interrupted, "--segment-offset", "machine")["parameters"]
 
 
 @pytest.mark.few(0)
