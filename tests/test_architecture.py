@@ -55,7 +55,7 @@ INTERNAL: dict[str, str | None] = {
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked "
     "state.changes state.volume nearest history loaded",
     "state": f"{NUMERIC} verify iso230",
-    "web": "records texts files history report loaded link.journal link.entries",
+    "web": "records texts files history report loaded link.journal link.entries link.lock",
     "commands": None,
     "cli": "records commands nearest lean",
     "__main__": "cli",

@@ -773,3 +773,16 @@ def test_an_address_of_another_computer_is_refused_in_words() -> None:
         listening("no.such.host.invalid", 0)
     with listening("127.0.0.1", 0) as free:
         assert free.getsockname()[1] > 0
+
+
+def test_cells_of_one_name_have_their_folders_and_a_night_that_was_cut_off_is_told(tmp_path: Path) -> None:
+    one, other = (cell(tmp_path / name, records=[night("HU40T-like", 3)]) for name in ("hall", "copy"))
+    begun = other / "nights" / "begun"
+    begun.mkdir(parents=True)
+    (begun / "2026-11-23T020000Z").write_text("2026-11-23T02:00:00Z")
+    with TestClient(create(Settings((one, other))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        page = site.get("/").text
+        slugs = re.findall(r'href="/machine/([^"/]+)"', page)
+        machines = [site.get(f"/machine/{slug}").text for slug in dict.fromkeys(slugs)]
+    assert page.count(f">{one}</span>") == page.count(f">{other}</span>") == 1
+    assert page.count("Look at the machine first") == 1 and sum("Look at the machine first" in m for m in machines) == 1

@@ -14,10 +14,10 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
+from ..link.lock import cut_off
 from ..records import InputError, TangoError
 from ..texts import joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
-from ._cut_off import cut_off
 from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:

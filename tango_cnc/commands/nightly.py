@@ -14,11 +14,11 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
+from ..link.lock import cut_off
 from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
 from ..texts import joined, say
 from ._common import cell_option, controller_of, json_option, on_terminal, table, write_json
-from ._cut_off import cut_off
 from ._shop import headlines, note_simulated, of_shop
 
 if TYPE_CHECKING:

@@ -98,6 +98,18 @@ def at_work(folder: Path) -> str:
     return holder.named()
 
 
+def cut_off(folder: Path) -> list[str]:
+    """folder of a cell → stamps of nights that were begun and have not ended while nobody is at work there any more.
+
+    A power cut or a kill leaves their mark, and nothing else says so before the next night.
+    """
+    try:
+        begun = sorted(f.name for f in (folder / "nights" / "begun").iterdir() if not f.name.startswith("."))
+    except OSError:
+        return []
+    return begun if begun and not at_work(folder) else []
+
+
 def lock(handle: int) -> None:
     """open file → locked until it is closed. Raises OSError: another program has locked it, or the file system has no locks."""
     if os.name == "posix":

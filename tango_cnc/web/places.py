@@ -19,8 +19,10 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
+from ..link.lock import cut_off
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
+from ..texts import say
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
@@ -38,7 +40,7 @@ class Machine:
     folder: Path | None
     history: History | None
     trouble: str = ""  # why its cell cannot be read
-    former: tuple[str, ...] = ()  # what its cell has under other names, or with a date in the future, as sentences
+    former: tuple[str, ...] = ()  # nights cut off, what its cell has under other names, or dated in the future, as sentences
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ class Places:
             dated = m.history is not None and (id(m.history), m.name) in ahead
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
+            if m.folder is not None and (cut := cut_off(m.folder)):
+                m = found[slug] = replace(m, former=(*m.former, *(say("cli.nightly.cut_off", stamp=stamp) for stamp in cut)))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any
@@ -31,11 +32,19 @@ def fleet(request: Request) -> Response:
     """request → the list."""
     needs(request, "view")
     state = state_of(request)
-    rows = state.places.kept("fleet rows", lambda: sorted((_row(row, request) for row in state.places.fleet()), key=_urgent))
+    rows = state.places.kept("fleet rows", lambda: _rows(request))
     late = sum(r["late"] for r in rows)
     counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
     hours = f"{state.settings.late_hours:g}"
     return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=late, hours=hours)
+
+
+def _rows(request: Request) -> list[dict[str, Any]]:
+    """request → every machine; cells of one machine name are copied folders, and each is shown with its own."""
+    listed = state_of(request).places.fleet()
+    named = Counter(row.machine.name for row in listed)
+    folders = ("" if named[row.machine.name] == 1 else str(row.machine.folder or "") for row in listed)
+    return sorted((_row(row, request) | {"folder": folder} for row, folder in zip(listed, folders, strict=True)), key=_urgent)
 
 
 def _row(row: Row, request: Request) -> dict[str, Any]:
