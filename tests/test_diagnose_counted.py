@@ -21,7 +21,7 @@ MISSED = 40  # touches in a row that met nothing
 
 
 def missed(read: Readings) -> Readings:
-    """readings → the same, of which the first touches met nothing."""
+    """readings → the same readings, but the first touches met nothing."""
     return replace(read, status=tuple("missed" if i < MISSED else "ok" for i in range(len(read))))
 
 

@@ -234,7 +234,8 @@ def unstated_lines(data: Mapping[str, Any], figures: str) -> list[str]:
     if first := data.get("m_functions"):
         names = ", ".join(f"{name} (line {line})" for name, line in first.items())
         lines.append(
-            f"M functions of the machine's builder, taken not to change the path: {names}. Look in its manual: where one of them "
-            f"mirrors or shifts an axis, moves one, or switches tool center point control, the {figures} after it are wrong"
+            f"M functions of the machine's builder: {names}. The program assumes that they leave the path alone. Look in the "
+            "manual: where one mirrors, shifts or moves an axis, or switches tool center point control, "
+            f"the {figures} after it are wrong"
         )
     return lines

@@ -42,23 +42,17 @@ def _again(alarm: dict[str, Any], older: Sequence[tuple[Decision, Mapping[str, A
     }
 
 
-def _stood(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
-    """alarm of an earlier night, alarm of tonight → whether both came at once, and it stood still between them: two knocks."""
-    total = older.get("total")
-    if total is None or older.get("rate_per_day") or alarm.get("rate_per_day"):
-        return False
-    return abs(float(total) - float(alarm["size"]) - float(older["size"])) < STOOD * min(abs(older["size"]), abs(alarm["size"]))
+def _two_knocks_or_one(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
+    """alarm of an earlier night, alarm of tonight → whether both came at once, and it stood still between them (two knocks), or all
+    of it is tonight's step (one knock).
 
-
-def _once(older: Mapping[str, Any], alarm: Mapping[str, Any]) -> bool:
-    """alarm of an earlier night, alarm of tonight → whether it has moved once: all of it is no more than tonight's step.
-
-    Two nights find one change where a wrong clock keeps the night of the first out of what the second is compared with.
+    Two nights find one knock where a wrong clock keeps the night of the first out of what the second is compared with.
     """
     total = older.get("total")
     if total is None or older.get("rate_per_day") or alarm.get("rate_per_day"):
         return False
-    return abs(float(total) - float(alarm["size"])) < STOOD * min(abs(older["size"]), abs(alarm["size"]))
+    first, step = float(older["size"]), float(alarm["size"])
+    return min(abs(float(total) - step - first), abs(float(total) - step)) < STOOD * min(abs(first), abs(step))
 
 
 def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,6 +65,6 @@ def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], para
     if own_of(parameters, alarm["parameter"]) is None or alarm.get("repair"):  # a length has no way
         return alarm
     onward = [a for a in same if float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0]
-    if not onward or (len(same) == 1 and (_stood(onward[0], alarm) or _once(onward[0], alarm))):
+    if not onward or (len(same) == 1 and _two_knocks_or_one(onward[0], alarm)):
         return alarm
     return alarm | {"do": texts()("night.drift_do", name=alarm["parameter"])}

@@ -54,7 +54,7 @@ from .goes_on import anew, going_on
 from .lag import lagging
 from .lag import sentence as lag_told
 from .learning import READ, Earlier
-from .lengths import by_tonight
+from .lengths import with_total
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .standing import since_full, standing, unheard
@@ -294,7 +294,7 @@ class Nights:
         waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in alarms} | merged(alarms))
         if judged.believed:
             waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting]
-            waiting = by_tonight(past, machine, known, after, waiting, kind)
+            waiting = with_total(past, machine, known, after, waiting, kind)
         silent = unheard(past, machine, day, found, kind)
         alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
         gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]

@@ -20,7 +20,7 @@ LISTED = 60  # nights looked back over for the last one with a result
 
 @dataclass(frozen=True)
 class Since:
-    """The last night on which the machine was as before: its local date, and in words."""
+    """The last night on which the machine was as before: its local date, and how a sentence names it."""
 
     date: str
     words: str

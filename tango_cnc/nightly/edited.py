@@ -11,7 +11,7 @@ from ..texts import joined, say
 from .ports import Disk, Past
 
 ORIGIN = "readings.origin.json"
-LONG = 40  # characters of a value that are told
+LONG = 40  # characters of a value that a sentence shows
 
 
 def edited(

@@ -115,8 +115,8 @@ def _going_on(
 def _begun(
     newest: Mapping[str, tuple[Any, Mapping[str, Any]]], last: Mapping[str, Decision], older: Mapping[str, Any], today: str
 ) -> tuple[Any, Mapping[str, Any]] | None:
-    """→ the night and the alarm before the older one, where the older one might have been a second knock; None where there is none,
-    and where somebody has closed it.
+    """→ the night and the alarm before the older one, where the older one might have been a second knock; None where no alarm was
+    before it, and where somebody has closed that.
     """
     first = str((older.get("follows") or {}).get("alarm"))
     return None if first not in newest or _over(last.get(first), today) else newest[first]

@@ -18,7 +18,7 @@ from .standing import still
 from .words import value
 
 
-def by_tonight(
+def with_total(
     past: Past, machine: str, k: Known, after: State, waiting: Sequence[dict[str, Any]], kind: str
 ) -> list[dict[str, Any]]:
     """history, machine, what is known, state after tonight, alarms of other nights, kind of night → the same; those of a length
@@ -27,10 +27,10 @@ def by_tonight(
     if not any(a["cause"] in LENGTHS for a in waiting):
         return list(waiting)
     newest = newest_of(past, machine)
-    return [_by_tonight(past, machine, k, after, a, newest, kind) if a["cause"] in LENGTHS else a for a in waiting]
+    return [_with_total(past, machine, k, after, a, newest, kind) if a["cause"] in LENGTHS else a for a in waiting]
 
 
-def _by_tonight(
+def _with_total(
     past: Past,
     machine: str,
     k: Known,

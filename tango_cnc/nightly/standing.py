@@ -180,8 +180,8 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
 
 
 def still(size: float, change: float, std: float, told: str, *, confirmed: bool) -> Said:
-    """size of an alarm, change tonight, its standard deviation, in words, whether a full measurement has seen it → whether what
-    moved is still where it went.
+    """size of an alarm, change tonight, its standard deviation, the change as a text, whether a full measurement has seen it →
+    whether what moved is still where it went.
     """
     slack = max(3 * std, 0.25 * abs(size))
     if abs(change - size) < slack:

@@ -113,9 +113,7 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
     if not stripped or stripped == "%":
         return block
     if modal.ended:
-        raise refused(
-            number, stripped, f"the program has ended with {modal.ended}: what stands after it is never done; take it out"
-        )
+        raise refused(number, stripped, f"the program has ended with {modal.ended}: no control goes on after it; take it out")
     if stripped.startswith("/"):
         raise refused(number, "a block that may be skipped (/)", "where the machine goes then is not known: make two programs")
     words: list[Word] = []
