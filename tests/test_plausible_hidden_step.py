@@ -43,10 +43,17 @@ def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     assert max(abs(v) for v in off.values()) < 4
 
 
-@pytest.mark.parametrize(("example", "least"), [("hu40t", 15), ("trunnion", 17), ("huron", 10), ("three_axis_calibrated", 4)])
+@pytest.mark.parametrize(("example", "least"), [("hu40t", 15), ("trunnion", 17), ("huron", 10), ("split", 9)])
 def test_most_parameters_of_a_sound_cell_stay_trusted(example: str, least: int) -> None:
     off, judgement, every = trusted(example, 0.0)
     assert judgement.verdict == "trustworthy" and len(off) >= least >= every / 2
+
+
+def test_where_a_bend_is_hidden_the_note_speaks_of_steps_too() -> None:
+    """Its gains may be compensated: nothing is marked, and the note says what no touch shows."""
+    _, judgement, _ = trusted("three_axis_calibrated", 0.0)
+    said = " ".join(map(str, judgement.remarks))
+    assert judgement.untrusted == () and "nor an error of position that is no gain" in said and "a step of" not in said
 
 
 def test_a_step_that_is_known_to_be_smaller_moves_nothing() -> None:

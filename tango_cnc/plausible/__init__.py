@@ -208,11 +208,12 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         if (drift := drift_of(result)) is not None:
             behind = BETTER if agrees else AS_WELL
             found += [*either(result, drift, behind), *creeps(result, drift, behind)]
+    bent = list(unseen(result))  # it speaks of every error of position that is no gain, a step among them
     return [
         *found,
-        *unseen(result),
+        *bent,
         *hidden_drift(result),
-        *hidden_step(result),
+        *(() if bent else hidden_step(result)),
         *learned(result),
         *stylus(cell, told),
         *offset(told),

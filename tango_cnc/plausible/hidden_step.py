@@ -36,13 +36,12 @@ def hidden_step(result: Estimate) -> Iterator[Remark]:
         moves = [j for j in taken if j not in spared and by[:, j].max(initial=0.0) > MOVED]
         if not moves:
             continue
-        i, j = np.unravel_index(int(np.argmax(by[:, moves])), (len(places), len(moves)))
         moves.sort(key=lambda j: -by[:, j].max())
         text = say(
             "plausible.hidden_step.found",
             axis=axis,
             size=f"{size * 1e3:g}",
-            place=f"{places[i]:.0f}",
+            place=f"{places[int(np.argmax(by[:, moves[0]]))]:.0f}",
             names=joined(", ", [labels[j] for j in moves[:NAMED]]),
             moved=f"{by[:, moves].max():.0f}",
         )
