@@ -239,6 +239,8 @@ def message(
     limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
     crossed = [limit for limit in limits if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
+    if stale := record.get("stale_nights"):
+        lines += [t("mail.stale", nights=stale, date=record["last_measured"]), ""]
     owner = record.get("owner") or t("mail.nobody")
     for alarm in record["alarms"]:
         since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")

@@ -25,7 +25,9 @@ MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes, `soon` how near the limit is."""
+    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes, `soon` how near the limit is, `old` how
+    long it was not measured, where that is too long for an answer of today.
+    """
 
     may: May
     word: str
@@ -33,11 +35,16 @@ class Answer:
     numbers: str
     why: str
     soon: str = ""
+    old: str = ""
 
     @property
     def level(self) -> str:
         """→ the sign that goes with it."""
         return "none" if self.may == "wait" else LEVELS[self.may]
+
+    def short(self, t: Texts) -> str:
+        """texts → what stands beside the word: how old the result is, else the verdict in a word; '' where there is none."""
+        return self.old or (t(f"morning.{self.state}") if f"morning.{self.state}" in t else "")
 
 
 def answer(
@@ -51,10 +58,13 @@ def answer(
     has: str = "",
     ahead: Ahead | None = None,
     closed: str = "",
+    old: int = 0,
+    probe: bool = False,
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
     complete night is missing, who has an alarm that is not closed, how soon it is at its limit, by what every alarm of the night
-    was closed since → the answer.
+    was closed since, nights since the last measurement where these are too many (age.nights_old), whether all that is open is
+    of the probe → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -62,7 +72,9 @@ def answer(
     missing = verdict == "not_measured"
     known = before if missing else record
     may, state, why = (
-        _measured(known, t, waiting, has, closed) if known is not None else ("unknown", "not_measured", t("may.never"))
+        _measured(known, t, waiting, has, closed, "_probe" if probe else "")
+        if known is not None
+        else ("unknown", "not_measured", t("may.never"))
     )
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
@@ -71,7 +83,9 @@ def answer(
         doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
-    elif late and may == "yes":  # an answer of a week ago is no yes of today
+    if old:
+        return _of_old(record, known, may, old, date, u, t, machine)
+    if late and may == "yes":  # an answer of a week ago is no yes of today
         may, state, why = "but", "late", t("may.late", date=day(late, t))
     elif late and not missing:
         why = f"{why} {t('may.late_also', date=day(late, t))}".strip()
@@ -79,6 +93,28 @@ def answer(
     if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
         may, state, why = "but", "undecided", t("may.first_part")
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
+
+
+def _of_old(
+    record: Mapping[str, Any],
+    known: Mapping[str, Any] | None,
+    may: May,
+    old: int,
+    date: str,
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+) -> Answer:
+    """record, last one that measured, what it said, nights since then, its date → the answer: nobody knows. A limit that was
+    crossed stays crossed until a night says otherwise.
+    """
+    beyond = may == "no" and known is not None and str(known.get("verdict")) != "doubtful"
+    doubted = known is not None and str(known.get("verdict")) == "doubtful"
+    key = "old_beyond" if beyond else "old_doubt" if doubted else "old"
+    when = day(date or record.get("last_measured"), t)
+    word, told = t("may.no" if beyond else "may.unknown"), t("may.old_nights", nights=old)
+    numbers = _numbers(known, u, t, machine, date)
+    return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
 
 
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
@@ -124,10 +160,12 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
 
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
-    return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="")
+    return replace(
+        known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="", old=""
+    )
 
 
-def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, closed: str = "") -> tuple[May, str, str]:
+def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, closed: str, of: str) -> tuple[May, str, str]:
     verdict = str(record.get("verdict"))
     passed = [x.get("passed") for x in record.get("limits") or ()]
     if verdict == "doubtful":
@@ -140,13 +178,13 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, close
         return "but", "changed", t("may.repaired")
     if (verdict == "changed" and closed != "accept") or waiting or has:
         also = "may.open_other" if has else "may.open"  # somebody has another one
-        why = t(also, date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
+        why = t(also + of, date=day(waiting, t)) if waiting else t(f"may.has{of}", owner=has) if has else t(f"may.changed{of}")
         return "but", "changed" if verdict == "changed" else "alarm_open", why
     if None in passed:
         return "but", "undecided", t("may.undecided")
     if record.get("status") == "partial":
         return "but", "partial", t("may.partial", touches=record.get("touches") or 0, planned=record.get("planned") or 0)
-    return "yes", "good", ""
+    return "yes", "good" if any(x.get("limit") for x in record.get("limits") or ()) else "unchanged", ""
 
 
 def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Machine | None, date: str) -> str:

@@ -22,6 +22,7 @@ from ..history.former import formers, of_folder
 from ..link.lock import cut_off
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
+from ..report.age import nights_old
 from ..texts import say
 from .settings import Settings
 
@@ -169,17 +170,24 @@ class Places:
 
     def owner(self, machine: Machine) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
-        folder = machine.folder
-        if folder is None:
-            return ""
+        return self._stated(machine).owner
 
-        def read() -> str:
+    def old(self, machine: Machine, measured: str) -> int:
+        """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
+        today = datetime.now().astimezone().strftime("%Y-%m-%d")
+        return nights_old(measured, today, self._stated(machine).answers_for)
+
+    def _stated(self, machine: Machine) -> Nightly:
+        """machine → nightly.yaml of its cell; what holds without one where it has none, or one that cannot be read."""
+        folder, usual = machine.folder, Nightly(late_hours=self.settings.late_hours)
+
+        def read() -> Nightly:
             try:
-                return read_nightly(folder).owner
+                return usual if folder is None else read_nightly(folder)
             except TangoError:  # the night itself tells what is wrong with the file
-                return ""
+                return usual
 
-        return self.kept(f"owner {machine.slug}", read, 60)
+        return self.kept(f"stated {machine.slug}", read, 60)
 
     def cell(self, folder: Path) -> Cell | str:
         """folder → its cell, or why it cannot be read; read again when its files have changed."""
