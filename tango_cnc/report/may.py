@@ -44,7 +44,9 @@ def may(f: Facts, t: Texts) -> Told:
         return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t))
     night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     night = _but(night, None if stated is None else f.nights.answer(f.wishes.units, t, f.cell.machine, stated), f, t)
-    if f.nights.beside(f.paper.measured) == "newer" and (WORSE[own.may] > WORSE[night.may] or (night.old and night.may == "unknown" and not _old(f))):
+    if f.nights.beside(f.paper.measured) == "newer" and (
+        WORSE[own.may] > WORSE[night.may] or (night.old and night.may == "unknown" and not _old(f))
+    ):
         key = "may.by_readings_alone" if night.old else "may.by_newer_readings"
         newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
         return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
