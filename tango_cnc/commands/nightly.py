@@ -68,6 +68,7 @@ def command(
     from ..plan import plan
     from ._cell_nights import nights_of
     from ._compensated import recorded
+    from ._cut_off import keep_readings
     from ._night_world import RealClock, RealControl, RealDisk, locked
     from ._unreadable import settings_of
 
@@ -99,6 +100,7 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
+            keep_readings(folder, control.planned)
             past = history.as_of(lambda: begun)
             world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened)
             record = night(cell.machine.name, str(folder.resolve()), settings, world)

@@ -210,10 +210,10 @@ def _lost(world: Ports, stamp: str) -> str:
     t = texts()
     try:
         waits = any(old == stamp for old, _ in world.disk.unsent())
-        kept = world.disk.read(stamp, "readings.csv") is not None
+        kept = any(world.disk.read(stamp, name) is not None for name in ("readings.csv", "readings.partial.csv"))
     except OSError:
         waits = kept = False
-    why = t("night.cut_off") if waits else t("night.cut_off_silent")
+    why = t("night.cut_off") if waits or kept else t("night.cut_off_silent")
     return joined("", (why, t("night.readings_left", folder=f"nights/{stamp}") if kept else ""))
 
 
