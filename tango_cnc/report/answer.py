@@ -18,6 +18,8 @@ from .words import spoken
 
 CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with which the database would be loaded
 
+CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
+
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
@@ -117,11 +119,18 @@ def _of_old(
     return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
 
 
+def is_cut_off(former: Sequence[str]) -> bool:
+    """what pages say of a cell beside its nights → whether a night of it was cut off."""
+    return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
+
+
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     """answer, what the cell has under other names or with a date in the future, texts → the same; an alarm that is open there is
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
+    if is_cut_off(former) and found.may in ("yes", "but") and found.state in ("good", "unchanged", "late", "partial"):
+        return replace(found, may="but", word=t("may.but"), state="cut_off", why=t("may.cut_off"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
     dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)

@@ -42,6 +42,7 @@ def may(f: Facts, t: Texts) -> Told:
     own = _but(_own(f, t), None if strict is None else _own(strict, t), f, t)
     if f.nights is None:
         return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t))
+    own = _after(own, f, t)
     night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     night = _but(night, None if stated is None else f.nights.answer(f.wishes.units, t, f.cell.machine, stated), f, t)
     if f.nights.beside(f.paper.measured) == "newer" and (
@@ -52,6 +53,29 @@ def may(f: Facts, t: Texts) -> Told:
         return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
     basis = _by_night(f, t)
     return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, True, t), True)
+
+
+def _after(own: Answer, f: Facts, t: Texts) -> Answer:
+    """answer of these readings, facts with nights → the same; no plain yes where they are newer than the night, and it has left an
+    alarm that nobody has closed, or the error has grown since.
+    """
+    assert f.nights is not None
+    if own.may != "yes" or f.nights.beside(f.paper.measured) != "newer":
+        return own
+    date = day(f.nights.measured_on, t)
+    if f.nights.old and f.nights.waiting:
+        return replace(own, may="but", word=t("may.but"), state="alarm_open", why=t("may.open_old", date=date))
+    if grown(f):
+        return replace(own, may="but", word=t("may.but"), state="changed", why=t("may.grown_since", date=date))
+    return own
+
+
+def grown(f: Facts) -> bool:
+    """facts → whether readings that are newer than the night show a larger error at the tool tip than it has."""
+    if f.nights is None or f.tip is None or f.nights.beside(f.paper.measured) != "newer":
+        return False
+    there = ((f.nights.before or f.nights.record or {}).get("volume") or {}).get("worst_um")
+    return there is not None and 1e3 * f.tip.worst > GROWN * float(there)
 
 
 def _old(f: Facts) -> bool:
@@ -74,8 +98,8 @@ def _run(f: Facts, by_night: bool, t: Texts) -> str:
     here, night = (length(x, f.wishes.units) for x in (1e3 * f.tip.worst, float(there)))
     key = f"run.night_{beside}" if by_night else "run.readings"
     told = t(key, date=day(f.nights.measured_on, t), here=here, night=night)
-    name, more = next(iter(effects(f.result)), None), 1e3 * f.tip.worst > float(there) * GROWN
-    if not by_night or beside != "newer" or not more or name is None:
+    name = next(iter(effects(f.result)), None)
+    if not by_night or not grown(f) or name is None:
         return told
     factor, unit = shown(f.result.parameters[name].unit)
     size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)

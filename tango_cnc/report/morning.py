@@ -169,7 +169,7 @@ def context(
         "headline": sentence(t.of(as_decided(record, decisions)), u),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
-        "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine),
+        "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
         "alarms": alarms,
         "first": found[0] if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],

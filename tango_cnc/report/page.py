@@ -20,7 +20,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import Told, may
+from .may import Told, grown, may
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -106,7 +106,8 @@ def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
     if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
         first, *more = f.nights.todo
-        return [f"{f.nights.cause} {first}".strip(), *more, *([c.todo] if c.todo else [])]
+        moved = since_then(f, t, "todo.grown") if grown(f) else ""
+        return [x for x in (moved, f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:

@@ -14,10 +14,10 @@ from starlette.routing import Route
 from ...report.age import measured_on
 from ...report.alarm import sentence, whole_sentence
 from ...report.answer import Answer, answer, measuring, renamed
-from ...report.days import day
+from ...report.days import day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
-from ...report.orders import orders
+from ...report.orders import orders, orders_of_cut_off
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.repeated import of_shop
@@ -71,7 +71,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
-        "former": [t.of(text) for text in row.machine.former],
+        "former": [*(spoken_days(t.of(text), t) for text in row.machine.former), *orders_of_cut_off(row.machine.former, t)],
         "unmeasured": unmeasured(ran, busy, row.machine, state),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
@@ -120,7 +120,9 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
 def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
     """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
     record, axes = row.record or {}, state.places.geometry(row.machine)
-    return orders(told, record, found, str((record.get("next") or {}).get("kind") or ""), state.units, state.texts, axes)
+    return orders(
+        told, record, found, str((record.get("next") or {}).get("kind") or ""), state.units, state.texts, axes, row.machine.former
+    )
 
 
 def _ahead(row: Row, state: State) -> Ahead | None:

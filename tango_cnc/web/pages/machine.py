@@ -23,7 +23,7 @@ from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, of_shop, shortened
+from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
@@ -266,7 +266,8 @@ def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Ma
         records = history.records_of([n.entry for n in nights])
         said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         return {
-            n.entry: sentence(plain(plainly(of_shop(text), t), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)
+            n.entry: sentence(plain(plainly(in_a_row(of_shop(text)), t), u, t, axes), Units())
+            for n, text in zip(nights, said, strict=True)
         }
 
     return state.places.kept(key, made, 600)
