@@ -23,8 +23,10 @@ from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.nightly.words import message
 from tango_cnc.report.age import measured_on, nights_old
 from tango_cnc.report.answer import answer
+from tango_cnc.report.repeated import in_a_row
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import joined, say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -145,3 +147,43 @@ def test_the_age_is_that_of_the_last_night_that_measured() -> None:
     assert measured_on(good) == measured_on(nothing, good) == good["night"] and measured_on(nothing) == "2026-10-20"
     assert measured_on(nothing, nothing) == "2026-10-20" and nights_old("", "2026-11-01", 7) == 0
     assert replace(Nightly(), every_days=10).answers_for == 20 and Nightly().answers_for == 7
+
+
+def test_a_night_that_was_cut_off_is_in_the_answer_and_in_what_to_do_on_every_page(tmp_path: Path) -> None:
+    place = place_of(tmp_path / "one", 0)
+    (place / "nights" / "begun").mkdir(parents=True)
+    (place / "nights" / "begun" / "2026-11-23T020000Z").write_text("", encoding="utf-8")
+    for path in ("", "/trend", "/nights"):
+        text = shown(place, f"/machine/{M}{path}")
+        assert "Measure the first part before you go on: last night was cut off." in text and "What changed Nothing." not in text
+        assert "The night of Mon 23 Nov 2026 was cut off" in text and "2026-11-23T" not in text
+        assert re.search("What to do:? Look at the machine first: its control may still execute the program.", text), path
+    assert "Yes, but: 1." in shown(place, "/")
+
+
+def test_where_only_the_probe_has_changed_other_parts_are_not_in_question(tmp_path: Path) -> None:
+    before, now = dated(1), dated(0)
+    bent = knock(now["night"]) | {"cause": "stylus", "parameter": "stylus", "since": before["night"], "text": "The tip has moved"}
+    place = cell(tmp_path / "one", records=[night(M, 0, **before), night(M, 1, "changed", alarms=[bent], **now)])
+    text = shown(place, f"/machine/{M}").partition("For the engineer")[0]
+    assert "Those that were set up or measured with the probe since" in text and "All that were made" not in text
+    for path in PAGES:
+        assert "Measure the first part that is set up with the probe" in shown(place, path), path
+
+
+def test_a_row_of_a_list_of_nights_speaks_of_its_own_night() -> None:
+    text = say("changed.unnamed", name="EX0C", size="9 µm", since=say("night.alarms.last_night"))
+    text = joined("; ", (text, say("night.alarms.now", told="9 µm"), say("night.alarms.confirmed", told="9 µm")))
+    row = texts().of(in_a_row(text))
+    assert "since the night before" in row and "9 µm that night" in row and "confirmed by the full measurement" in row
+    assert not re.search("tonight|last night|now", row) and in_a_row("as it was") == "as it was"
+
+
+def test_a_message_dates_a_change_as_pages_do() -> None:
+    text = say("changed.unnamed", name="EX0C", size="20 µm", since=say("night.alarms.last_night"))
+    one = knock("2026-11-05") | {"text": text, "since": "2026-11-04", "on_part": "Parts are off."}
+    record = night(M, 12, "changed", alarms=[one], headline=text)
+    told = message(record, (), ())[1]
+    assert told.count("since the night of 2026-11-05") == 3 and "last night" not in told and "2026-11-04" not in told
+    drift = one | {"rate_per_day": 0.002, "since": "2026-10-30", "text": text.but(since="2026-10-30")}
+    assert "since 2026-10-30" in message(record | {"alarms": [drift], "headline": drift["text"]}, (), ())[1]

@@ -65,7 +65,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
     old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
-    label = between(signs[::-1], t) if signs else ""
+    label = between(signs[::-1], t, old) if signs else ""
     drawn = state.places.kept(f"strip {_stamp(row)} {old}", lambda: strip(signs, label, t, old), LONG)
     return {
         "slug": row.machine.slug,

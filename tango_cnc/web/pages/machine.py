@@ -21,7 +21,7 @@ from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
-from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
+from ...report.morning import LEVELS, SHORT, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
@@ -58,16 +58,19 @@ def machine(request: Request) -> Response:
         values |= morning_of(request, found, values["busy"])
         values["known"], values["judged"] = True, bool(allowed)
         values["entry"] = entry
-        values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], between(signs, state.texts), state.texts, values["old"])
-        values["between"] = between(signs, state.texts)
+        values["strip"] = strip(
+            [(d, v, "") for d, v in reversed(signs)], between(signs, state.texts, values["old"]), state.texts, values["old"]
+        )
+        values["between"] = between(signs, state.texts, values["old"])
         values["headlines"] = headlines(request, found, nights[:10])
         values["curves"] = curves(request, found)
         values["course"] = course_of_tip(request, found)
     return page(request, "machine.html", **values)
 
 
-def between(signs: Sequence[tuple[str, ...]], t: Texts) -> str:
-    """(date, …) of nights, newest first, texts → which nights a row of signs has."""
+def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
+    """(date, …) of nights, newest first, texts, whether they are too old → which nights a row of signs has."""
+    signs = signs[:SHORT] if old else signs
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
     return t("web.nights", count=len(signs), first=first, last=last)
 
