@@ -14,7 +14,10 @@ import numpy as np
 from ..records import Array
 
 DRAWS = 1000
-STEEPEST = 5.0  # power by which draws count: three scales and three squarenesses
+STEEPEST = 9.0  # power by which draws count, of a volume: three scales, three squarenesses, and the turns of three axes
+STEEPEST_TURNED = 5.0  # the same of a rotary axis
+PART = 0.25  # of what the learned directions add to a range that counts as noise of what was read
+HALF = 0.5
 NEAR = 0.25  # of a deviation: so near to what was read, scatter moves a range evenly, and bends it by a little
 NARROW = 1e-3  # of the largest: what is smaller counts as much
 
@@ -39,23 +42,44 @@ def of_drawn(curves: Array, read: Array, noise: Array, coverage: float = 0.95) -
     return _from_nothing(Spread(best, low, high, least, most), float(np.ptp(read)), nothing, tail)
 
 
-def of_volume(curves: Array, free: Array, share: float = 1.0, coverage: float = 0.95) -> Spread:
+def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     """curves that are possible (m, d), or vectors (m, 3, d); by how much each differs from their mean in what the touches alone
     decide, alike → largest minus smallest, or the longest, of them.
 
     Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
-    range^(1 − k): then noise takes a range to neither side. k is found from how much the free directions enlarge it around
-    what was read. `share`: of that power which counts, where a part of what is drawn is no noise of what was read.
-    Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
+    range^(1 − k): then noise takes a range to neither side. k is found from how much noise enlarges the range that was read: all of
+    the free directions, and a part of those whose size was learned, as three axes say little of each other's size. A vector has the
+    noise of three components. Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
-    tail, sizes = (1 - coverage) / 2, _sizes(curves)
-    mean = curves.mean(axis=-1, keepdims=True)
-    read, (up, down) = float(_sizes(mean)[0]), (_sizes(mean + s * NEAR * (curves - mean)) for s in (1, -1))
-    scatter = float(np.var(up - down)) / (2 * NEAR) ** 2
+    sizes, mean = _sizes(curves), curves.mean(axis=-1, keepdims=True)
+    part = PART * (1 if curves.ndim == 2 else curves.shape[1])
+    grown = (1 - part) * _grown(mean, free) + part * _grown(mean, curves - mean)
+    return _counted(curves, sizes, grown, float(np.var(sizes)), STEEPEST, coverage)
+
+
+def of_turned(curves: Array, coverage: float = 0.95) -> Spread:
+    """curves of a rotary axis that are possible (m, d) → largest minus smallest of them, which noise makes too large as a volume.
+
+    Half of the power counts: the harmonics that no touch shows are drawn with the others, and are no noise of what was read.
+    """
+    sizes, mean = _sizes(curves), curves.mean(axis=-1, keepdims=True)
+    up, down = (_sizes(mean + s * NEAR * (curves - mean)) for s in (1, -1))
+    grown = HALF * _grown(mean, NEAR * (curves - mean)) / NEAR**2
+    return _counted(curves, sizes, grown, float(np.var(up - down)) / (2 * NEAR) ** 2, HALF * STEEPEST_TURNED, coverage)
+
+
+def _grown(mean: Array, noise: Array) -> float:
+    """curve as read (m, 1) or (m, 3, 1), what may be added to it (… d) → by how much that makes it larger, on average."""
+    return float(sum(_sizes(mean + s * noise).mean() for s in (1, -1)) / 2 - _sizes(mean)[0])
+
+
+def _counted(curves: Array, sizes: Array, grown: float, scatter: float, steepest: float, coverage: float) -> Spread:
+    """curves, sizes (d,), growth by noise, variance of the size, power at most → the spread of draws that count by a power."""
+    tail, mean = (1 - coverage) / 2, curves.mean(axis=-1, keepdims=True)
+    read = float(_sizes(mean)[0])
     if scatter <= 0.0:
         return Spread(*[read] * 5)
-    bent = sum(float(_sizes(mean + s * NEAR * free).mean()) - read for s in (1, -1)) / 2 / NEAR**2
-    by = share * min(max(2 * read * bent / scatter, 0.0), STEEPEST)
+    by = min(max(2 * read * grown / scatter, 0.0), steepest)
     order = np.argsort(sizes)
     worth = np.maximum(sizes[order] / sizes.max(), NARROW) ** -by
     at = (np.cumsum(worth) - worth / 2) / worth.sum()

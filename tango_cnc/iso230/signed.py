@@ -19,7 +19,7 @@ from ..identify import Selection
 from ..records import Array, TangoError
 from .doubt import UNDECIDED, Doubt, most, undecided, worst
 from .expansion import expanded, feels, felt_by, with_column
-from .interval import Spread, of_drawn, of_volume
+from .interval import Spread, of_drawn, of_turned, of_volume
 from .onpart import Ask, asked, minimum_zone
 from .seen import Budget, root_of, seen
 from .temperature import NO_CHANGE, Known, Thermal, scale, state_of
@@ -28,7 +28,6 @@ from .unseen import positions
 from .whole import DEGREE, ORDER, Whole, foreseen, understood, whole
 
 COVERAGE = 0.95
-HALF = 0.5  # of a rotary axis, the harmonics that no touch shows are drawn with the others: they are no noise of what was read
 
 
 @dataclass(frozen=True)
@@ -223,10 +222,11 @@ def _spread(ask: Ask, own: Ask, wide: Whole, learned: Whole) -> Spread:
     assert learned.draws is not None and learned.free is not None
     used = np.flatnonzero(own.curve.any(axis=tuple(range(own.curve.ndim - 1))))
     drawn = own.factor * (own.curve[..., used] @ learned.draws[used])
-    if own.length is not None or own.turned:  # two axes that turn say too little of each other's size: noise would count twice
-        free = used if own.turned else used[learned.free[used]]
-        share = HALF if own.turned else 1.0
-        return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])), share)
+    if own.turned:
+        return of_turned(drawn)
+    if own.length is not None:  # three axes say too little of each other's size: noise would count twice
+        free = used[learned.free[used]]
+        return of_volume(drawn, own.factor * (own.curve[..., free] @ (learned.draws[free] - learned.values[free, None])))
     curve = ask.curve * ask.factor
     wider = float(special.stdtrit(wide.freedom, 0.5 + COVERAGE / 2) / special.ndtri(0.5 + COVERAGE / 2))
     found, mean = of_drawn(drawn, curve @ wide.values, wider * root_of(curve, wide.covariance)), drawn.mean(axis=1)
