@@ -97,13 +97,7 @@ def _run(f: Facts, by_night: bool, t: Texts) -> str:
         return ""
     here, night = (length(x, f.wishes.units) for x in (1e3 * f.tip.worst, float(there)))
     key = f"run.night_{beside}" if by_night else "run.readings"
-    told = t(key, date=day(f.nights.measured_on, t), here=here, night=night)
-    name = next(iter(effects(f.result)), None)
-    if not by_night or not grown(f) or name is None:
-        return told
-    factor, unit = shown(f.result.parameters[name].unit)
-    size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
-    return f"{told} {t('may.most', what=spoken(name, f.cell.machine, t), size=size)}"
+    return t(key, date=day(f.nights.measured_on, t), here=here, night=night)
 
 
 def _by_night(f: Facts, t: Texts) -> str:

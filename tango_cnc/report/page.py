@@ -105,7 +105,8 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
     if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
-        first, *more = f.nights.todo
+        known = [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
+        first, *more = known or [""]
         moved = since_then(f, t, "todo.grown") if grown(f) else ""
         return [x for x in (moved, f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
