@@ -51,8 +51,10 @@ def may(f: Facts, t: Texts) -> Told:
         key = "may.by_readings_alone" if night.old else "may.by_newer_readings"
         newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
         return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
+    newest = grown(f) and own.numbers != "" and f.wishes.limit is not None  # the larger number is the newer one
+    night = replace(night, numbers=own.numbers) if newest else night
     basis = _by_night(f, t)
-    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, True, t), True)
+    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, not newest, t), True)
 
 
 def _after(own: Answer, f: Facts, t: Texts) -> Answer:

@@ -52,6 +52,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     # A cause that was found comes before what a large scatter asks for by itself.
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
+    do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -107,8 +108,7 @@ def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
         known = [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
         first, *more = known or [""]
-        moved = since_then(f, t, "todo.grown") if grown(f) else ""
-        return [x for x in (moved, f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
+        return [x for x in (f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:
