@@ -16,6 +16,7 @@ from .world import Control, nominal_machine, tip_in_table
 
 DAY = 86_400.0  # s
 STILL = 1e-9  # mm or rad: less than this is rounding, not a motion
+SHORTEST = 0.3  # mm nearer than the stand-off: less is no motion of a program, as some controls take none so short
 PIECES = 12  # of an approach: enough for one that enters and leaves a ball of the size of the probe's tip
 
 
@@ -117,7 +118,8 @@ def _commanded(machine: Machine, artefact: Artefact, strategy: Strategy) -> _Cyc
 
 def _begin(cycle: _Cycle, approach: Approach) -> Array:
     """→ (n, k) where the measuring moves begin: at the stand-off, or as near as a double touch has retreated to."""
-    part = 1.0 if approach.find is None else approach.find.retreat / approach.standoff
+    nearer = 0.0 if approach.find is None else approach.standoff - approach.find.retreat
+    part = 1.0 if nearer < SHORTEST else 1.0 - nearer / approach.standoff
     return cycle.standoff if part == 1.0 else cycle.contact + part * (cycle.standoff - cycle.contact)
 
 

@@ -104,12 +104,14 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
 
 
 def _folder(error: click.UsageError) -> str:
-    """what click says of a command line → where the folder of the cell goes, if it is that; else nothing."""
+    """what click says of a command line → where the folder of the cell or the port goes, if it is that; else nothing."""
     if error.ctx is None or not any("-C" in option.opts for option in error.ctx.command.params):
         return ""
     extra = re.search(r"unexpected extra arguments? \((.+)\)$", error.message)
     if not extra and getattr(error, "option_name", "") not in ("-c", "--cell", "--folder", "--dir"):
         return ""
+    if extra and "://" in extra[1] and any("--port" in option.opts for option in error.ctx.command.params):
+        return f"The port goes behind --port: {error.ctx.command_path} --port {extra[1].split()[0]}"
     return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
 
 

@@ -56,7 +56,7 @@ def of_moves(plan: Plan, feed: float | None = None, moves: Iterable[tuple[Move, 
     if approach.find is not None:
         search = {
             "find": approach.standoff / (approach.find.feed / 60),
-            "probe": approach.find.retreat / (approach.feed / 60),
+            "probe": (approach.standoff - plan.nearer) / (approach.feed / 60),
         }
     search["prove"] = approach.standoff / (approach.feed / 60)
     search["probe"] += plan.machine.overhead

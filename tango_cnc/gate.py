@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from .records import InputError, Move, MoveKind, Plan, Touch
+from .records import InputError, Machine, Move, MoveKind, Plan, Touch
 
 ALIVE = 10.0  # mm of the slow move during which somebody touches the stylus, before the first descent
 ALIVE_TIME = 20.0  # s of it, for a person to get there
@@ -24,6 +24,7 @@ BEHIND = 0.45  # mm behind its facet where the search ends that proves the probe
 ABOVE = math.cos(math.radians(45.0))  # of the angle between tool and facet normal: touched from above
 STEP = 0.5  # mm of the step that shows whether positions come in mm: every stylus gives way by more
 STEP_FEED = 60.0  # mm/min of it
+ALONG = 0.1  # mm along the spindle of 1 mm of an axis: less, and the axis lies across it
 INCH = 25.4  # mm
 MIRRORED = "MIRROR IMAGE OR SCALING"  # what a program says where the step goes the other way, or too far
 PROVING = "PROVING THE PROBE AT FACET"  # what a program says before it does
@@ -76,13 +77,22 @@ def step(plan: Plan) -> tuple[str, float]:
     """plan → axis letter and mm of the step before all else that shows whether positions come in mm.
 
     A program that takes the difference of two frames from the control would go anywhere where they come in inches. The step is
-    along the axis of its first move, away from its upper end, where people begin; it is said as a distance, so no frame matters.
+    along the axis of its first move, away from its upper end, where people begin with the rotary axes at 0, wherever a head points
+    at the first touch; it is said as a distance, so no frame matters.
     """
     first, touch = next(move for move, _ in plan.served), plan.touches[0]
     name = next(name for name in plan.machine.linear if name in first.target)
     column = plan.machine.column(name)
-    up = touch.over[column] - touch.standoff[column]
+    up = _up(plan.machine, name)
+    if abs(up) < ALONG:
+        up = touch.over[column] - touch.standoff[column]
     return name, -math.copysign(STEP, up if abs(up) > 1e-9 else 1.0)
+
+
+def _up(machine: Machine, name: str) -> float:
+    """machine, linear axis → mm along the spindle, away from the table, of 1 mm of it while the rotary axes are at 0."""
+    way = sum(d * s for d, s in zip(machine.axis(name).direction, machine.spindle.direction, strict=True))
+    return way if name in machine.tool_branch else -way
 
 
 def proving_touch(plan: Plan) -> Touch:

@@ -24,6 +24,7 @@ class Tolerances:
     stylus: float = 1.0  # mm, tip against the spindle line and the stated length
     scatter: float = 0.05  # mm, one standard deviation of what the model leaves of a touch
     direction: float | None = None  # mm, by which touches of one direction may read early or late; None: nobody has stated it
+    step: float = 0.003  # mm, by which a linear axis may stand elsewhere beyond one place of its travel
     runout: float | None = None  # mm, of the tip in each direction, as a dial gauge shows it; None: nobody has stated it
 
 

@@ -309,7 +309,10 @@ GOOD = "  - {kind: box, low: [300, -90, -90], high: [330, 90, 60], on: A, name: 
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ("{kind: box, low: [0, 0, 0], high: [1, 1, 1]}", r"obstacles\[0\]: found no key 'on'; allowed: 'on' is required here"),
+        (
+            "{kind: box, low: [0, 0, 0], high: [1, 1, 1]}",
+            r"obstacles\[0\]: found no key 'on'; allowed: 'on' is required here: one of f, ",
+        ),
         ("{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: B}", r"obstacles\[0\].on: found 'B'; allowed: f, Y, A, X, Z"),
         (
             "{kind: box, low: [0, 0, 0], high: [1, 1, 1], on: C}",

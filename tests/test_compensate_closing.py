@@ -5,6 +5,7 @@ Here the touches do not scatter, so that what is left is the target's own; with 
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -61,3 +62,27 @@ def test_what_it_cannot_hold_is_said() -> None:
     words = {s.name: s.word for s in propose(first("three_axis_calibrated"), "linuxcnc", ["kinematics=trivkins"]).fit.shares}
     assert words["EC0X"] == "not at all" and words["EXX1"] == "exactly"
     assert example("three_axis_calibrated")[1].errors["EC0X"] != 0
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("more", [("vectors=no",), ("vectors=no", "tables=no"), ()], ids=" ".join)
+def test_the_zero_of_a_dynamic_fixture_offset_takes_away_what_the_center_of_the_table_does(
+    more: tuple[str, ...], tmp_path: Path
+) -> None:
+    """Fanuc's G54.2 on the turntable of split; with the vectors as well, both files have one center."""
+    c = closed("split", "fanuc", tmp_path, ("fixture_offset=G55", *more))
+    assert c.gone >= 0.95
+    assert c.true_after < c.proposal.fit.rms_after.high + 0.1
+    zero = re.search(r"G10 L2 P2 X(\S+) Y(\S+)", (tmp_path / "fixture.nc").read_text())
+    assert zero is not None
+    center = [c.proposal.numbers[f"centre of C, {axis}"] for axis in "XY"]
+    assert [float(at) for at in zero.groups()] == pytest.approx(center, abs=1e-4)
+    if not more:
+        vectors = dict(re.findall(r"N(\d+) R(\S+)", (tmp_path / "vectors.nc").read_text()))
+        assert [float(vectors[number]) for number in ("19700", "19701")] == pytest.approx(center, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["trunnion", "hu40t", "fork_head", "three_axis_calibrated"])
+def test_tables_that_no_one_zero_can_follow_have_no_dynamic_fixture_offset(name: str) -> None:
+    with pytest.raises(InputError, match="allowed: for one table axis parallel to X, Y or Z"):
+        propose(first(name), "fanuc", ("fixture_offset=G54",))

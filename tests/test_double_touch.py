@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support import gates
 from support.controls import GOLDEN
 from support.dialects import DRIVEN, EVERY, EXAMPLE, OFFSETS, PRINTED, measured, s3
 from support.linkfaults import scene, stopped_by_the_user
@@ -359,3 +360,13 @@ def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -
     standoff, over = (np.array(place) for place in (made.touches[2].standoff, made.touches[2].over))
     assert np.abs(np.array(went[-1]) - over)[:3].max() < 0.01
     assert min(np.abs(np.array(place) - standoff)[:3].max() for place in went[-40:]) < 0.01
+
+
+@pytest.mark.parametrize(("retreat", "near"), [(9.75, 0), (9.5, 1)])
+def test_a_way_back_to_the_facet_that_some_controls_find_too_short_is_not_made(retreat: float, near: int) -> None:
+    """Mach3 takes no G31 of less than 0.254 mm: the second of two touches begins at the stand-off then, and is as slow."""
+    made = plan(twice(read_cell(GOLDEN), Find(feed=800.0, retreat=retreat)))
+    assert sum(move.kind == "near" for move in made.moves) == near * len(made.touches)
+    post = load("mach3")
+    check(program(post, made, {}, plan_hash(made))[2], made, settings(post, {}), companions(post, made, {}))
+    assert not gates.ran("mach3", made).why

@@ -170,7 +170,7 @@ def test_the_page_of_alarms_has_no_command_for_a_man_at_the_machine(tmp_path: Pa
     (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann\n", encoding="utf-8")
     text = asked(place, "/alarms")
     shown = re.sub(r"<details>.*?</details>", "", text, flags=re.DOTALL)
-    assert "For a decision, call Ann." in shown and "tango history" not in shown and str(place) not in text
+    assert "Call Ann: asked on " in shown and "tango history" not in shown and str(place) not in text
     assert 'class="alarm-card look"' in text
 
 

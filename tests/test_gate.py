@@ -15,15 +15,15 @@ from hypothesis import strategies as st
 from support.controls import Ran, golden
 from support.dialects import EVERY
 from support.gates import NEAR, ran
-from support.randomplans import random_plans
+from support.randomplans import example, random_plans
 from support.readback import renumbered
 
 from postprocessors._base import companions, load, program, unverified
 from postprocessors._base import settings as settings_of
 from tango_cnc import readback
-from tango_cnc.gate import ALIVE_TIME, BENT, PROVING, TOUCH, gate, proving_touch
-from tango_cnc.plan import plan_hash
-from tango_cnc.records import InputError, Plan
+from tango_cnc.gate import ALIVE_TIME, BENT, PROVING, STEP, TOUCH, gate, proving_touch, step
+from tango_cnc.plan import plan, plan_hash
+from tango_cnc.records import Indexation, InputError, Plan
 
 STOPS = re.compile(r"GOTO9008|THEN#3000=88|NS8|GOTO 9006")  # where nothing was noticed
 QUICK = ("fanuc", "siemens")  # of two families by default; the others take as long each and run in CI
@@ -282,3 +282,15 @@ def test_okuma_and_heidenhain_stop_with_the_text_before_the_slow_move(name: str,
     for lines, stated in ((early, options), (twice, options), (blocks, settings_of(post, {}))):
         with pytest.raises(InputError):  # a person is not stopped for anywhere else, nor without being asked to
             read(lines, stated)
+
+
+def test_the_step_before_all_else_goes_down_wherever_a_head_points_at_the_first_touch() -> None:
+    """People begin at the upper end of Z. At B 100 the way off the first facet goes down a little, and Z had no room up."""
+    cell = example("split")
+    away = [name for name, facet in cell.artefact.facets.items() if facet.normal[2] < 0.1]
+    turned = tuple(Indexation({"B": math.radians(100.0), "C": math.radians(c), "S": 0.0}, tuple(away)) for c in (0.0, 90.0))
+    made = plan(replace(cell, strategy=replace(cell.strategy, indexations=turned)), "leave-out")
+    z = made.machine.column("Z")
+    assert made.touches[0].over[z] < made.touches[0].standoff[z]
+    assert step(made) == ("Z", -STEP)
+    assert not ran("brother", made).why

@@ -101,7 +101,7 @@ def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_h
     subject, text = message(records[2], (), ())
     assert "STILL CHANGED" in subject and "nothing has changed" not in text.lower()
     assert "confirmed by tonight's full measurement" in text and "not answered" in text and "owner: Ann Meier" in text
-    assert "since last night" not in text and "since 2026-10-01" in text
+    assert "since last night" not in text and "since the night of 2026-10-02" in text
 
 
 @pytest.mark.long
@@ -388,7 +388,7 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
     assert record["headline"] == "volume is 75.9 µm, 60 µm are allowed: C axis has moved along X by +20 µm"
     subject, text = message(record, (), ())
     assert "OUT OF LIMITS" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
-        "since 2026-10-03"
+        "since the night of 2026-10-04"  # as on the page: the night that found it
     )
     assert text.count("BEYOND") == 1
 

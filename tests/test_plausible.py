@@ -75,7 +75,11 @@ def estimated(capsys: pytest.CaptureFixture[str], cell: Path, *more: str) -> tup
 def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, data = estimated(capsys, cell)
     assert code == 0
-    assert (data["verdict"], data["suspicions"], data["untrusted"]) == ("trustworthy", [], [])
+    assert (data["verdict"], data["suspicions"], data["untrusted"]) == ("trustworthy", [], ["EY0S", "EYYb", "EZt"])
+    assert any("cannot show a step of Y" in note and "EYYb" in note for note in data["remarks"])
+    step = "topology: wCBXfZY(S)t\ntolerances: {step: 0.0003}"
+    change(cell / "machine.yaml", "topology: wCBXfZY(S)t", step)  # positioning was measured: no step is larger
+    assert estimated(capsys, cell)[1]["untrusted"] == []
     shown = called(capsys, "estimate", "-C", cell, "--readings", readings_of(cell))[1]
     assert shown.splitlines()[-1] == "trustworthy: nothing was found that speaks against these numbers"
     doubted = Judgement("trustworthy", untrusted=("EX0C",))

@@ -17,6 +17,8 @@ ROOT = Path(__file__).parents[1]
 def trusted(example: str, seed: int, drift: float) -> tuple[dict[str, float], tuple[str, ...], str]:
     """Example, seed, mm of a drift of Z → standard deviations by which every trusted parameter is off, untrusted ones, remarks."""
     cell = read_cell(ROOT / "examples" / example)
+    known = replace(cell.machine.tolerances, step=1e-6)  # a laser has shown no step: what is left is the drift
+    cell = replace(cell, machine=replace(cell.machine, tolerances=known))
     truth = read_world(cell.folder / "world.yaml")
     effect = {"cause": "thermal_drift", "amplitude": drift, "direction": [0.0, 0.0, -1.0], "tau": 600.0}
     world = replace(truth, seed=seed, effects=(effect,) if drift else ())

@@ -175,7 +175,6 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
         and 'class="verdict good"' not in text
     )
     wanted = (
-        "First seen on Thu 5 Nov 2026",
         "moved along X, all at once",
         "Last night without it: Wed 4 Nov, first with it: Thu 5 Nov.",
         "40 µm apart",
@@ -188,7 +187,12 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
 def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_stands_behind_a_limit() -> None:
     open_one = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm"}
     page = morning.render(night("M", 12, "changed", headline="still changed", standing=[open_one])).partition("For the engineer")[0]
-    wanted = ("First seen on Thu 5 Nov 2026", "Still there: +20 µm", "40 µm apart", "Look for a collision")
+    wanted = (
+        "Last night without it: Wed 4 Nov, first with it: Thu 5 Nov.",
+        "Still there: +20 µm",
+        "40 µm apart",
+        "Look for a collision",
+    )
     assert [w for w in wanted if w not in page] == []
     drift = {"what": "volume", "parameter": "EY0C", "unit": "mm", "text": "EY0C drifts by +2.1 µm a day", "since": "2026-11-01"}
     drift |= {"size": 0.02, "std": 0.0004, "rate_per_day": 0.0021, "on_part": "Holes are off by 20 µm.", "do": "Have C looked at."}
@@ -213,7 +217,7 @@ def test_the_engineers_part_has_the_date_of_the_first_screen() -> None:
     both = [knock(day) | {"id": f"{day}-1", "night": day} for day in ("2026-11-05", "2026-11-14")]
     page = morning.render(night("M", 25, "changed", standing=both))
     first, engineer = page.split("For the engineer")
-    assert "First seen on Thu 5 Nov 2026" in first and "First seen on Thu 5 Nov 2026:" in engineer
+    assert "first with it: Thu 5 Nov." in first and "first seen on Thu 5 Nov 2026." in engineer
     assert "14 Nov" not in first.partition("Who has it")[0] and "2026-11-14" not in engineer and "14 Nov" not in engineer
 
 
@@ -296,7 +300,7 @@ def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folde
     policy = answer.headers["content-security-policy"]
     assert policy.startswith("sandbox allow-scripts;") and "frame-ancestors 'self'" in policy
     framed = site.get("/machine/HU40T-like/report")
-    assert 'href="/machine/HU40T-like">Back to the last night' in framed.text and "<p>mine</p>" not in framed.text
+    assert 'href="/machine/HU40T-like">Back to the newest night' in framed.text and "<p>mine</p>" not in framed.text
     assert 'src="/machine/HU40T-like/report/alone"' in framed.text and 'sandbox="allow-scripts"' in framed.text
     assert framed.headers["content-security-policy"].endswith("; frame-src 'self'")
     assert "frame-src" not in site.get("/machine/HU40T-like").headers["content-security-policy"]
@@ -304,7 +308,7 @@ def test_without_a_report_the_page_says_how_to_write_one(site: TestClient, folde
 
 def test_an_old_night_says_so_and_leads_to_the_newest(site: TestClient) -> None:
     old, newest = (site.get(f"/machine/HU40T-like/night/{n}").text for n in (13, 30))
-    assert "This is an old night" in old and 'class="button" href="/machine/HU40T-like">Go to the last night' in old
+    assert "This is an old night" in old and 'class="button" href="/machine/HU40T-like">Go to the newest night' in old
     assert "this morning" not in old and "Might parts be made then?" in old and "Next night" not in old
     assert "old night" not in newest and "May I make parts?" in newest
 
@@ -692,12 +696,12 @@ def test_a_machine_that_was_never_measured_says_what_to_do(tmp_path: Path) -> No
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         text = site.get("/machine/HU40T-like").text
-        assert "Not known" in text and "never measured" in text and "tango nightly -C one" in text
+        assert "Nobody knows" in text and "never measured" in text and "tango nightly -C one" in text
         found = {
             page: site.get(f"/machine/HU40T-like/{page}").status_code for page in ("trend", "nights", "files", "run", "report")
         }
         assert found == {"trend": 200, "nights": 200, "files": 200, "run": 200, "report": 404}
-        assert "Yes, but: 0. No: 0. Not known: 1." in site.get("/").text
+        assert "Yes, but: 0. No: 0. Nobody knows: 1." in site.get("/").text
 
 
 def test_the_first_run_of_a_machine_is_seen_as_one(tmp_path: Path) -> None:
@@ -707,7 +711,7 @@ def test_the_first_run_of_a_machine_is_seen_as_one(tmp_path: Path) -> None:
         run.begin()
         run.touch()
         fleet, machine = site.get("/").text, site.get("/machine/HU40T-like").text
-    assert "Measuring: 1." in fleet and "Not known: " not in fleet and "SIMULATED" in fleet
+    assert "Measuring: 1." in fleet and "Nobody knows: " not in fleet and "SIMULATED" in fleet
     assert (
         "SIMULATED" in machine and "never measured" not in fleet + machine and "first measurement" in fleet and "first" in machine
     )

@@ -153,6 +153,7 @@ def test_a_fleet_ends_with_1_when_a_machine_needs_somebody(
         (known,) = history.fleet("2026-10-01T06:00:00+00:00")
     assert known.last is not None
     now = replace(known, last=replace(known.last, verdict=verdict), late=late, alarms_open=open_alarms)
+    monkeypatch.setattr("tango_cnc.commands.fleet._stale", lambda history, nights, most: 0)  # that night is of October
     monkeypatch.setattr("tango_cnc.history.History.fleet", lambda self, now_utc, late_hours: (now,))
     found = CliRunner().invoke(tango, ["fleet", "--history", str(tmp_path / "history.db")], standalone_mode=False)
     assert found.return_value == status

@@ -1,4 +1,4 @@
-"""A Fanuc with vectors of the rotary axes, pitch error, straightness and backlash."""
+"""A Fanuc with vectors of the rotary axes or a dynamic fixture offset, pitch error, straightness and backlash."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read(folder: Path, machine: Machine) -> Applied:
         else:
             raise alarm("compensation.txt", i, f"found {line!r}")
     finish()
-    return Applied(machine, _vectors(folder, machine), None, trims, reversal=reversal)
+    return Applied(machine, _vectors(folder, machine) or _fixture(folder, machine), None, trims, reversal=reversal)
 
 
 def _scale(machine: Machine, axis: str) -> float:
@@ -86,3 +86,29 @@ def _vectors(folder: Path, machine: Machine) -> Callable[[Array], Array] | None:
     if len(tool) == 2:
         points[tool[0]] = points[tool[1]] + vector(19712)
     return moved_axes(machine, points, {})
+
+
+def _fixture(folder: Path, machine: Machine) -> Callable[[Array], Array] | None:
+    """G54.2: what lies on the table is turned about the zero of the work offset; Fanuc writes it in machine coordinates."""
+    text = text_of(folder, "fixture.nc")
+    if not text:
+        return None
+    zero: dict[str, float] = {}
+    absolute = metric = False
+    for i, line in enumerate(text.splitlines(), 1):
+        bare = re.sub(r"\([^)]*\)", "", line).strip()
+        found = re.fullmatch(r"G10 L2 P[1-6]((?: [XYZ]\S+)+)", bare)
+        if bare == "G21 G90":
+            absolute = metric = True
+        elif found and absolute and metric and not zero:
+            zero = {word[0]: number(word[1:], "fixture.nc", i) for word in found[1].split()}
+        elif bare and bare not in ("%", "M30") and not re.fullmatch(r"O\d+", bare):
+            raise alarm("fixture.nc", i, f"found {line!r}")
+    table = [a for a in machine.workpiece_branch if a in machine.rotary]
+    if len(table) != 1 or len(zero) != 2:
+        raise InputError("fixture.nc: the simulated control refuses it: allowed: one table axis, two coordinates of its center")
+    point = np.array(machine.axis(table[0]).point)
+    for axis, value in zero.items():
+        column = "XYZ".index(axis)
+        point[column] = machine.spindle.point[column] + value
+    return moved_axes(machine, {table[0]: point}, {})

@@ -23,6 +23,7 @@ from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
 from ._common import address_of, dialect
+from ._cut_off import note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
 from ._start import disproven_of
@@ -168,14 +169,14 @@ class RealControl:
     def _program(self, kind: str, touches: Sequence[int]) -> Finding:
         from .check import _postable
 
-        made = self._plan(kind, touches)
+        made = self.planned(kind, touches)
         _postable(self.cell if kind == "full" or self.check is None else self.check, made)
         said = say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
         return Finding("program", True, "; ".join((said, *made.start)))  # nobody is there to bring the axes near the first place
 
     def _gate(self, kind: str, touches: Sequence[int]) -> Finding:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
-        return proves(self.cell if kind == "full" or self.check is None else self.check, self._plan(kind, touches))
+        return proves(self.cell if kind == "full" or self.check is None else self.check, self.planned(kind, touches))
 
     def _left(self, kind: str, touches: Sequence[int]) -> Finding:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
@@ -226,7 +227,8 @@ class RealControl:
     def _address(self) -> str:
         return address_of(self.cell, self.port)
 
-    def _plan(self, kind: str, touches: Sequence[int]) -> Plan:
+    def planned(self, kind: str, touches: Sequence[int]) -> Plan:
+        """kind of night, touches of the strategy (empty: all) → its plan."""
         if kind == "check" and self.check is not None:
             return as_found(self.check, plan(self.check), dialect(self.check))
         whole = as_found(self.cell, self.whole, dialect(self.cell))
@@ -238,7 +240,8 @@ class RealControl:
         folder.mkdir(parents=True, exist_ok=True)
         target = folder / "readings.csv"
         own = self.check if kind == "check" and self.check is not None else self.cell
-        made = self._plan(kind, touches)
+        made = self.planned(kind, touches)
+        note_planned(folder, kind, touches)
         began = time.monotonic()
         if self._cold:
             self._warmed(own, made, folder)

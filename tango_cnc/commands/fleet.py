@@ -21,7 +21,7 @@ from ._common import cells_in, folders_option, json_option, on_terminal, table, 
 from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:
-    from ..history import History, Standing
+    from ..history import History, Night, Standing
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
@@ -35,6 +35,7 @@ class _Known:
     folder: Path
     name: str  # of its machine
     late_hours: float
+    answers_for: float  # days
 
 
 @dataclass(frozen=True)
@@ -47,11 +48,12 @@ class _Row:
     said: str = ""
     former: bool = False  # another name of a machine that has a line of its own
     cut_off: tuple[str, ...] = ()  # nights of its cell that were begun and never ended
+    stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
 
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return self.standing.alarms_open > 0 if self.former else bool(self.cut_off) or self.standing.wants_somebody
+        return self.standing.alarms_open > 0 if self.former else bool(self.cut_off or self.stale) or self.standing.wants_somebody
 
 
 @click.command()
@@ -120,7 +122,10 @@ def command(
                     nights = history.nights(s.machine, last=NIGHTS)
                     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
                     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
-                    found.append(_Row(s, next((c.folder for c in known if c.name == s.machine), None), tuple(tip), said))
+                    cell = next((c for c in known if c.name == s.machine), None)
+                    usual = Nightly(late_hours=hours or LATE).answers_for
+                    stale = _stale(history, nights, usual if cell is None else cell.answers_for)
+                    found.append(_Row(s, None if cell is None else cell.folder, tuple(tip), said, stale=stale))
                     if (future := in_future(history, s.machine)) is not None:
                         later = Standing(s.machine, future, s.nights, int(asks(future)), False)
                         found.append(_Row(later, found[-1].cell, (), told(future), former=True))
@@ -141,6 +146,7 @@ def command(
             "last": None if s.last is None else vars(s.last),
             "cell": None if row.cell is None else str(row.cell),
             "cut_off": row.cut_off,
+            "stale_nights": row.stale,
         }
         for row in found
         for s in [row.standing]
@@ -153,7 +159,8 @@ def command(
             s = row.standing
             last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
             size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
-            late_word = t("cli.nightly.late") if s.late else ""
+            late_word = t("may.old_nights", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+            last = (last[0], t("may.unknown")) if row.stale else last
             name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
             cut = joined("; ", [t("cli.nightly.cut_off", stamp=stamp) for stamp in row.cut_off])
@@ -180,6 +187,16 @@ def _former(history: History, place: str | Path, own: _Known, known: Sequence[_K
     return rows
 
 
+def _stale(history: History, nights: Sequence[Night], most: float) -> int:
+    """history, last nights of a machine, days for which a result is an answer → nights since it was measured, 0 where it is one."""
+    from ..report.age import measured_on, nights_old
+    from ..report.days import local_day
+
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    measured = local_day(last.end_utc) if last is not None else measured_on(history.night(nights[0].entry).record) if nights else ""
+    return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
+
+
 def _never(name: str) -> Standing:
     from ..history import Standing
 
@@ -195,7 +212,7 @@ def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, 
     for cell in dict.fromkeys(cells):
         try:
             settings = read_nightly(cell)
-            known = _Known(cell, read_cell(cell).machine.name, settings.late_hours)
+            known = _Known(cell, read_cell(cell).machine.name, settings.late_hours, settings.answers_for)
             places.setdefault(history_of(cell, settings), []).append(known)
         except TangoError as error:
             if len(cells) == 1:

@@ -68,6 +68,7 @@ def command(
     from ..plan import plan
     from ._cell_nights import nights_of
     from ._compensated import recorded
+    from ._cut_off import keep_readings
     from ._night_world import RealClock, RealControl, RealDisk, locked
     from ._unreadable import settings_of
 
@@ -99,6 +100,7 @@ def command(
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
+            keep_readings(folder, control.planned)
             past = history.as_of(lambda: begun)
             world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened)
             record = night(cell.machine.name, str(folder.resolve()), settings, world)
@@ -258,6 +260,7 @@ def _status(
     from ..history.clock import told as told_of
     from ..history.former import formers, of_folder
     from ..nightly.words import answer
+    from ..report.age import measured_on, nights_old
     from ..report.morning import next_night
     from ..report.repeated import shortened
     from ..report.texts import code
@@ -298,10 +301,22 @@ def _status(
         standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
         standing = next((s for s in standings if s.machine == name), None)  # as in the list of all machines
         late = standing is None or standing.late
+        stale = (
+            nights_old(measured_on(record, before), f"{datetime.now().astimezone():%Y-%m-%d}", settings.answers_for)
+            if nights
+            else 0
+        )
         if json_file is None:
             note_simulated(history, name, t)
     data = {
-        **{"format": "tango-nightly-status/1", "machine": name, "late": late, "waiting": waiting, "unfinished": unfinished},
+        **{
+            "format": "tango-nightly-status/1",
+            "machine": name,
+            "late": late,
+            "stale_nights": stale,
+            "waiting": waiting,
+            "unfinished": unfinished,
+        },
         "cut_off": cut,
         "trouble": None if wrong is None else str(wrong),
         "left_out": None if future is None else vars(future),
@@ -312,7 +327,10 @@ def _status(
         ],
     }
     if not write_json(json_file, data):
-        click.echo(f"{name}: {t('cli.nightly.no_night' if not nights else 'cli.nightly.late' if late else 'cli.nightly.on_time')}")
+        word = t("cli.nightly.no_night" if not nights else "cli.nightly.late" if late else "cli.nightly.on_time")
+        click.echo(f"{name}: {t('cli.nightly.stale', nights=stale) if stale else word}")
+        if stale:
+            click.echo(f"  {t('morning.old_todo')}")
         if wrong is not None:
             click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
         if future is not None:
@@ -338,6 +356,6 @@ def _status(
             click.echo("  " + t("cli.nightly.cut_off" if stamp in cut else "cli.nightly.begun", stamp=stamp))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
-    wanted = standing is None or standing.wants_somebody
+    wanted = standing is None or standing.wants_somebody or stale > 0
     wanted |= future is not None and asks(future)
     return 1 if wanted or cut or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

@@ -156,7 +156,7 @@ def command(
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
-    no = data["overall"] == "stop" or data["may_make_parts"] == "no"
+    no = data["overall"] == "stop" or data["may_make_parts"] == "no" or data["stale_nights"]
     return status(judgement, despite) or int(crossed or (no and not despite))
 
 
@@ -268,9 +268,11 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
     from ..history import opened
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
+    from ..report.age import measured_on, nights_old
     from ..report.answer import by_limit
-    from ..report.faults import answered, earlier, faults, settled, still_open, unclosed
+    from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
+    from ..report.orders import orders
     from ..report.pace import ahead
 
     machine = chain.name
@@ -296,10 +298,15 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         if (future := in_future(history, machine)) is not None:
             said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
             waits = waits or (future.night if asks(future) else "")
-        return Nights(
+        told = Nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
+            old=nights_old(measured_on(record, before), today, settings.answers_for),
+            probe=all_of_probe(found),
+            answers_for=settings.answers_for,
         )
+        coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
+        return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain)))
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:

@@ -12,8 +12,11 @@ from .checked import Node, load
 from .gathered import gathered
 
 NAME = "nightly.yaml"
+WEEK = 7.0  # days
 RANGES = {  # key: lowest (0: above it) and highest number
-    **dict.fromkeys(("check_minutes", "full_every_days", "volume_std_um", "late_hours", "every_days"), (0.0, 100_000.0)),
+    **dict.fromkeys(
+        ("check_minutes", "full_every_days", "volume_std_um", "late_hours", "every_days", "stale_days"), (0.0, 100_000.0)
+    ),
     "false_alarm_nights": (10.0, 100_000.0),
 }
 FROM_ZERO = {"free_mb": 1e9, "warm_up_minutes": 600.0}  # key: highest number
@@ -39,11 +42,19 @@ class Nightly:
     free_mb: float = 200.0
     late_hours: float = 36.0
     every_days: float = 1.0
+    stale_days: float | None = None  # after which a result is no answer of today; None: see `answers_for`
     commissioned: bool = False  # whether a night needs commissioning.yaml
     diagnose: bool = True  # after full nights, and after alarms
     probe: bool = False  # whether a control that cannot say how its probe is may be used
     notify: tuple[str, ...] = ()
     templates: Path | None = None  # folder with texts.toml and templates of the shop (docs/report.md)
+
+    @property
+    def answers_for(self) -> float:
+        """→ days for which a result answers whether parts may be made: those that are stated, else a week, or two rounds of
+        `every_days`, or `late_hours`, whichever is longest.
+        """
+        return self.stale_days if self.stale_days is not None else max(WEEK, 2 * self.every_days, self.late_hours / 24)
 
 
 def read_nightly(folder: Path) -> Nightly:

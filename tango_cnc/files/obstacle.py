@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..records import InputError, Obstacle
-from .checked import Node
+from .checked import Node, complaint
 from .hull import corners, read_hull
 
 FOUNDATION = ("f", "b")  # as in a topology
@@ -17,7 +17,14 @@ def read_obstacle(node: Node, bodies: tuple[str, ...] | None = None, table: str 
 
     Raises InputError for another shape or body.
     """
-    kind = dict(node.items()).get("kind", node).text(list(KEYS))
+    given = dict(node.items())
+    kind = given.get("kind", node).text(list(KEYS))
+    if bodies is None and "on" in given:
+        raise given["on"].wrong(
+            "no 'on' in artefact.yaml, where all stands on the table; what another body carries is in machine.yaml"
+        )
+    if bodies is not None and "on" not in given:
+        raise complaint(node.file, node.line, node.path, "no key 'on'", f"'on' is required here: one of {', '.join(bodies)}")
     more = ["file", "shift", "points"] if kind == "hull" else []
     fields = node.fields(["kind", *KEYS[kind], *(["on"] if bodies is not None else [])], ["name", *more])
     title = fields["name"].text() if "name" in fields else None

@@ -23,6 +23,7 @@ TOLERANCES = {
     "stylus": 1.0,
     "scatter": 1.0,
     "direction": 1.0,
+    "step": 1.0,
     "runout": 1.0,
 }
 TABLE_TOLERANCES = {"facet": 1.0, "common": 1.0, "ball": 1.0, "placement": 1.0, "placement_angle": DEGREE}

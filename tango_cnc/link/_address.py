@@ -109,7 +109,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
             found, other = printable(repr(name), 80), suggestion(name[:80], known)
             raise InputError(f"port {url!r}: found the unknown setting {found}; allowed: {', '.join(known)}{other and '.' + other}")
         if known[name] and value not in known[name] and not (name == "baud" and re.fullmatch("[1-9][0-9]{0,7}", value)):
-            raise InputError(f"port {url!r}: {name}: found {printable(repr(value), 80)}; allowed: {', '.join(known[name])}")
+            rates = " or another whole number" if name == "baud" else ""
+            raise InputError(f"port {url!r}: {name}: found {printable(repr(value), 80)}; allowed: {', '.join(known[name])}{rates}")
         if name in LINE:
             line[name] = value
         if name in options:

@@ -24,6 +24,7 @@ from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
 from ..history.former import formers
 from ..records import InputError, LinkError, NothingSentError, TangoError
+from ..report.age import measured_on, nights_old
 from ..report.texts import texts, texts_of
 from ..texts import carried, joined, say
 from .broken import stopped, unexplained
@@ -209,10 +210,10 @@ def _lost(world: Ports, stamp: str) -> str:
     t = texts()
     try:
         waits = any(old == stamp for old, _ in world.disk.unsent())
-        kept = world.disk.read(stamp, "readings.csv") is not None
+        kept = any(world.disk.read(stamp, name) is not None for name in ("readings.csv", "readings.partial.csv"))
     except OSError:
         waits = kept = False
-    why = t("night.cut_off") if waits else t("night.cut_off_silent")
+    why = t("night.cut_off") if waits or kept else t("night.cut_off_silent")
     return joined("", (why, t("night.readings_left", folder=f"nights/{stamp}") if kept else ""))
 
 
@@ -297,6 +298,8 @@ def _kept(
         own = {"id": f"{record['night']}-{started:%H%M%S}-{number}", "owner": settings.owner or None, "decision": None}
         alarm |= own if not alarm.get("goes_on") else {key: alarm.get(key) or own[key] for key in own}
     if record["verdict"] == "not_measured" and record["status"] != "refused":
+        if stale := nights_old(measured_on(record), record["night"], settings.answers_for):
+            record["stale_nights"] = stale
         with suppress(TangoError, OSError):  # an alarm that waits is not answered by a night that did not measure
             waiting = standing(world.past, record["machine"], day_of(ended), {}, "none", world.happened)
             silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")

@@ -8,13 +8,14 @@ from typing import Any
 
 from ..history import Decision
 from ..report.compensated import held
+from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
 from ..report.tonight import by_tonight, is_gone
 from ..report.units import shown
 from ..report.words import moved, named
-from ..texts import Said, joined, say
+from ..texts import Said, instead, joined, say
 
 SHOWN = 3  # alarms that wait, in full
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
@@ -235,22 +236,27 @@ def message(
     word = t("mail.refused") if refused else t("mail.still") if still else t(f"mail.subject_{record['verdict']}")
     subject = f"{record['machine']}: {word} ({record['night']})"
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    lines += [_sentence(t.of(as_decided(record, decisions))), ""]
+    first = as_decided(record, decisions)
+    for one in (*record["alarms"], *(record.get("standing") or ())[:1]):
+        first = _of_its_night(first, one, record["night"])
+    lines += [_sentence(t.of(first)), ""]
     limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
     crossed = [limit for limit in limits if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
+    if stale := record.get("stale_nights"):
+        lines += [t("mail.stale", nights=stale, date=record["last_measured"]), ""]
     owner = record.get("owner") or t("mail.nobody")
     for alarm in record["alarms"]:
-        since = t("mail.since", date=alarm["since"], sigmas=f"{alarm['sigmas']:.0f}")
-        lines += [f"* {t.of(alarm['text'])}", f"  {since}"]
+        since = t("mail.since", date=_since(alarm, record["night"]), sigmas=f"{alarm['sigmas']:.0f}")
+        lines += [f"* {t.of(_of_its_night(alarm['text'], alarm, record['night']))}", f"  {since}"]
         lines += [f"  {t.of(more['text'])}"] if (more := beside(alarm)) else []
         taken = alarm["owner"] if alarm.get("decision") else ""
-        lines += _about(alarm, alarm["owner"] or t("mail.nobody"), t)
+        lines += _about(alarm, alarm["owner"] or t("mail.nobody"), t, record["night"])
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
         who, taken = _who(alarm, decisions, t), alarm["owner"] if alarm["decision"] else ""
-        lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=alarm['text'])}"]
+        lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=_of_its_night(alarm['text'], alarm))}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
         lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
         lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t)]
@@ -343,13 +349,31 @@ def _checked(point: Mapping[str, Any], t: Texts) -> str:
     return f"{name}: {_sentence('; '.join(x for x in (found, do) if x))}"
 
 
-def _about(cause: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
+def _since(a: Mapping[str, Any], night: str = "") -> str:
+    """alarm, its night where that is tonight → since when: the night that found it, where the one before was without it."""
+    found = str(a.get("night") or night)
+    at_once = not a.get("rate_per_day") and days_between(a.get("since") or found, found) == 1
+    return say("morning.found", date=found) if at_once else str(a.get("since") or "")
+
+
+def _of_its_night(text: str, a: Mapping[str, Any], night: str = "") -> str:
+    """sentence on an alarm, the alarm, its night where that is tonight → the same with the date that pages give it."""
+    if not a.get("since"):
+        return text
+    return instead(instead(text, "last night", str(a["since"])), str(a["since"]), _since(a, night))
+
+
+def _about(cause: Mapping[str, Any], owner: str, t: Texts, night: str = "") -> list[str]:
+    """alarm or what stands behind a limit, who is asked, texts, its night where that is tonight → what it does, what to do."""
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
     rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
-    lines += [t("mail.on_part", text=by_tonight(cause)["on_part"]), t("mail.do", text=t(again) if again in t else cause["do"])]
+    lines += [
+        t("mail.on_part", text=_of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        t("mail.do", text=t(again) if again in t else cause["do"]),
+    ]
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))

@@ -28,6 +28,7 @@ from .few_terms import few_terms
 from .groups import common
 from .halves import halves
 from .hidden_drift import hidden_drift
+from .hidden_step import hidden_step
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .learned import learned
@@ -207,7 +208,16 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         if (drift := drift_of(result)) is not None:
             behind = BETTER if agrees else AS_WELL
             found += [*either(result, drift, behind), *creeps(result, drift, behind)]
-    return [*found, *unseen(result), *hidden_drift(result), *learned(result), *stylus(cell, told), *offset(told)]
+    bent = list(unseen(result))  # it speaks of every error of position that is no gain, a step among them
+    return [
+        *found,
+        *bent,
+        *hidden_drift(result),
+        *(() if bent else hidden_step(result)),
+        *learned(result),
+        *stylus(cell, told),
+        *offset(told),
+    ]
 
 
 def _noise(result: Estimate) -> list[Remark]:

@@ -254,7 +254,7 @@ class Rehearsal:
         base.met({n: self.walk.at[n] + farther * (target[n] - self.walk.at[n]) for n in target}, start, target)
         zone = max(approach.standoff - approach.search, 0.1 * approach.standoff)
         if approach.find and not finds:
-            zone -= approach.standoff - approach.find.retreat
+            zone -= self.plan.nearer
         if found:
             self._left_out(target)
         else:

@@ -130,10 +130,16 @@ class Plan:
         if turn is not None and turn.touch == last + 1:
             yield from self._turn(turn, at, last)
 
+    @property
+    def nearer(self) -> float:
+        """→ mm that the measuring move of two begins nearer than the stand-off: nothing where that is less than `LEAST`."""
+        approach = self.strategy.approach
+        nearer = approach.standoff - approach.find.retreat if approach.find else 0.0
+        return nearer if nearer >= LEAST else 0.0
+
     def near(self, touch: Touch) -> tuple[float, ...]:
         """touch of this plan → where its measuring move begins (mm, rad): the stand-off, or nearer where it is touched twice."""
-        approach = self.strategy.approach
-        part = approach.find.retreat / approach.standoff if approach.find else 1.0
+        part = 1.0 - self.nearer / self.strategy.approach.standoff
         return tuple(c + part * (s - c) for s, c in zip(touch.standoff, touch.contact, strict=True)) if part < 1 else touch.standoff
 
     @property

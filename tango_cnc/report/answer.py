@@ -18,6 +18,8 @@ from .words import spoken
 
 CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with which the database would be loaded
 
+CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
+
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
@@ -25,7 +27,9 @@ MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 @dataclass(frozen=True)
 class Answer:
-    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes, `soon` how near the limit is."""
+    """Whether parts may be made; `numbers` are error and limit, `why` is what limits a yes, `soon` how near the limit is, `old` how
+    long it was not measured, where that is too long for an answer of today.
+    """
 
     may: May
     word: str
@@ -33,11 +37,16 @@ class Answer:
     numbers: str
     why: str
     soon: str = ""
+    old: str = ""
 
     @property
     def level(self) -> str:
         """→ the sign that goes with it."""
         return "none" if self.may == "wait" else LEVELS[self.may]
+
+    def short(self, t: Texts) -> str:
+        """texts → what stands beside the word: how old the result is, else the verdict in a word; '' where there is none."""
+        return self.old or (t(f"morning.{self.state}") if f"morning.{self.state}" in t else "")
 
 
 def answer(
@@ -51,10 +60,13 @@ def answer(
     has: str = "",
     ahead: Ahead | None = None,
     closed: str = "",
+    old: int = 0,
+    probe: bool = False,
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
     complete night is missing, who has an alarm that is not closed, how soon it is at its limit, by what every alarm of the night
-    was closed since → the answer.
+    was closed since, nights since the last measurement where these are too many (age.nights_old), whether all that is open is
+    of the probe → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -62,7 +74,9 @@ def answer(
     missing = verdict == "not_measured"
     known = before if missing else record
     may, state, why = (
-        _measured(known, t, waiting, has, closed) if known is not None else ("unknown", "not_measured", t("may.never"))
+        _measured(known, t, waiting, has, closed, "_probe" if probe else "")
+        if known is not None
+        else ("unknown", "not_measured", t("may.never"))
     )
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
@@ -71,7 +85,9 @@ def answer(
         doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
-    elif late and may == "yes":  # an answer of a week ago is no yes of today
+    if old:
+        return _of_old(record, known, may, old, date, u, t, machine)
+    if late and may == "yes":  # an answer of a week ago is no yes of today
         may, state, why = "but", "late", t("may.late", date=day(late, t))
     elif late and not missing:
         why = f"{why} {t('may.late_also', date=day(late, t))}".strip()
@@ -81,11 +97,40 @@ def answer(
     return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
 
 
+def _of_old(
+    record: Mapping[str, Any],
+    known: Mapping[str, Any] | None,
+    may: May,
+    old: int,
+    date: str,
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+) -> Answer:
+    """record, last one that measured, what it said, nights since then, its date → the answer: nobody knows. A limit that was
+    crossed stays crossed until a night says otherwise.
+    """
+    beyond = may == "no" and known is not None and str(known.get("verdict")) != "doubtful"
+    doubted = known is not None and str(known.get("verdict")) == "doubtful"
+    key = "old_beyond" if beyond else "old_doubt" if doubted else "old"
+    when = day(date or record.get("last_measured"), t)
+    word, told = t("may.no" if beyond else "may.unknown"), t("may.old_nights", nights=old)
+    numbers = _numbers(known, u, t, machine, date)
+    return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
+
+
+def is_cut_off(former: Sequence[str]) -> bool:
+    """what pages say of a cell beside its nights → whether a night of it was cut off."""
+    return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
+
+
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     """answer, what the cell has under other names or with a date in the future, texts → the same; an alarm that is open there is
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
+    if is_cut_off(former) and found.may in ("yes", "but") and found.state in ("good", "unchanged", "late", "partial"):
+        return replace(found, may="but", word=t("may.but"), state="cut_off", why=t("may.cut_off"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
     dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)
@@ -124,10 +169,12 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
 
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
-    return replace(known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="")
+    return replace(
+        known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="", old=""
+    )
 
 
-def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, closed: str = "") -> tuple[May, str, str]:
+def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, closed: str, of: str) -> tuple[May, str, str]:
     verdict = str(record.get("verdict"))
     passed = [x.get("passed") for x in record.get("limits") or ()]
     if verdict == "doubtful":
@@ -140,13 +187,13 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, close
         return "but", "changed", t("may.repaired")
     if (verdict == "changed" and closed != "accept") or waiting or has:
         also = "may.open_other" if has else "may.open"  # somebody has another one
-        why = t(also, date=day(waiting, t)) if waiting else t("may.has", owner=has) if has else t("may.changed")
+        why = t(also + of, date=day(waiting, t)) if waiting else t(f"may.has{of}", owner=has) if has else t(f"may.changed{of}")
         return "but", "changed" if verdict == "changed" else "alarm_open", why
     if None in passed:
         return "but", "undecided", t("may.undecided")
     if record.get("status") == "partial":
         return "but", "partial", t("may.partial", touches=record.get("touches") or 0, planned=record.get("planned") or 0)
-    return "yes", "good", ""
+    return "yes", "good" if any(x.get("limit") for x in record.get("limits") or ()) else "unchanged", ""
 
 
 def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Machine | None, date: str) -> str:

@@ -85,13 +85,17 @@ class Nights:
     ahead: Ahead | None = None  # how soon the machine is at its limit
     owner: str = ""  # who has what is wrong first, or is asked about it
     closed: str = ""  # by what every alarm of this night was closed since: accept, repaired
+    todo: tuple[str, ...] = ()  # what to do, in the sentences of the page of the machine
+    old: int = 0  # nights since the last measurement, where these are too many for an answer of today
+    probe: bool = False  # whether all that is open is of the probe
+    answers_for: float = 7.0  # days for which a result is an answer
 
     def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:
         """units, texts, machine, limit of the tool tip in mm that is asked for → whether parts may be made, as on its page."""
         allowed = None if limit is None else 1e3 * limit
         record = by_limit(self.record or {"verdict": self.verdict, "night": self.date}, allowed)
         before = None if self.before is None else by_limit(self.before, allowed)
-        return answer(record, u, t, self.waits, before, machine, self.late, self.has, self.ahead, self.closed)
+        return answer(record, u, t, self.waits, before, machine, self.late, self.has, self.ahead, self.closed, self.old, self.probe)
 
     @property
     def measured_on(self) -> str:

@@ -97,6 +97,17 @@ def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
     return stays and (tonight or bool(a.get("confirmed")))
 
 
+def for_setting_up(a: Mapping[str, Any]) -> bool:
+    """fault → whether parts have it only by what was set up or measured with the probe."""
+    return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
+
+
+def all_of_probe(found: Sequence[Mapping[str, Any]]) -> bool:
+    """faults → whether something is open, and all of it is of the probe: parts have it only by what was set up with it."""
+    listed = still_open(found)
+    return bool(listed) and all(for_setting_up(a) for a in listed)
+
+
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:
     """faults, what stands behind a crossed limit → date of the last night before any of them; '' where none is.
 

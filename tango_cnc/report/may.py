@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from .age import nights_old
 from .answer import Answer, answer
 from .checks import limits_of, verdict
-from .days import day
+from .days import day, local_day
 from .facts import Facts, effects
 from .plain import amount, length
 from .texts import Texts
@@ -19,16 +20,19 @@ from .units import shown
 from .verdict import worst_of
 from .words import spoken
 
+GROWN = 1.1  # times the error of the night, from where newer readings say what most of theirs comes from
 WORSE = {"yes": 0, "wait": 1, "unknown": 1, "but": 1, "no": 2}
 
 
 @dataclass(frozen=True)
 class Told:
-    """The answer, what it rests on, and what is behind it; both as sentences."""
+    """The answer, what it rests on, what is behind it, and which run its numbers are of; all as sentences."""
 
     answer: Answer
     basis: str
     cause: str
+    run: str = ""
+    by_night: bool = False
 
 
 def may(f: Facts, t: Texts) -> Told:
@@ -38,13 +42,68 @@ def may(f: Facts, t: Texts) -> Told:
     own = _but(_own(f, t), None if strict is None else _own(strict, t), f, t)
     if f.nights is None:
         return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t))
+    own = _after(own, f, t)
     night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     night = _but(night, None if stated is None else f.nights.answer(f.wishes.units, t, f.cell.machine, stated), f, t)
-    if f.nights.beside(f.paper.measured) == "newer" and WORSE[own.may] > WORSE[night.may]:
-        newer = t("may.by_newer_readings", date=day(f.nights.date, t), answer=night.word)
-        return Told(own, newer + _by_option(f, t), _most(f, own, t))
+    if f.nights.beside(f.paper.measured) == "newer" and (
+        WORSE[own.may] > WORSE[night.may] or (night.old and night.may == "unknown" and not _old(f))
+    ):
+        key = "may.by_readings_alone" if night.old else "may.by_newer_readings"
+        newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
+        return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
     basis = _by_night(f, t)
-    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause)
+    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, True, t), True)
+
+
+def _after(own: Answer, f: Facts, t: Texts) -> Answer:
+    """answer of these readings, facts with nights → the same; no plain yes where they are newer than the night, and it has left an
+    alarm that nobody has closed, or the error has grown since.
+    """
+    assert f.nights is not None
+    if own.may != "yes" or f.nights.beside(f.paper.measured) != "newer":
+        return own
+    date = day(f.nights.measured_on, t)
+    if f.nights.old and f.nights.waiting:
+        return replace(own, may="but", word=t("may.but"), state="alarm_open", why=t("may.open_old", date=date))
+    if grown(f):
+        return replace(own, may="but", word=t("may.but"), state="changed", why=t("may.grown_since", date=date))
+    return own
+
+
+def grown(f: Facts) -> bool:
+    """facts → whether readings that are newer than the night show a larger error at the tool tip than it has."""
+    if f.nights is None or f.tip is None or f.nights.beside(f.paper.measured) != "newer":
+        return False
+    there = ((f.nights.before or f.nights.record or {}).get("volume") or {}).get("worst_um")
+    return there is not None and 1e3 * f.tip.worst > GROWN * float(there)
+
+
+def _old(f: Facts) -> bool:
+    """facts with nights → whether these readings, too, are too old for an answer of the day on which the report is made."""
+    assert f.nights is not None
+    return (
+        f.nights.old > 0 and nights_old(local_day(f.paper.measured), local_day(f.paper.made.isoformat()), f.nights.answers_for) > 0
+    )
+
+
+def _run(f: Facts, by_night: bool, t: Texts) -> str:
+    """facts with nights, whether the answer is the night's → of which run its number is, and that of the other run; nothing where
+    both are one run, or where one of them knows no error.
+    """
+    assert f.nights is not None
+    beside, known = f.nights.beside(f.paper.measured), f.nights.before or f.nights.record or {}
+    there = (known.get("volume") or {}).get("worst_um")
+    if beside == "own" or f.tip is None or there is None or known.get("verdict") == "doubtful":
+        return ""
+    here, night = (length(x, f.wishes.units) for x in (1e3 * f.tip.worst, float(there)))
+    key = f"run.night_{beside}" if by_night else "run.readings"
+    told = t(key, date=day(f.nights.measured_on, t), here=here, night=night)
+    name = next(iter(effects(f.result)), None)
+    if not by_night or not grown(f) or name is None:
+        return told
+    factor, unit = shown(f.result.parameters[name].unit)
+    size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
+    return f"{told} {t('may.most', what=spoken(name, f.cell.machine, t), size=size)}"
 
 
 def _by_night(f: Facts, t: Texts) -> str:

@@ -17,8 +17,8 @@ from .alarm import alarm, sentence, whole_sentence
 from .answer import Answer, answer, measuring, renamed
 from .compensated import after, held
 from .days import day, ended
-from .faults import answered, begun, faults, settled, still_open
-from .look import looks
+from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop, value_text
 from .repeated import as_decided
@@ -37,6 +37,7 @@ LEVELS: Mapping[str, Level] = {
     "doubtful": "stop",
 }
 LISTED = 3  # faults below the first one
+SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
 LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still be told as the same
 
 
@@ -85,6 +86,7 @@ def context(
     newer: int = 0,
     signs: Sequence[tuple[str, str]] = (),
     former: Sequence[str] | None = None,
+    old: int | None = None,
 ) -> dict[str, Any]:
     """record, decisions about its alarms, units, texts → values for the page.
 
@@ -93,7 +95,8 @@ def context(
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
     tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
     still measures; `now`: what the age of the night is told by; `newer`: how many nights came
-    after this one; `former`: what its cell has under other names today (None: as the record says).
+    after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the machine
+    was measured, where these are too many for an answer of today (None: as the record says).
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
@@ -102,16 +105,21 @@ def context(
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events)
     waits, has = answered(found, record)
+    stale = int(record.get("stale_nights") or 0) if old is None else old
+    if stale:  # how large it is today, nobody knows
+        found = [a | {"whole": ""} for a in found]
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
     closed = settled(found)
-    told = answer(record, u, t, waits, before, machine, late, has, coming, closed)
+    told = answer(record, u, t, waits, before, machine, late, has, coming, closed, stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
     if closed:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
-    began = begun(found, record.get("behind") or ())
+    began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
-    suspect = _suspect(told.may, within, never, began, t)
-    if suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
+    suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, t)
+    if not suspect and not began and (probed := begun(found)):
+        suspect = t("morning.suspect_probe", date=day(probed, t))
+    elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
         suspect += f" {t('morning.suspect_before', date=day(first, t))}"
     back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
     if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
@@ -143,16 +151,25 @@ def context(
         "ended": ended(record.get("end_utc"), t, now),
         "suspect": suspect,
         "over_since": _over_since(told.may, within, never, t),
-        "grown": _grown(record if record.get("volume") else before or {}, (volumes or {}).get(began), began, u, t),
+        "grown": _grown(
+            record if record.get("volume") else before or {},
+            (volumes or {}).get(began),
+            began,
+            "" if not told.old else str((before or record).get("night")),
+            u,
+            t,
+        ),
         "who": who_of(told, asked, found, t),
         "count": len(still_open(found)),
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
+        "old": stale,
         "newer": newer,
         "answer": told,
         "headline": sentence(t.of(as_decided(record, decisions)), u),
         "level": told.level,
-        "word": busy or (t(f"morning.{told.state}") if f"morning.{told.state}" in t else told.state),
+        "word": busy or told.short(t) or told.state,
+        "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
         "alarms": alarms,
         "first": found[0] if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
@@ -169,7 +186,6 @@ def context(
         "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
-        "look": looks((record.get("plausible") or {}).get("reasons") or (), t),
         "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
         "temperatures": record.get("temperatures") or {},
         "hashes": record.get("hashes") or {},
@@ -215,8 +231,10 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     return found
 
 
-def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t: Texts) -> str:
-    """last night that measured, µm at the tool tip before any open fault, its date → which of the two is larger; or nothing."""
+def _grown(record: Mapping[str, Any], was: float | None, began: str, on: str, u: Units, t: Texts) -> str:
+    """last night that measured, µm at the tool tip before any open fault, its date, date of that night where it is no answer of
+    today → which of the two is larger; or nothing.
+    """
     v = record.get("volume") or {}
     several = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
     if several or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
@@ -224,7 +242,8 @@ def _grown(record: Mapping[str, Any], was: float | None, began: str, u: Units, t
     now = float(v["worst_um"])
     slack = max(2 * float(v.get("std_um") or 0.0), LIKE * was)
     key = "larger" if now > was + slack else "smaller" if now < was - slack else "same"
-    sizes = {"before": amount(was, "µm", u, t), "now": amount(now, "µm", u, t)}
+    then = t("morning.grown_on", size=amount(now, "µm", u, t), date=day(on, t)) if on else ""
+    sizes = {"before": amount(was, "µm", u, t), "now": then or t("morning.grown_now", size=amount(now, "µm", u, t))}
     return t(f"morning.grown_{key}", date=day(began, t), **sizes)
 
 
@@ -352,15 +371,22 @@ def _parameters(record: Mapping[str, Any], u: Units) -> list[dict[str, Any]]:
     return rows
 
 
-def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts) -> Markup:
-    """(date, verdict, address) of nights, oldest first, what it is, texts → a row of signs, one a night, by shape and color."""
+def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts, old: int = 0) -> Markup:
+    """(date, verdict, address) of nights, oldest first, what it is, texts, nights since the last one that measured where these are
+    too many → a row of signs, one a night, by shape and color; old ones end with how long nothing was measured since.
+    """
     wide = 14.0
+    nights = nights[-SHORT:] if old else nights
+    gap = GAP if old else 0.0
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {max(wide * len(nights), wide):g} 16" '
-        f'width="{max(wide * len(nights), wide):g}" height="16" role="img" aria-label="{svg.escape(label)}">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {max(wide * len(nights), wide) + gap:g} 16" '
+        f'width="{max(wide * len(nights), wide) + gap:g}" height="16" role="img" aria-label="{svg.escape(label)}">'
     ]
     for i, (date, verdict, _) in enumerate(nights):
         parts.append(f"<g>{_tip(date, verdict, t)}{_sign(verdict, wide * i + wide / 2)}</g>")
+    if old:
+        told = svg.escape(t("web.then_none", nights=old))
+        parts.append(f'<text x="{wide * len(nights) + 4:g}" y="13" font-size="13" fill="{svg.SOFT}">{told}</text>')
     return Markup("".join([*parts, "</svg>"]))
 
 

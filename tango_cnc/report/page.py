@@ -20,13 +20,13 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import may
+from .may import Told, grown, may
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, texts, texts_of
 from .units import Units, shown
-from .verdict import Verdict, worst_of
+from .verdict import Check, Verdict, worst_of
 from .words import spoken
 
 LARGEST = 8
@@ -51,7 +51,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     # Of numbers that nobody may use nothing follows for the machine: its limit waits until they can be used.
     # A cause that was found comes before what a large scatter asks for by itself.
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
-    do = [c.todo for c in open_checks if c.todo and (c.trust or trust.level != "stop")]
+    do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -66,9 +66,10 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "verdict": found,
         "sentence": sentence(found, t),
         "may": told,
-        "state": t(f"morning.{told.state}") if f"morning.{told.state}" in t else "",
+        "state": told.short(t),
         "basis": said.basis,
         "cause": said.cause,
+        "run": said.run,
         "trust": trust,
         "trusted": sentence(trust, t),
         "since_then": since_then(f, t),
@@ -99,6 +100,19 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "files": f.paper.files,
     }
     return values if f.wishes.pictures else values | _bare(values)
+
+
+def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
+    """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
+    if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
+        first, *more = f.nights.todo
+        moved = since_then(f, t, "todo.grown") if grown(f) else ""
+        return [x for x in (moved, f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
+    if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
+        return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
+    if c.name == "limit" and c.todo and said.cause and not said.by_night:
+        return [f"{said.cause} {c.todo}"]
+    return [c.todo] if c.todo else []
 
 
 def _bare(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -372,6 +386,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
+        "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,
         "outliers": [int(i) for i in f.result.outliers],

@@ -15,6 +15,7 @@ DECIDED = {
     "repaired": "night.words.has_repaired",
     "ignore": "night.words.ignores",
 }
+ROWS = {"night.alarms.confirmed": "row.confirmed", "night.alarms.now": "row.now", "night.alarms.last_night": "row.last_night"}
 CLOSED = ("accept", "repaired")
 
 
@@ -53,6 +54,14 @@ def of_shop(headline: str) -> str:
         return headline
     values = {name: headline.values[name] for name in ("now", "who", "more", "part", "gap")}
     return say("morning.still", text=text.but(since=say("morning.found", date=night)), **values)
+
+
+def in_a_row(text: Any) -> Any:
+    """headline of a night → the same for a list of nights, which is read on another day: no tonight, no last night, no now."""
+    if not isinstance(text, Said):
+        return text
+    values = {name: in_a_row(x) for name, x in text.values.items()}
+    return say(ROWS[text.key], **values) if text.key in ROWS else text.but(**values)
 
 
 def _same(text: str, newer: str) -> bool:

@@ -31,8 +31,10 @@ def of_night(f: Facts, name: str, t: Texts) -> str:
     return t("table.of_night", date=day(f.nights.measured_on, t, False), value=value_text(value * factor, std), unit=unit)
 
 
-def since_then(f: Facts, t: Texts) -> str:
-    """facts, texts → what the newest night has otherwise than these readings, the most telling first; nothing where they agree."""
+def since_then(f: Facts, t: Texts, key: str = "report.since_then") -> str:
+    """facts, texts, key of the sentence → what the newest night has otherwise than these readings, the most telling first; nothing
+    where they agree.
+    """
     differ = [name for name in effects(f.result) if _moved(f, name) is not None]
     if not differ or f.nights is None:
         return ""
@@ -43,7 +45,7 @@ def since_then(f: Facts, t: Texts) -> str:
     signs = {key: "−" if value < 0 else "" for key, value in (("here", here), ("there", there))}
     told = {key: signs[key] + text for key, text in values.items()}
     return t(
-        "report.since_then",
+        key,
         what=f"{spoken(name, machine, t)[:1].upper()}{spoken(name, machine, t)[1:]}",
         date=day(f.nights.measured_on, t),
         **told,

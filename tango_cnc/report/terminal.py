@@ -21,9 +21,9 @@ def summary(found: Facts, columns: int | None = None) -> str:
     judged = verdict(found, t)
     told = may(found, t)
     level = LEVELS[told.answer.may]
-    head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}."
+    head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}{', ' + told.answer.old if told.answer.old else ''}."
     how = t("todo.limit_none") if told.answer.may == "unknown" and found.wishes.limit is None else ""
-    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.cause, told.answer.why, how, told.basis)
+    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.run, told.cause, told.answer.why, how, told.basis)
     lines = _headed(head, " ".join(x for x in said if x), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
     lines += _headed(head, sentence(judged, t), judged.level, columns)

@@ -27,7 +27,7 @@ from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
 from ..report.alarm import sentence
-from ..report.days import at, day
+from ..report.days import at, day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
@@ -248,6 +248,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "units": state.units,
         "sentence": lambda text: sentence(state.texts.of(text), state.units),
         "day": lambda text, year=True: day(text, state.texts, year),
+        "spoken": lambda text: spoken_days(state.texts.of(text), state.texts),
         "moment": lambda text: at(text, state.texts),
         "here": request.url.path,
         "signed_in": signed,

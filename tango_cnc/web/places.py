@@ -22,11 +22,14 @@ from ..history.former import formers, of_folder
 from ..link.lock import cut_off
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
+from ..report.age import nights_old
+from ..report.answer import CUT_OFF
 from ..texts import say
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
 STRIP = 30  # nights of the strip beside a machine
+EVENING = timedelta(hours=6)  # before midnight: a night that begins later is of the next day (docs/nightly.md)
 MOST = 2000  # things that are kept
 T = TypeVar("T")
 
@@ -130,7 +133,7 @@ class Places:
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is not None and (cut := cut_off(m.folder)):
-                m = found[slug] = replace(m, former=(*m.former, *(say("cli.nightly.cut_off", stamp=stamp) for stamp in cut)))
+                m = found[slug] = replace(m, former=(*m.former, *(say(CUT_OFF, date=_night_of(stamp)) for stamp in cut)))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
@@ -169,17 +172,24 @@ class Places:
 
     def owner(self, machine: Machine) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
-        folder = machine.folder
-        if folder is None:
-            return ""
+        return self._stated(machine).owner
 
-        def read() -> str:
+    def old(self, machine: Machine, measured: str) -> int:
+        """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
+        today = datetime.now().astimezone().strftime("%Y-%m-%d")
+        return nights_old(measured, today, self._stated(machine).answers_for)
+
+    def _stated(self, machine: Machine) -> Nightly:
+        """machine → nightly.yaml of its cell; what holds without one where it has none, or one that cannot be read."""
+        folder, usual = machine.folder, Nightly(late_hours=self.settings.late_hours)
+
+        def read() -> Nightly:
             try:
-                return read_nightly(folder).owner
+                return usual if folder is None else read_nightly(folder)
             except TangoError:  # the night itself tells what is wrong with the file
-                return ""
+                return usual
 
-        return self.kept(f"owner {machine.slug}", read, 60)
+        return self.kept(f"stated {machine.slug}", read, 60)
 
     def cell(self, folder: Path) -> Cell | str:
         """folder → its cell, or why it cannot be read; read again when its files have changed."""
@@ -277,6 +287,15 @@ def told(night: Night, limits: Mapping[str, float]) -> str:
     if beyond and night.verdict in ("good", "changed"):
         return "out_of_limits"
     return "partial" if night.status == "partial" and night.verdict == "good" else night.verdict
+
+
+def _night_of(stamp: str) -> str:
+    """2026-11-28T230000Z, stamp of a night → 2026-11-29, date of the morning after it; what is no stamp stays as it is."""
+    try:
+        begun = datetime.strptime(stamp[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC).astimezone()
+    except ValueError:
+        return stamp
+    return (begun + EVENING).strftime("%Y-%m-%d")
 
 
 def measured_before(nights: Sequence[Night]) -> Night | None:

@@ -14,6 +14,7 @@ from tango_cnc.link.journal import Journal
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
 PASSWORD = "correct horse battery"
+RHYTHM = "nightly: 1\nstale_days: 100000\n"  # invented nights have fixed dates: they answer on whatever day they are looked at
 
 
 def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any]] | None = None) -> Path:
@@ -24,6 +25,7 @@ def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any
     text = (folder / "machine.yaml").read_text(encoding="utf-8")
     quoted = name.replace("'", "''")
     (folder / "machine.yaml").write_text(text.replace("name: HU40T-like", f"name: '{quoted}'"), encoding="utf-8")
+    (folder / "nightly.yaml").write_text(RHYTHM, encoding="utf-8")
     with opened(folder / "history.db") as history:
         into(history, thirty(name) if records is None else records)
     return folder

@@ -1,4 +1,4 @@
-"""FANUC: vectors of five-axis machining, pitch error, straightness and backlash compensation."""
+"""FANUC: vectors of five-axis machining, zero of the dynamic fixture offset, pitch error, straightness, backlash."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...records import InputError
+from ...records import InputError, Machine
 from ..space import Held
 from . import SIGN_TRIAL, Derived, Fact, Option, Request
-from ._parts import HALVES, centre, point_of, reversal, rotary_order, rows, tables, trims
+from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, tables, trims
 
-TEXT = "FANUC: parameters of the rotary axes (19700 ff.), pitch error, straightness, backlash"
+TEXT = "FANUC: parameters of the rotary axes (19700 ff.), zero of the dynamic fixture offset, pitch error, straightness, backlash"
 FIVE = "FANUC A-79348E p. 72-82, A-78712E p. 61-62"
 FACTS = (
     Fact("19680: 2 two tool axes, 12 two table axes, 21 mixed", FIVE),
@@ -30,19 +30,32 @@ FACTS = (
     Fact("1851 (backlash) is the whole reversal value", "memory", confirmed=False),
     HALVES,
     Fact("G10 L52 writes parameters, values in mm of a radius", "memory", confirmed=False),
+    Fact("7580-7588: rotary axis and its two linear axes, three groups; no center is in them", "FANUC B-63944EN-2/02 p. 221"),
     Fact(
-        "TCP, fixture offset that follows the table (7580-7588) and the post-processor each keep the center: this file is for TCP",
+        "TCP, dynamic fixture offset and post-processor each keep the center: where they differ, parts are off by the difference",
         "10.1177/09544054211019668",
+    ),
+    Fact(
+        "G54.2 turns its vector about the zero of the work offset that is active: the center of the table",
+        "memory",
+        confirmed=False,
+    ),
+    Fact(
+        "G10 L2 P1 to P6 writes G54 to G59, machine coordinates with the spindle on the center, no length in them",
+        "memory",
         confirmed=False,
     ),
 )
+WORK_OFFSETS = tuple(f"G{n}" for n in range(54, 60))
 OPTIONS = {
     "points": Option(33, "points of pitch error, at most 128", tuple(range(2, 129))),
     "sign": Option(-1, "-1: corrections; 1: errors, as a sign trial may find", (1, -1)),
     "vectors": Option("yes", "write the vectors of the rotary axes", ("yes", "no")),
     "tables": Option("yes", "write pitch error, straightness and backlash", ("yes", "no")),
     "fixture_offset": Option(
-        "unused", "G54.2 (7580-7588): unused, or 'by hand': you enter the same center there", ("unused", "by hand")
+        "unused",
+        "G54.2: unused; the work offset whose zero is the center of the table: fixture.nc; by hand: you enter it there",
+        ("unused", "by hand", *WORK_OFFSETS),
     ),
 }
 FIRST = {"A": 19700, "AB": 19703, "DE": 19709, "EF": 19712}
@@ -64,20 +77,45 @@ def vectors(request: Request) -> dict[str, tuple[str, str]]:
 
 
 def check(request: Request) -> None:
-    """job → nothing. Raises InputError for options that leave nothing."""
-    if request.options["tables"] == "no" and not (request.machine.rotary and request.options["vectors"] == "yes"):
+    """job → nothing. Raises InputError for options that leave nothing, and for a table that no one zero of G54.2 can follow."""
+    if request.options["fixture_offset"] in WORK_OFFSETS and not turntable(request.machine):
+        raise InputError(
+            f"--set fixture_offset: found {request.options['fixture_offset']} for {request.machine.topology}; allowed: for one "
+            "table axis parallel to X, Y or Z, on linear axes that are. Two table axes that do not meet have no common zero: state "
+            "'by hand', or use tool center point control"
+        )
+    if request.options["tables"] == "no" and not centred(request):
         raise InputError("--target fanuc: found neither tables nor rotary axes with vectors; allowed: one of them")
+
+
+def turntable(machine: Machine) -> str:
+    """machine → its one table axis, where the zero of a work offset can be its center; empty where it cannot."""
+    work, _ = rotary_order(machine)
+    if len(work) != 1 or len(across(machine, work[0])) != 2:
+        return ""
+    for i in across(machine, work[0]):
+        name, ideal = "XYZ"[i], np.eye(3)[i]
+        sign = -1.0 if name in machine.workpiece_branch else 1.0
+        if name not in machine.linear or not np.allclose(sign * np.array(machine.axis(name).direction), ideal, atol=1e-12):
+            return ""
+    return work[0]
+
+
+def centred(request: Request) -> tuple[str, ...]:
+    """job → the rotary axes whose centers are written: all in vectors.nc, the table in fixture.nc alone."""
+    if request.options["vectors"] == "yes":
+        return request.machine.rotary
+    return (turntable(request.machine),) if request.options["fixture_offset"] in WORK_OFFSETS else ()
 
 
 def held(request: Request) -> list[Held]:
     """job → centres of the rotary axes, pitch error and backlash of each axis, straightness of linear axes."""
     machine, result = request.machine, []
     sign = int(request.options["sign"])
-    if request.options["vectors"] == "yes":
-        for axis in machine.rotary:
-            for c in range(3):
-                place = f"centre of {axis}, {'XYZ'[c]}"
-                result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=machine.axis(axis).point[c]))
+    for axis in centred(request):
+        for c in range(3) if request.options["vectors"] == "yes" else across(machine, axis):
+            place = f"centre of {axis}, {'XYZ'[c]}"
+            result.append(centre(machine, axis, c, place, "centres", increment=1e-4, base=machine.axis(axis).point[c]))
     if request.options["tables"] == "yes":
         for axis in (*machine.linear, *machine.rotary):
             result += trims(request, f"pitch {axis}", axis, axis, int(request.options["points"]), sign=sign, increment=1e-4)
@@ -109,18 +147,33 @@ def _written(request: Request, numbers: Mapping[str, float]) -> list[tuple[int, 
 
 def derived(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, Derived]:
     """job, entries, numbers → the vectors of vectors.nc, by parameter."""
-    if request.options["vectors"] == "no":
+    vectors = _written(request, numbers) if request.options["vectors"] == "yes" else []
+    found = {f"{parameter} ({what})": Derived(value, "mm") for parameter, what, value in vectors}
+    return found | {
+        f"{request.options['fixture_offset']} {axis}": Derived(at, "mm") for axis, at in _zero(request, numbers).items()
+    }
+
+
+def _zero(request: Request, numbers: Mapping[str, float]) -> dict[str, float]:
+    """job, numbers → {axis: mm} where the spindle stands on the center of the table; nothing where no work offset is stated."""
+    if request.options["fixture_offset"] not in WORK_OFFSETS:
         return {}
-    return {f"{parameter} ({what})": Derived(value, "mm") for parameter, what, value in _written(request, numbers)}
+    machine, axis = request.machine, turntable(request.machine)
+    return {"XYZ"[i]: numbers[f"centre of {axis}, {'XYZ'[i]}"] - machine.spindle.point[i] for i in across(machine, axis)}
 
 
 def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) -> dict[str, str]:
-    """job, entries, numbers → vectors.nc, compensation.txt."""
+    """job, entries, numbers → vectors.nc, fixture.nc, compensation.txt."""
     machine, result = request.machine, {}
     if machine.rotary and request.options["vectors"] == "yes":
         lines = ["%", "O9190 (CENTRES OF THE ROTARY AXES)", "G10 L52"]
         lines += [f"N{parameter} R{value:.4f} ({what})" for parameter, what, value in _written(request, numbers)]
         result["vectors.nc"] = "\n".join([*lines, "G11", "M30", "%"]) + "\n"
+    if zero := _zero(request, numbers):
+        which = request.options["fixture_offset"]
+        words = " ".join(f"{axis}{at:.4f}" for axis, at in zero.items())
+        head = f"O9191 (CENTER OF TABLE {turntable(machine)} AS ZERO OF {which})"
+        result["fixture.nc"] = f"%\n{head}\nG21 G90\nG10 L2 P{WORK_OFFSETS.index(which) + 1} {words}\nM30\n%\n"
     if request.options["tables"] == "yes":
         lines = []
         for table in (t for t in tables(held) if t.startswith(("pitch", "straightness"))):
@@ -143,7 +196,15 @@ def steps(request: Request) -> list[str]:
             "Compare every N of vectors.nc with the value in the control: hundredths of a millimeter may differ. If "
             "millimeters do, the zero of machine.yaml is another one: load nothing, and propose anew with --present.",
             "Allow parameters to be written, run vectors.nc, switch the power off and on.",
-            "Write the same center wherever it is kept once more: fixture offset 7580-7588, post-processor. One alone is an error.",
+            "Write the same center wherever it is kept once more: post-processor, work offset that G54.2 turns about. "
+            "One alone is an error.",
+        ]
+    if (which := request.options["fixture_offset"]) in WORK_OFFSETS:
+        result += [
+            f"Compare fixture.nc with {which} in the control: its zero has to be the center of the table, hundredths of a "
+            "millimeter may differ. If millimeters do, the zero is that of a part: load nothing.",
+            f"Run fixture.nc. The fixture offset of a part is the way from the center to its zero: measure it anew, or take the "
+            f"change of {which} off it, or its zero moves with the center.",
         ]
     return [
         *result,

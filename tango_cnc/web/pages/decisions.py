@@ -19,7 +19,7 @@ from ...report.days import at
 from ...report.faults import earlier, still_open
 from ...report.plain import plain
 from ..app import State, machine_of, needs, page, proven, state_of
-from .fleet import answer_of, faults_of, made_up
+from .fleet import answer_of, faults_of, made_up, orders_of
 
 NOTE = 500  # characters
 MANY = 200  # alarms of one cause that are answered together
@@ -52,8 +52,9 @@ def _read(state: State) -> dict[str, Any]:
             answers = Counter(d.alarm for d in history.decisions(name))
             shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
             shown = [{**a, "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
-            card = {"machine": row.machine, "answer": answer_of(row, found, state), "faults": shown, "open": asked}
-            waiting.append(card | {"simulated": made_up(row), "owner": state.places.owner(row.machine)})
+            said = answer_of(row, found, state)
+            card = {"machine": row.machine, "answer": said, "faults": shown, "open": asked, "simulated": made_up(row)}
+            waiting.append(card | {"todo": [] if said is None else orders_of(row, said, found, state)})
         newest = list(enumerate(history.decisions(name)))[-20:]
         told = reversed(history.alarmed(name)) if newest else ()
         texts = {a["id"]: a["text"] for stored in told for a in earlier(stored.record["alarms"])}

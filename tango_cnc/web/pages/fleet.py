@@ -11,11 +11,13 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ...report.age import measured_on
 from ...report.alarm import sentence, whole_sentence
 from ...report.answer import Answer, answer, measuring, renamed
-from ...report.days import day
-from ...report.faults import answered, earlier, faults, settled, still_open, unclosed
+from ...report.days import day, spoken_days
+from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
+from ...report.orders import orders, orders_of_cut_off
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.repeated import of_shop
@@ -23,7 +25,7 @@ from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
-from .machine import busy_of, happened_to, ran_of, run_of, unmeasured
+from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
 
 STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
 
@@ -59,23 +61,24 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     if busy and told is not None:
         told = measuring(told, t)
     ran = ran_of(request, row.machine) if told is None else ""
-    verdict = "" if told is None else f"morning.{told.state}"
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
-    drawn = state.places.kept(f"strip {_stamp(row)}", lambda: strip(signs, t("web.nights", count=len(signs)), t), LONG)
+    old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
+    label = between(signs[::-1], t, old) if signs else ""
+    drawn = state.places.kept(f"strip {_stamp(row)} {old}", lambda: strip(signs, label, t, old), LONG)
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
-        "former": [t.of(text) for text in row.machine.former],
+        "former": [*(spoken_days(t.of(text), t) for text in row.machine.former), *orders_of_cut_off(row.machine.former, t)],
         "unmeasured": unmeasured(ran, busy, row.machine, state),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
         "may": ("wait" if busy else "none") if told is None else told.may,
         "level": "none" if told is None else told.level,
         "answer": t("may.measuring" if busy else "may.unknown") if told is None else told.word,
-        "word": busy or (t(verdict) if verdict in t else ""),
+        "word": busy or ("" if told is None else told.short(t)),
         "why": "" if told is None else told.why,
         "numbers": "" if told is None else told.numbers,
         "soon": "" if told is None else told.soon,
@@ -108,8 +111,18 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
         has,
         _ahead(row, state),
         settled(found),
+        state.places.old(row.machine, measured_on(row.record, row.before)),
+        all_of_probe(found),
     )
     return renamed(told, row.machine.former, state.texts)
+
+
+def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
+    """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
+    record, axes = row.record or {}, state.places.geometry(row.machine)
+    return orders(
+        told, record, found, str((record.get("next") or {}).get("kind") or ""), state.units, state.texts, axes, row.machine.former
+    )
 
 
 def _ahead(row: Row, state: State) -> Ahead | None:

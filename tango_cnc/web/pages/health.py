@@ -10,6 +10,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
+from ...report.age import measured_on
 from ..app import needs, state_of
 from ..places import Row
 from ..settings import LOOPBACK
@@ -45,7 +46,12 @@ def _lines(request: Request) -> Iterator[str]:
     yield "# TYPE tango_uptime_seconds gauge"
     yield f"tango_uptime_seconds {time.time() - state.started:.0f}"
     rows = state.places.fleet()
-    for name, values in (("alarms_open", _alarms), ("late", _late), ("volume_um", _volume), ("nights", _nights)):
+
+    def stale(row: Row) -> float | None:
+        return None if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
+
+    own = (("alarms_open", _alarms), ("late", _late), ("stale_nights", stale), ("volume_um", _volume), ("nights", _nights))
+    for name, values in own:
         yield f"# TYPE tango_machine_{name} gauge"
         for row in rows:
             value = values(row)

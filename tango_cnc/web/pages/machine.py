@@ -14,19 +14,21 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
+from ...report.age import measured_on
 from ...report.alarm import sentence
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
+from ...report.days import day
 from ...report.faults import earlier, unclosed
-from ...report.morning import LEVELS, context, last_within, never_within, strip, volumes_of, who_of
+from ...report.morning import LEVELS, SHORT, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, of_shop, shortened
+from ...report.repeated import as_decided, in_a_row, of_shop, shortened
+from ...report.texts import Texts
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
 from ..live import Run, journals, minutes_left, quiet, title
-from ..places import STRIP, Machine, told
-from ..places import measured_before as before
+from ..places import STRIP, Machine, measured_before, told
 from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list
@@ -54,14 +56,23 @@ def machine(request: Request) -> Response:
         entry, allowed = nights[0].entry, limits_of(request, found)
         signs = [(n.night, told(n, allowed)) for n in nights]
         values |= morning_of(request, found, values["busy"])
-        values["known"] = True
+        values["known"], values["judged"] = True, bool(allowed)
         values["entry"] = entry
-        values["strip"] = strip([(d, v, "") for d, v in reversed(signs)], state.texts("web.nights", count=len(nights)), state.texts)
-        values["listed"] = len(nights)
+        values["strip"] = strip(
+            [(d, v, "") for d, v in reversed(signs)], between(signs, state.texts, values["old"]), state.texts, values["old"]
+        )
+        values["between"] = between(signs, state.texts, values["old"])
         values["headlines"] = headlines(request, found, nights[:10])
         values["curves"] = curves(request, found)
         values["course"] = course_of_tip(request, found)
     return page(request, "machine.html", **values)
+
+
+def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
+    """(date, …) of nights, newest first, texts, whether they are too old → which nights a row of signs has."""
+    signs = signs[:SHORT] if old else signs
+    first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
+    return t("web.nights", count=len(signs), first=first, last=last)
 
 
 def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
@@ -73,14 +84,15 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
     allowed = limits_of(request, machine)
     alarms, decisions = _unclosed(request, machine)
     known = state.places.nights(machine, ANOTHER)
+    record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     every = [(n.night, told(n, allowed)) for n in known]
     return context(
-        stored(request, machine, nights[0].entry),
+        record,
         decisions,
         state.units,
         state.texts,
         waiting=earlier(alarms),
-        before=record_before(request, machine, nights),
+        before=before,
         machine=state.places.geometry(machine),
         owner=state.places.owner(machine),
         late=state.places.late(machine),
@@ -92,6 +104,7 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
         now=datetime.now(UTC),
         signs=every,
         former=machine.former,
+        old=state.places.old(machine, measured_on(record, before)),
     )
 
 
@@ -104,7 +117,7 @@ def stored(request: Request, machine: Machine, entry: int) -> Any:
 
 def record_before(request: Request, machine: Machine, nights: Sequence[Night]) -> Any:
     """request, machine, its nights newest first → record of the last one that measured before a night that did not; else None."""
-    last = before(nights)
+    last = measured_before(nights)
     return None if last is None else stored(request, machine, last.entry)
 
 
@@ -256,7 +269,8 @@ def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Ma
         records = history.records_of([n.entry for n in nights])
         said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         return {
-            n.entry: sentence(plain(plainly(of_shop(text), t), u, t, axes), Units()) for n, text in zip(nights, said, strict=True)
+            n.entry: sentence(plain(plainly(in_a_row(of_shop(text)), t), u, t, axes), Units())
+            for n, text in zip(nights, said, strict=True)
         }
 
     return state.places.kept(key, made, 600)
@@ -279,9 +293,11 @@ def nights(request: Request) -> Response:
         machine=found,
         nights=shown,
         headlines=said,
-        count=len(every),
+        listed=len(every),
         number=number,
-        more=more,
+        older=more,
+        judged=bool(limits_of(request, found)),
+        **morning_of(request, found, busy_of(request, found)),
     )
 
 

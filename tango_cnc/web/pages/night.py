@@ -10,6 +10,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...records import InputError
+from ...report.age import measured_on
 from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
@@ -30,12 +31,13 @@ def night(request: Request) -> Response:
     place = next((i for i, n in enumerate(every) if n.entry == entry), 0)
     nights, now = every[place:], datetime.now(UTC)
     events = happened_to(state, found)
+    before = record_before(request, found, nights)
     values = context(
         record,
         found.history.decisions(found.name),
         state.units,
         state.texts,
-        before=record_before(request, found, nights),
+        before=before,
         volumes=volumes_of(nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
@@ -43,6 +45,7 @@ def night(request: Request) -> Response:
         now=now,
         newer=place,
         former=None if place else found.former,
+        old=None if place else state.places.old(found, measured_on(record, before)),
         signs=[(n.night, told(n, limits_of(request, found))) for n in nights],
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]

@@ -1,0 +1,44 @@
+"""Nights that were cut off: the journal of their run becomes readings, before the next night puts them on record."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ..files import readings_text, write_text
+from ..files.readjson import parse_json
+from ..link._readings import readings_of
+from ..link.entries import Segment
+from ..link.journal import look_at, salvaged
+from ..link.lock import cut_off
+from ..plan import plan_hash
+from ..records import Plan, TangoError
+
+PLANNED = "planned.json"  # what the run of a night was to touch
+JOURNAL = "readings.journal"
+KEPT = ("readings.csv", "readings.partial.csv")
+
+
+def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
+    """folder of a night, its kind, touches of the strategy (empty: all) → on disk, for the night that finds it cut off."""
+    write_text(folder / PLANNED, json.dumps({"kind": kind, "touches": list(touches)}) + "\n")
+
+
+def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -> None:
+    """cell, (kind, touches) → plan of a night → readings.partial.csv beside the journal of every night that was cut off.
+
+    A journal that no plan of the cell fits stays as it is, and so does one that cannot be read: a night is not held up by it.
+    """
+    for stamp in cut_off(folder):
+        night = folder / "nights" / stamp
+        if not (night / JOURNAL).is_file() or any((night / name).exists() for name in KEPT):
+            continue
+        with suppress(TangoError, OSError, ValueError, KeyError, TypeError):
+            asked = parse_json((night / PLANNED).read_text(encoding="utf-8"))
+            made = planned(str(asked["kind"]), [int(number) for number in asked["touches"]])
+            entries, _ = salvaged(look_at(night / JOURNAL))
+            runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+            if runs == {plan_hash(made)} and (readings := readings_of(entries, made)) is not None:
+                write_text(night / KEPT[1], readings_text(readings))

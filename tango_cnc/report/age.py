@@ -1,0 +1,22 @@
+"""How long ago a machine was measured: a result that is too old is no answer of today."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .days import days_between, local_day
+
+
+def measured_on(record: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> str:
+    """record of the newest night, of the last that measured where that one did not → date of the last measurement; '' for none."""
+    known = (before if record.get("verdict") == "not_measured" else record) or {}
+    if known and known.get("verdict") != "not_measured":
+        return local_day(known.get("end_utc")) or str(known.get("night") or "")
+    return str(record.get("last_measured") or "")
+
+
+def nights_old(measured: str, today: str, most: float) -> int:
+    """date of the last measurement, today, days for which a result is an answer → nights since then; 0 as long as it is one."""
+    nights = days_between(measured, today) if measured else 0
+    return nights if nights > most else 0

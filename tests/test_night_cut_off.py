@@ -1,0 +1,56 @@
+"""A night that was cut off has a journal, and the next one makes readings of it: nothing measured is lost."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from support.runs import Control, Result, cell, readings  # noqa: F401
+
+from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned
+from tango_cnc.commands._night_world import RealDisk
+from tango_cnc.files import read_cell
+from tango_cnc.link.lock import holding
+from tango_cnc.plan import part, plan
+
+STAMP = "2026-10-03T020000Z"
+
+
+@pytest.fixture
+def night(cell: Path) -> Path:
+    """→ folder of a night that was cut off after four touches: its mark, what it was to touch, its journal."""
+    assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
+    folder = cell / "nights" / STAMP
+    folder.mkdir(parents=True)
+    shutil.copy(cell / JOURNAL, folder / JOURNAL)
+    note_planned(folder, "full", ())
+    RealDisk(cell).begin(STAMP, "2026-10-03T02:00:00Z")
+    return folder
+
+
+def test_its_journal_becomes_readings_once_nobody_is_at_work_there(cell: Path, night: Path) -> None:
+    made, before = plan(read_cell(cell)), (night / JOURNAL).read_bytes()
+    asked: list[tuple[str, list[int]]] = []
+    with holding(cell, "tango nightly"):
+        keep_readings(cell, lambda kind, touches: made)
+    assert not (night / KEPT[1]).exists()
+    keep_readings(cell, lambda kind, touches: asked.append((kind, list(touches))) or made)
+    assert asked == [("full", [])] and list(readings(cell, f"nights/{STAMP}/{KEPT[1]}").touch) == [1, 2, 3, 4]
+    assert (night / JOURNAL).read_bytes() == before
+    (night / KEPT[1]).write_text("what is there stays\n")
+    keep_readings(cell, lambda kind, touches: made)
+    assert (night / KEPT[1]).read_text() == "what is there stays\n"
+
+
+@pytest.mark.long
+def test_what_does_not_fit_holds_no_night_up_and_makes_nothing_up(cell: Path, night: Path) -> None:
+    made = plan(read_cell(cell))
+    keep_readings(cell, lambda kind, touches: part(made, [1, 2, 3]))
+    for spoilt in ("{", "[]", '{"kind": "full"}', '{"kind": "full", "touches": ["x"]}', None):
+        if spoilt is None:
+            (night / PLANNED).unlink()
+        else:
+            (night / PLANNED).write_text(spoilt)
+        keep_readings(cell, lambda kind, touches: made)
+    assert not (night / KEPT[1]).exists() and (night / JOURNAL).exists()
