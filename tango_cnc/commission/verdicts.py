@@ -20,6 +20,11 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
     ),
     (
+        re.compile(r"COULD NOT BE WRITTEN"),
+        "the control cannot write its records: look at output under controller: in tango.yaml, at the device of that name on the "
+        "control (SINUMERIK: its line in extdev.ini, the share, its password) and at the room there; docs/controls/",
+    ),
+    (
         re.compile(r"GOTO|\bDNC\b|TAPE MODE"),
         "the control refuses a jump in a drip-fed program: run it from the memory, or state alarm: at once under controller:, "
         "which leaves the probe on and the port open at an alarm",
