@@ -29,7 +29,8 @@ EXPERIMENT = Experiment(
     "Where the signal is on while nobody touches the stylus, turn its polarity round at the control or at the receiver",
     judge,
     re.compile(
-        r"NOT TOUCHED|NO FINGER|NO CONTACT(?!\))|NO PROBE CONTACT|P601|MULTI STEP SKIP|PROBE IS DEFLECTED|SIGNAL IS ON|ALREADY IN CONTACT"
+        r"NOT TOUCHED|NO FINGER|NO CONTACT(?!\))|NO PROBE CONTACT|P601|MULTI STEP SKIP|PROBE IS DEFLECTED|SIGNAL IS ON|"
+        r"ALREADY IN CONTACT"
     ),
     re.compile(
         r"^skip =|^control =|^distance =|#9011 is the input|text of TCH PROBE 4|subprograms may stand|"
