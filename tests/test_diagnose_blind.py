@@ -33,8 +33,10 @@ LEAST = {
     "one cause, visible peak 3 µm: right name first": 0.95,
     "one cause, visible peak 3 µm: right name or among the alternatives": 0.99,
     "one cause, visible peak 1.5 µm: right name first": 0.80,
-    "two causes: exactly the right names": 0.90,
-    "three causes: exactly the right names": 0.85,
+    # Not the exact names alone: a stylus that creeps or was bent and a machine that drifts or stepped are one to the touches of a
+    # spindle that stands, and one draw in five holds such a pair. Then both have to be named, and nothing may be explained.
+    f"two causes: {blind.TELLING}": 0.90,
+    f"three causes: {blind.TELLING}": 0.85,
     "cause taken out of the catalogue: no false name": 0.90,
     "cause taken out of the catalogue: right covariate": 0.80,
     "size within two of its standard deviations": 0.95,
@@ -62,6 +64,21 @@ def test_three_large_causes_come_back_where_the_scale_bar_is_left_out(bench: tup
     assert found is not None
     assert sorted(blind.names(found[1])) == sorted(causes)
     assert all(f.stability is not None and f.stability.times == f.stability.of for f in found[1].findings)
+
+
+KINK = ("rotary_tilt", "stylus_knock", "compensation_kink")
+LONG = ("error_motion", "move_length_memory", "gravity_sag")
+SAG = ("rotary_tilt", "axis_knock", "gravity_sag")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("causes", "seed"), [(KINK, 41200096), (LONG, 41200097), (SAG, 41200104)])
+def test_three_causes_are_named_as_far_as_touches_tell_them(causes: tuple[str, ...], seed: int) -> None:
+    """One fold holds all that tells where the kink is; a memory goes on beyond 100 mm; a sag is a wave of its axis, too."""
+    o = blind.tried(blind.Trial(blind.THREE, "hu40t", causes, (0.003, 0.006), seed))
+    assert o is not None
+    assert blind.tellable(o), o.calls
+    assert set(causes) - {"stylus_knock"} <= set(o.found)
 
 
 @pytest.mark.campaign

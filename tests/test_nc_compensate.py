@@ -212,3 +212,30 @@ def test_a_second_program_in_the_file_is_refused(head: str) -> None:
     read_line("G0 X1.", 2, modal, "XYZAC")
     with pytest.raises(InputError, match="a second program begins here: make a file of each"):
         read_line(head, 3, modal, "XYZAC")
+
+
+@pytest.mark.parametrize(
+    ("name", "program", "why"),
+    [
+        ("klartext", "0 BEGIN PGM A MM\n1 L X+1 R0 FMAX M30\n2 L X+2", "the program has ended with M30"),
+        ("klartext", "0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n2 M2\n3 L X+2", "the program has ended with M2"),
+        ("klartext", "0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n2 END PGM A MM\n3 L X+2", "the program has ended with END PGM"),
+        ("klartext", "0 BEGIN PGM A MM\n1 L X+1 R0 FMAX M30\n2 END PGM A MM\n0 BEGIN PGM B MM", "a second program begins here"),
+        ("macro_b", "%\nO1\nG0 X1.\n%\nG1 X2.", "the program has ended with %"),
+        ("rs274", "%\nG0 X1\n%\nG1 X2", "the program has ended with %"),
+        ("siemens", "G0 X1\nM17\nG1 X2", "the program has ended with M17"),
+    ],
+)
+def test_what_stands_after_any_end_is_refused_at_its_line(name: str, program: str, why: str) -> None:
+    modal, read_line, lines = Modal(), language(name).read, program.splitlines()
+    for number, line in enumerate(lines[:-1], 1):
+        read_line(line, number, modal, "XYZAC")
+    with pytest.raises(InputError, match=f"line {len(lines)}: .*{why}"):
+        read_line(lines[-1], len(lines), modal, "XYZAC")
+
+
+def test_other_spindles_and_groups_of_feed_leave_the_path_alone(knowledge: Known) -> None:
+    program = "G71 G90 G17 G54\nFGROUP(X, Y, Z)\nG0 X0 Y0 Z50 A0 C0\nM2=3 S2=8000\nG1 X5 F500 M1=5\nM17\n"
+    lines, account = rewritten(program, knowledge, "siemens")
+    assert not account.unknown
+    assert all("".join(lines).count(word) == 1 for word in ("FGROUP(X, Y, Z)", "M2=3 S2=8000", "M1=5", "M17")), lines

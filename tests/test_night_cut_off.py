@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.dialects import EXAMPLE
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned
@@ -13,6 +15,11 @@ from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.files import read_cell
 from tango_cnc.link.lock import holding
 from tango_cnc.plan import part, plan
+from tango_cnc.report.answer import said_cut_off
+from tango_cnc.report.facts import Nights
+from tango_cnc.report.orders import orders
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
 
 STAMP = "2026-10-03T020000Z"
 
@@ -54,3 +61,14 @@ def test_what_does_not_fit_holds_no_night_up_and_makes_nothing_up(cell: Path, ni
             (night / PLANNED).write_text(spoilt)
         keep_readings(cell, lambda kind, touches: made)
     assert not (night / KEPT[1]).exists() and (night / JOURNAL).exists()
+
+
+def test_a_report_of_that_morning_is_no_plain_yes() -> None:
+    """The newest night on record was good; the one after it was killed while the control went on."""
+    record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
+    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    machine, t = read_cell(EXAMPLE).machine, texts()
+    assert good.answer(Units(), t, machine).may == "yes"
+    told = replace(good, former=said_cut_off([STAMP])).answer(Units(), t, machine)
+    assert told.may == "but" and "cut off" in told.why
+    assert orders(told, record, (), "check", Units(), t, machine, said_cut_off([STAMP]))[0].startswith("Look at the machine first")

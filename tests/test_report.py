@@ -29,7 +29,7 @@ from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather
-from tango_cnc.report.may import may
+from tango_cnc.report.may import _after, may
 from tango_cnc.report.svg import Frame, Mark, Series, chart, ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
@@ -636,3 +636,27 @@ def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path
         at.setdefault(height, {}).setdefault(what, number)  # where the head is printed first
     assert len(at) == 56 and all(len(found) == 3 for found in at.values())
     assert not [height for height, found in at.items() if len(set(found.values())) != 1]
+
+
+@pytest.mark.parametrize(("larger", "verdict"), [(0.5, "good"), (0.5, "changed"), (1.0, "good")])
+def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Facts, larger: float, verdict: str) -> None:
+    """The error of the night is half that of these readings, or the same."""
+    assert facts.tip is not None
+    here = 1e3 * facts.tip.worst
+    there = larger * here
+    limit = {"what": "volume", "value": there, "unit": "µm", "low": there - 1, "high": there + 1, "limit": 1000.0, "passed": True}
+    record = {"verdict": verdict, "night": "2026-11-20", "limits": [limit], "volume": {"worst_um": there, "std_um": 0.5}}
+    record["parameters"] = {n: {"value": larger * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
+    moved = {"cause": "Spindle has moved.", "todo": ("Ask who was at the machine.",)} if verdict == "changed" else {}
+    night = Nights("2026-11-20", verdict, "", 0, "2026-11-20T02:30:00+00:00", record, **moved)
+    newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=1.0))
+    told, found = may(newer, texts()), page.context(newer)
+    yes = replace(told.answer, may="yes")
+    assert _after(yes, newer, texts()).may == ("but" if larger < 1 else "yes")
+    assert told.answer.may == "but" and f"{here:.0f} µm, 1000 µm allowed" in told.answer.numbers
+    assert "Fri 20 Nov 2026" in told.run and told.run in page.render(newer)
+    assert f"before them, it was {there:.0f} µm" in told.run
+    lines = " ".join(found["todo"])
+    assert ("Spindle has moved. Ask who was at the machine." in lines) == (verdict == "changed")
+    assert ("Look first for what has moved since the night." in lines) == (larger < 1)

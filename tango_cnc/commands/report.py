@@ -22,6 +22,7 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
+from ..link.lock import cut_off
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
@@ -156,7 +157,7 @@ def command(
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
-    no = data["overall"] == "stop" or data["may_make_parts"] == "no" or data["stale_nights"]
+    no = data["overall"] == "stop" or data["may_make_parts"] == "no" or data["stale_nights"] or data["cut_off"]
     return status(judgement, despite) or int(crossed or (no and not despite))
 
 
@@ -269,7 +270,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
     from ..report.age import measured_on, nights_old
-    from ..report.answer import by_limit
+    from ..report.answer import by_limit, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
     from ..report.orders import orders
@@ -304,9 +305,10 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
             old=nights_old(measured_on(record, before), today, settings.answers_for),
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
+            former=said_cut_off(cut_off(folder)),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
-        return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain)))
+        return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:

@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array
-from ._catalogue import Chosen
+from ._catalogue import APART, Chosen
 from ._explain import Explanation
 from ._gain import add, residual_maker, rms
 from ._records import ALONE, SUBSETS, Stability
 from ._space import RIDGE, faint
 
+UNKNOWN = 0.5  # of the pattern of a name, from which a setting that fits the other touches as well predicts it no more
 NEAR = 10.0  # evidence by which another cause may be better in a subset: no very strong evidence against a name
 
 
@@ -36,11 +37,16 @@ class Nested:
 
 
 class Folds:
-    """Design and data of everything but one cause, (n + known, p) and (n + known,), and the catalogue over the touches."""
+    """Design and data of everything but one cause, (n + known, p) and (n + known,), and the catalogue over the touches.
+
+    A fold may hold all touches that tell the setting of a cause, such as the place of a kink. The others choose any: where they
+    do not speak against the setting that all touches chose, and theirs is another pattern in the fold, it neither gains nor loses.
+    """
 
     def __init__(self, e: Explanation, weight: Array, base: Array, data: Array) -> None:
         self.e, self.weight, self.base, self.data = e, weight, base, data
-        blocks = [c.columns for c in e.catalogue.candidates]
+        blocks = [c.columns for c in (*e.catalogue.candidates, *(o.candidate for o in e.chosen))]
+        self.price = np.concatenate([e.catalogue.price, [o.price for o in e.chosen]])
         self.size = np.array([b.shape[1] for b in blocks])
         self.start = np.concatenate([[0], np.cumsum(self.size)[:-1]]).astype(np.int64)
         self.columns = np.hstack(blocks)
@@ -57,6 +63,9 @@ class Folds:
         data = self.data * certain
         without = residual_maker(design)
         mine = np.sum((without[:, :n] @ one.candidate.columns)[:n] ** 2, axis=1)
+        at = len(self.e.catalogue.candidates) + next(i for i, c in enumerate(self.e.chosen) if c is one)
+        shown = np.pad(one.candidate.columns, ((0, len(self.base) - n), (0, 0)))
+        shown = shown @ np.linalg.lstsq(without @ shown, without @ data, rcond=None)[0]
         code = self.e.catalogue.causes.index(one.candidate.cause)
         result = {}
         selected = trials = 0
@@ -66,7 +75,7 @@ class Folds:
                 continue
             fold = groups if len(used) < 2 * SUBSETS else groups % SUBSETS
             counted = name == "indexations" or (name == "scattered" and "indexations" not in result)
-            errors = np.zeros((n, 2))
+            errors, counts = np.zeros((n, 2)), keep.copy()
             for g in np.unique(fold):
                 out = np.flatnonzero(fold == g)
                 inside = np.setdiff1d(np.arange(len(design)), out)
@@ -78,10 +87,15 @@ class Folds:
                     trials += 1
                 columns = self.columns[:, self.start[best] : self.start[best] + self.size[best]]
                 within = add(without, np.pad(columns, ((0, len(design) - n), (0, 0))))
+                of_pattern = np.zeros((len(out), 2))
                 for i, maker in enumerate((without, within)):
                     part = maker[out]
-                    errors[out, i] = np.linalg.pinv(part[:, out], rcond=0.1, hermitian=True) @ (part @ data)
-            result[name] = (rms((errors[:, 0] / self.weight)[keep]), rms((errors[:, 1] / self.weight)[keep]))
+                    solved = np.linalg.pinv(part[:, out], rcond=0.1, hermitian=True) @ (part @ np.column_stack([data, shown]))
+                    errors[out, i], of_pattern[:, i] = solved.T
+                if score[best] < score[at] + APART and rms(of_pattern[:, 1]) > UNKNOWN * rms(of_pattern[:, 0]):
+                    counts[out] = False
+            if counts.any():
+                result[name] = (rms((errors[:, 0] / self.weight)[counts]), rms((errors[:, 1] / self.weight)[counts]))
         return Nested(result, Stability(selected, trials))
 
     def _scores(self, design: Array, data: Array, inside: NDArray[np.int64], n: int) -> Array:
@@ -107,7 +121,7 @@ class Folds:
             left[:, np.arange(k), np.arange(k)] += RIDGE * length + 1e-30
             right = along[at]
             taken = np.sum(right * np.linalg.solve(left, right[:, :, None])[:, :, 0], axis=1)
-            result[blocks] = -m * np.log(np.maximum(1 - taken / whole, 1e-9)) - self.e.catalogue.price[blocks]
+            result[blocks] = -m * np.log(np.maximum(1 - taken / whole, 1e-9)) - self.price[blocks]
         return result
 
 

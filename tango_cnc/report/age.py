@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from .days import days_between, local_day
+
+EVENING = timedelta(hours=6)  # before midnight: a night that begins later is of the next day (docs/nightly.md)
 
 
 def measured_on(record: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> str:
@@ -20,3 +23,12 @@ def nights_old(measured: str, today: str, most: float) -> int:
     """date of the last measurement, today, days for which a result is an answer → nights since then; 0 as long as it is one."""
     nights = days_between(measured, today) if measured else 0
     return nights if nights > most else 0
+
+
+def night_of_stamp(stamp: str) -> str:
+    """2026-11-28T230000Z, stamp of a night → 2026-11-29, date of the morning after it; what is no stamp stays as it is."""
+    try:
+        begun = datetime.strptime(stamp[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC).astimezone()
+    except ValueError:
+        return stamp
+    return (begun + EVENING).strftime("%Y-%m-%d")

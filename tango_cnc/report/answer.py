@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from ..records import Machine
-from ..texts import Said
+from ..texts import Said, say
+from .age import night_of_stamp
 from .days import day
 from .pace import SOON, Ahead
 from .plain import amount, length
@@ -117,6 +118,11 @@ def _of_old(
     word, told = t("may.no" if beyond else "may.unknown"), t("may.old_nights", nights=old)
     numbers = _numbers(known, u, t, machine, date)
     return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
+
+
+def said_cut_off(stamps: Sequence[str]) -> tuple[Said, ...]:
+    """stamps of nights that were begun and never ended → what pages say of them beside the nights of the cell."""
+    return tuple(say(CUT_OFF, date=night_of_stamp(stamp)) for stamp in stamps)
 
 
 def is_cut_off(former: Sequence[str]) -> bool:

@@ -149,7 +149,7 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     n = f.nights
     if n is None:
         return []
-    level: Level = "look" if n.waiting or n.verdict != "good" else "good"
+    level: Level = "look" if n.waiting or n.verdict != "good" or n.former else "good"
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
     # What was said in the night knows nothing of what was decided since.
     headline = n.cause if n.cause and n.verdict == "changed" else n.headline
@@ -158,7 +158,7 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     text = t(
         f"check.nights_{level}",
         date=day(n.date, t),
-        said=plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + ".",
+        said=" ".join([*map(t.of, n.former), plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + "."]),
         count=n.waiting,
         age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),
     )

@@ -20,6 +20,7 @@ from ..judgement import Judgement
 from ..model import linearise
 from ..records import Array, Cell, Machine, Readings, TangoError, TermItem
 from ..state.volume import Volume, of_estimate
+from ..texts import Said
 from ..uncertainty.analysis import prepare
 from ..uncertainty.inputs import Line
 from ..uncertainty.scatter import reached, with_rest
@@ -28,7 +29,7 @@ from ..verify import held_out, volume
 from ..verify.held_out import HeldOut
 from ..verify.volume import VolumeMap
 from . import slices
-from .answer import Answer, answer, by_limit
+from .answer import Answer, answer, by_limit, renamed
 from .pace import Ahead
 from .texts import Texts, texts
 from .units import Units
@@ -89,13 +90,15 @@ class Nights:
     old: int = 0  # nights since the last measurement, where these are too many for an answer of today
     probe: bool = False  # whether all that is open is of the probe
     answers_for: float = 7.0  # days for which a result is an answer
+    former: tuple[Said, ...] = ()  # what is said of the cell beside its nights: one that was cut off
 
     def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:
         """units, texts, machine, limit of the tool tip in mm that is asked for → whether parts may be made, as on its page."""
         allowed = None if limit is None else 1e3 * limit
         record = by_limit(self.record or {"verdict": self.verdict, "night": self.date}, allowed)
         before = None if self.before is None else by_limit(self.before, allowed)
-        return answer(record, u, t, self.waits, before, machine, self.late, self.has, self.ahead, self.closed, self.old, self.probe)
+        more = self.late, self.has, self.ahead, self.closed, self.old, self.probe
+        return renamed(answer(record, u, t, self.waits, before, machine, *more), self.former, t)
 
     @property
     def measured_on(self) -> str:

@@ -82,8 +82,10 @@ def faults(
             asked = next((x for x in found if x.get("parameter") == a.get("parameter") and not closed(x)), None)
             whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
             found.append(alarm(a, None, u, t, machine, record, today) | {"older": False} | whose)
-    if any(x["drifts"] and not change(x["cause_key"]).of_the_probe and not closed(x) for x in found):
-        found = [x | ({"todo": t("morning.after_drift", do=x["todo"])} if _entered(x) else {}) for x in found]
+    drift = next((x for x in found if x["drifts"] and not change(x["cause_key"]).of_the_probe and not closed(x)), None)
+    if drift is not None:
+        what = spoken(str(drift.get("parameter") or drift["cause"]), machine, t)
+        found = [x | ({"todo": t("morning.after_drift", do=x["todo"], what=what)} if _entered(x) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 

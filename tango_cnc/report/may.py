@@ -51,8 +51,10 @@ def may(f: Facts, t: Texts) -> Told:
         key = "may.by_readings_alone" if night.old else "may.by_newer_readings"
         newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
         return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
+    newest = grown(f) and own.numbers != "" and f.wishes.limit is not None  # the larger number is the newer one
+    night = replace(night, numbers=own.numbers) if newest else night
     basis = _by_night(f, t)
-    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, True, t), True)
+    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, not newest, t), True)
 
 
 def _after(own: Answer, f: Facts, t: Texts) -> Answer:
@@ -97,13 +99,7 @@ def _run(f: Facts, by_night: bool, t: Texts) -> str:
         return ""
     here, night = (length(x, f.wishes.units) for x in (1e3 * f.tip.worst, float(there)))
     key = f"run.night_{beside}" if by_night else "run.readings"
-    told = t(key, date=day(f.nights.measured_on, t), here=here, night=night)
-    name = next(iter(effects(f.result)), None)
-    if not by_night or not grown(f) or name is None:
-        return told
-    factor, unit = shown(f.result.parameters[name].unit)
-    size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
-    return f"{told} {t('may.most', what=spoken(name, f.cell.machine, t), size=size)}"
+    return t(key, date=day(f.nights.measured_on, t), here=here, night=night)
 
 
 def _by_night(f: Facts, t: Texts) -> str:

@@ -52,6 +52,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     # A cause that was found comes before what a large scatter asks for by itself.
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
+    do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -105,9 +106,9 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
     if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
-        first, *more = f.nights.todo
-        moved = since_then(f, t, "todo.grown") if grown(f) else ""
-        return [x for x in (moved, f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
+        known = [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
+        first, *more = known or [""]
+        return [x for x in (f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:
@@ -386,6 +387,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
+        "cut_off": [str(said.values["date"]) for said in (f.nights.former if f.nights is not None else ())],
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,

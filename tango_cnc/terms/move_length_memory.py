@@ -22,7 +22,7 @@ def variants(touches: Touches) -> Variants:
     machine = touches.machine
     for axis in [*moved_axes(touches, machine.linear, 10.0), *moved_axes(touches, machine.rotary, 0.2)]:
         yield {"axis": axis, "shape": "linear"}
-        for length in (10.0, 30.0, 100.0):
+        for length in (10.0, 30.0, 100.0, 300.0):
             yield {"axis": axis, "shape": "exponential", "length": length}
 
 

@@ -33,10 +33,8 @@ TERM = Cause(
     text="a rotary axis moves along its axis as it turns",
     source="ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6",
     frame="axis",
-    mistaken=(
-        "rotary_radial",
-        "rotary_tilt",
-    ),
+    mistaken=("rotary_radial", "rotary_tilt"),
+    plainer=("gravity_sag",),  # one wave a turn of a body that tilts: its weight does that, whatever the bearing does
     says="the body of {axis} moves along its axis in {waves}, by {size}",
     meaning="surfaces that are turned or milled around this axis rise and fall by this within a turn",
     advice="check the bearing and its preload, or keep the term",

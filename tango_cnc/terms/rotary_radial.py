@@ -33,10 +33,8 @@ TERM = Cause(
     text="a rotary axis moves sideways as it turns",
     source="ISO 230-7:2015, 3.2.6 to 3.2.8; ISO 230-1:2012, 3.6",
     frame="axis",
-    mistaken=(
-        "rotary_axial",
-        "rotary_tilt",
-    ),
+    mistaken=("rotary_axial", "rotary_tilt"),
+    plainer=("gravity_sag",),  # one wave a turn of a body that tilts: its weight does that, whatever the bearing does
     says="the body of {axis} moves sideways in {waves}, by {size}",
     meaning="features around this axis are off sideways by this, depending on its angle",
     advice="check the bearing and its preload, or keep the term",

@@ -23,13 +23,11 @@ from ..link.lock import cut_off
 from ..records import Cell, TangoError
 from ..records import Machine as Geometry
 from ..report.age import nights_old
-from ..report.answer import CUT_OFF
-from ..texts import say
+from ..report.answer import said_cut_off
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
 STRIP = 30  # nights of the strip beside a machine
-EVENING = timedelta(hours=6)  # before midnight: a night that begins later is of the next day (docs/nightly.md)
 MOST = 2000  # things that are kept
 T = TypeVar("T")
 
@@ -133,7 +131,7 @@ class Places:
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is not None and (cut := cut_off(m.folder)):
-                m = found[slug] = replace(m, former=(*m.former, *(say(CUT_OFF, date=_night_of(stamp)) for stamp in cut)))
+                m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut)))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
@@ -287,15 +285,6 @@ def told(night: Night, limits: Mapping[str, float]) -> str:
     if beyond and night.verdict in ("good", "changed"):
         return "out_of_limits"
     return "partial" if night.status == "partial" and night.verdict == "good" else night.verdict
-
-
-def _night_of(stamp: str) -> str:
-    """2026-11-28T230000Z, stamp of a night → 2026-11-29, date of the morning after it; what is no stamp stays as it is."""
-    try:
-        begun = datetime.strptime(stamp[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC).astimezone()
-    except ValueError:
-        return stamp
-    return (begun + EVENING).strftime("%Y-%m-%d")
 
 
 def measured_before(nights: Sequence[Night]) -> Night | None:

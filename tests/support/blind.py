@@ -13,7 +13,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from itertools import combinations, pairwise, permutations
 from pathlib import Path
@@ -376,6 +376,9 @@ class Outcome:
     within: list[bool]
     worth: list[bool]
     seconds: float
+    twins: list[list[str]] = field(default_factory=list)  # of every hidden effect, other causes that nobody can tell from it
+    calls: list[list[str]] = field(default_factory=list)  # of every finding, its name and its alternatives
+    verdict: str = ""
 
 
 NULL, ONE, SMALL, TWO, THREE, TAKEN, OTHER, OTHER_NULL = (
@@ -388,6 +391,9 @@ NULL, ONE, SMALL, TWO, THREE, TAKEN, OTHER, OTHER_NULL = (
     "other machines, one cause, visible peak 3 µm",
     "other machines, nothing hidden",
 )
+
+
+TELLING = "exactly the right names, a twin with the right name beside it and nothing explained"
 
 
 def one_round(start: int) -> Iterator[Trial]:
@@ -427,7 +433,10 @@ def tried(t: Trial) -> Outcome | None:
         _measured(eye, hidden[0], d, t.causes[0], within, worth)
     others = [list(dict.fromkeys(a for a, _, _ in f.alternatives)) for f in d.findings]
     remains = [r.covariate for r in d.unexplained]
-    return Outcome(t, [h.effect for h in hidden], names(d), others, remains, within, worth, time.process_time() - began)
+    twins = [sorted(eye.twins(h.change) - {h.effect["cause"]}) for h in hidden]
+    calls = [[f.cause, *alike] for f, alike in zip(d.findings, others, strict=True)]
+    seconds = time.process_time() - began
+    return Outcome(t, [h.effect for h in hidden], names(d), others, remains, within, worth, seconds, twins, calls, d.verdict)
 
 
 def judged(outcomes: Sequence[Outcome]) -> dict[str, list[bool]]:
@@ -450,6 +459,7 @@ def judged(outcomes: Sequence[Outcome]) -> dict[str, list[bool]]:
             tell(f"{case}: exactly the right name" + ("s" if len(causes) > 1 else ""), sorted(o.found) == sorted(causes))
         if case in (TWO, THREE):
             tell(f"{case}: the right names, or they are among the alternatives", _covered(o))
+            tell(f"{case}: {TELLING}", tellable(o))
         if case in (ONE, SMALL, OTHER):
             tell(f"{case}: right name first", o.found[:1] == causes)
             tell(f"{case}: right name or among the alternatives", causes[0] in [*o.found, *(a for x in o.alternatives for a in x)])
@@ -464,6 +474,20 @@ def _covered(o: Outcome) -> bool:
     told = [{name, *others} for name, others in zip(o.found, o.alternatives, strict=False)]
     return len(told) == len(o.trial.causes) and any(
         all(cause in one for cause, one in zip(causes, told, strict=True)) for causes in permutations(o.trial.causes)
+    )
+
+
+def tellable(o: Outcome) -> bool:
+    """outcome → whether each finding has the name of another one of the causes that were hidden. Where a twin of it has its place,
+    which no touch tells from it, the right name has to be an alternative, and the verdict not `explained`.
+    """
+
+    def right(call: list[str], cause: str, twins: list[str]) -> bool:
+        return call[0] == cause or (call[0] in twins and cause in call and o.verdict != "explained")
+
+    causes = list(zip(o.trial.causes, o.twins, strict=False))
+    return len(o.calls) == len(causes) and any(
+        all(right(call, *cause) for call, cause in zip(o.calls, order, strict=True)) for order in permutations(causes)
     )
 
 

@@ -14,7 +14,7 @@ AXES = "XYZABC"
 PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
 INSIDE = re.compile(r"\([^)]*\)|<[^>]*>")  # a comment within a word: X(half)10
 AFTER = {0, 1, 2, 5, 9, 30, 60}  # M functions that act when the motion of their block is done
-ENDS = {2, 30}  # M functions that end the program
+ENDS = frozenset({2, 30})  # M functions that end the program
 # M functions that leave the path alone on every control: stops, spindle, tool, coolant, orientation, gears, overrides.
 PLAIN = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 19, 30, *range(40, 46), 48, 49, 60}
 FORGET = {28, 30, 30.1, 28.1}
@@ -80,6 +80,7 @@ class Style:
     metric: tuple[float, ...] = (21,)
     cycles: bool = True
     subprograms: tuple[int, ...] = (96, 97, 98, 99, 198)
+    ends: frozenset[int] = ENDS
     machine: tuple[float, ...] = (53,)
     radius: str = "R"
     passed: frozenset[float] = frozenset()  # G functions that change nothing that is followed here, also beside a move
@@ -110,10 +111,11 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
     bare = style.comment.sub(lambda m: " " * len(m[0]), line)
     block = Block(number, line)
     stripped = bare.strip()
+    if stripped == "%" and modal.motion:
+        modal.ended = modal.ended or "%"
     if not stripped or stripped == "%":
         return block
-    if modal.ended:
-        raise refused(number, stripped, f"the program has ended with {modal.ended}: no control goes on after it; take it out")
+    over(modal, number, stripped)
     if stripped.startswith("/"):
         raise refused(number, "a block that may be skipped (/)", "where the machine goes then is not known: make two programs")
     words: list[Word] = []
@@ -132,6 +134,12 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
         _strange(style, gap, number)
     block.words = tuple(words)
     return _meaning(style, block, modal, axes)
+
+
+def over(modal: Modal, number: int, found: str) -> None:
+    """modal state, number of a block, what it says → nothing. Raises InputError where the program has ended before."""
+    if modal.ended:
+        raise refused(number, found, f"the program has ended with {modal.ended}: no control goes on after it; take it out")
 
 
 def number_in(number: int, word: str, text: str) -> float:
@@ -207,9 +215,9 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
                 raise refused(number, f"M{w.value:g}", KINEMATICS[int(w.value)])
             elif w.value in (72, 73):
                 raise refused(number, f"M{w.value:g}", "what it switches back is not followed")
-            elif w.value not in PLAIN:
+            elif w.value not in PLAIN | style.ends:
                 block.unknown = (*block.unknown, f"M{w.value:g}")
-            if w.value in ENDS:
+            if w.value in style.ends:
                 modal.ended = f"M{w.value:g}"
         elif w.letter in "UVW":
             raise refused(number, f"{w.letter}{w.value:g}", "incremental or further linear axes are not followed")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from ..blocks import Arc, Block, Modal, Word, arc_of, refused
-from ._iso import AFTER, LONGEST, MOST, NUMBER, REFUSED, number_in
+from ._iso import AFTER, ENDS, LONGEST, MOST, NUMBER, REFUSED, number_in, over
 
 SAYS = "HEIDENHAIN Klartext"
 LENGTH = True
@@ -76,6 +76,12 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     if not rest:
         return block
     upper = rest.upper()
+    if upper.startswith("BEGIN PGM") and (modal.position or modal.ended):
+        raise refused(number, rest, "a second program begins here: make a file of each")
+    if not upper.startswith("END PGM"):
+        over(modal, number, rest)
+    else:
+        modal.ended = "END PGM"
     if upper.startswith("BEGIN PGM") and "INCH" in upper.split():
         raise refused(number, "INCH", REFUSED[20])
     if upper.startswith("BEGIN PGM") and upper.split()[-1] == "MM":
@@ -108,15 +114,17 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         if not re.fullmatch(r"(M\d+\s*)+", upper):
             raise refused(number, rest, "what this does to the path is not known")
         for code in re.findall(r"\d+", upper):
-            _function(number, float(code))
+            _function(number, float(code), modal)
         return block
     return _motion(block, kind, rest[len(head) :], begin + len(head), modal, axes)
 
 
-def _function(number: int, code: float) -> None:
-    """Raises InputError for an M function that is not known to leave the path alone."""
+def _function(number: int, code: float, modal: Modal) -> None:
+    """Raises InputError for an M function that is not known to leave the path alone; notes one that ends the program."""
     if code not in LEAVES:
         raise refused(number, f"M{code:g}", CALLED.get(int(code), "what this does to the path is not known"))
+    if code in ENDS:
+        modal.ended = f"M{code:g}"
 
 
 def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: str) -> Block:
@@ -151,7 +159,7 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
         elif letter == "M":
             if value is None:
                 raise refused(number, "M", "no number follows: parameters are not followed")
-            _function(number, number_of)
+            _function(number, number_of, modal)
             machine = machine or number_of in (91, 92)
     if gap := text[at:].strip():
         why = "radius compensation changes the path after this program" if gap in ("RL", "RR") else "it is not followed"

@@ -15,7 +15,10 @@ UNITS = ("G71 or G710", "G90")
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
     re.compile(rf"(?<![A-Za-z])(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
-    re.compile(r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"),
+    re.compile(
+        r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"
+        r"|(?<![A-Za-z])(?:M[1-9]=[345](?!\d)|S[1-9]=\d+(?:\.\d*)?)|FGROUP\s*\([XYZABC,\s]*\)"  # other spindles, whose feed F is
+    ),
     {
         **{k: v for k, v in _iso.REFUSED.items() if k not in (20, 5, 7, 10, 15, 16, 51, 52, 92)},
         63: "tapping is not compensated",
@@ -40,7 +43,8 @@ STYLE = _iso.Style(
     offsets=frozenset({*range(54, 58), 500, *range(505, 600)}),
     forgets=frozenset({74, 75}),
     height=None,
-    subprograms=(17,),
+    subprograms=(),
+    ends=frozenset({*_iso.ENDS, 17}),
     machine=(53, 153),
     radius="CR",
 )
