@@ -17,7 +17,7 @@ STOPS = {
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
     UNTOUCHED: "STYLUS WAS NOT TOUCHED",
-    SCALED: "A SCALING IS ON. CYCLE 11 OR 26",
+    SCALED: "A SCALING OR MIRROR IMAGE IS ON. CYCLE 8 11 OR 26",
 }
 CANCELS = (  # datum shift, mirror image, rotation, scaling
     *("CYCL DEF 7.0 DATUM SHIFT", "CYCL DEF 7.1 X+0.0", "CYCL DEF 7.2 Y+0.0", "CYCL DEF 7.3 Z+0.0"),
@@ -25,10 +25,10 @@ CANCELS = (  # datum shift, mirror image, rotation, scaling
     *("CYCL DEF 10.0 ROTATION", "CYCL DEF 10.1 ROT+0"),
     *("CYCL DEF 11.0 SCALING", "CYCL DEF 11.1 SCL 1"),
 )
-UNSCALED = tuple(  # whether cycle 26 has left a factor on, which a measuring move would go by: asked, as its own text is not sure
-    line
-    for number in (1, 2, 3)
-    for line in (f"FN 18: SYSREAD Q35 = ID210 NR4 IDX{number}", f"FN 10: IF +Q35 NE +1 GOTO LBL {SCALED}")
+UNSCALED = tuple(  # whether cycle 8 or 26 has left an axis mirrored or scaled, which a measuring move would go by: asked, as the
+    line  # texts that cancel them are not sure
+    for asked, right in (("NR3", 0), *((f"NR4 IDX{number}", 1) for number in (1, 2, 3)))
+    for line in (f"FN 18: SYSREAD Q35 = ID210 {asked}", f"FN 10: IF +Q35 NE +{right} GOTO LBL {SCALED}")
 )
 TARGET = {"X": "Q21", "Y": "Q22", "Z": "Q23"}
 START = {"X": "Q24", "Y": "Q25", "Z": "Q26"}

@@ -78,8 +78,8 @@ OPTIONS = (
     Option(
         "scaling_check",
         True,
-        "FN 18 ID210 NR4 says the scaling factor of X Y Z, which cycle 26 may have left on: other than 1 ends the program; false: "
-        "it is not asked",
+        "FN 18 ID210 NR4 says the scaling factor of X Y Z, which cycle 26 may have left on, and NR3 which axes cycle 8 mirrors: "
+        "other than 1, other than 0 end the program; false: it is not asked",
     ),
     Option("plane_reset", True, "PLANE RESET STAY leaves a tilted plane; false where the control has no tilting"),
     Option("tcpm_reset", True, "FUNCTION RESET TCPM and M129; false where the control has no TCPM"),

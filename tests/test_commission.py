@@ -19,14 +19,17 @@ import pytest
 from support.controls import GOLDEN, Ran, golden
 from support.dialects import EVERY
 from support.gates import NEAR, ran
+from support.randomplans import example
 from support.wrongcontrols import Case, cases, sees, table, turned_round
 
 from postprocessors._base import companions, load, program
 from postprocessors._base import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.cli import guarded, tango
+from tango_cnc.commands._proofs import keys_here
 from tango_cnc.commands.commission import record_of
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission import flight
 from tango_cnc.files import read_cell
 from tango_cnc.files.commissioning import Proof, add_proofs, latest, read_commissioning
 from tango_cnc.plan import plan, plan_hash
@@ -386,3 +389,25 @@ def test_from_the_command_line_only_what_is_new_is_tried(
     assert call(*tries) == 0
     again = json.loads(capsys.readouterr().out)
     assert [item["belief"] for item in again["beliefs"]] == ["deflected", "rotary", "feed"]
+
+
+@pytest.mark.parametrize("name", ["hu40t", "huron", "trunnion", "fork_head", "split"])
+def test_every_rotary_axis_that_the_strategy_turns_is_turned_and_asked_about(name: str) -> None:
+    """The swivel head of split stands still at the first six indexations, and at many of an order by chance."""
+    cell = example(name)
+    for seed in range(3):
+        order = np.random.default_rng(seed).permutation(len(cell.strategy.indexations))[:30] if seed else range(30)
+        few = tuple(cell.strategy.indexations[i] for i in order if i < len(cell.strategy.indexations))
+        made = plan(replace(cell, strategy=replace(cell.strategy, indexations=few)), "leave-out")
+        places = np.array([touch.over for touch in made.touches])
+        turned = {axis for axis in made.machine.rotary if np.ptp(places[:, made.machine.column(axis)]) >= math.radians(5)}
+        assert turned and set(flight.turning(flight.air(made))) == turned, seed
+        assert len({touch.indexation for touch in flight.air(made).touches}) <= 6
+
+
+def test_what_to_change_says_which_keys_this_post_has() -> None:
+    experiment = next(one for one in commission.experiments() if one.belief == "frames")
+    assert "Of the keys that are named here, " in keys_here(load("heidenhain"), experiment)
+    own = {option.name for option in load("heidenhain").options}
+    said = keys_here(load("heidenhain"), experiment).partition(" has ")[2].rstrip(".")
+    assert said == "none" or set(said.split(", ")) <= own

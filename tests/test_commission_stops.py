@@ -84,6 +84,8 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
 
 @pytest.mark.parametrize(("text", "word"), [
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
+    ("LIMIT SWITCH C+", "nearer: true in machine.yaml"),
+    ("65006 TANGO RECORD COULD NOT BE WRITTEN", "extdev.ini"),
     ("PS0035 CAN NOT COMMAND G31", "feed of approach"),
     ("SW0100 PARAMETER WRITE", "list of alarms"),
     ("Z stands at 32.3800 after it was sent to 656.8300: the control has ended the move by itself, and has met nothing", "-t 1"),

@@ -532,7 +532,18 @@ def test_a_program_of_heidenhain_asks_of_every_axis_whether_it_is_scaled(axis: i
     unasked = renumbered([*lines[:at], *lines[at + 2 :]])
     assert "before ID210 NR4 has said that nothing is scaled" in refused(unasked, "heidenhain")
     every = [line for line in lines if "ID210 NR4" not in line and line != lines[at + 1]]
-    assert "before ID210 NR4" not in refused(renumbered(every), "heidenhain", scaling_check=False), "where nobody wants it asked"
+    assert "before ID210" not in refused(renumbered(every), "heidenhain", scaling_check=False), "where nobody wants it asked"
+
+
+def test_a_program_of_heidenhain_asks_whether_an_axis_is_mirrored() -> None:
+    """A mirrored Z would send the first move, up, down to the table; that cycle 8 without axes cancels it is unconfirmed."""
+    lines = bare("heidenhain", golden())
+    at = lines.index("FN 18: SYSREAD Q35 = ID210 NR3")
+    assert "before ID210 NR3 has said that nothing is mirrored" in refused(
+        renumbered([*lines[:at], *lines[at + 2 :]]), "heidenhain"
+    )
+    unheard = [*lines[:at], lines[at], *lines[at + 2 :]]
+    assert "mirrors an axis" in refused(renumbered(unheard), "heidenhain"), "asked, and nobody looks at the answer"
 
 
 @pytest.mark.few(1)

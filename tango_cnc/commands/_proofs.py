@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -47,6 +48,17 @@ def _here(post: Post, belief: str) -> str:
     return f" On this control: {what} ({source})." if what else ""
 
 
+def keys_here(post: Post, experiment: Experiment) -> str:
+    """post, experiment that fails → which of the keys that its advice names this post has, a sentence; empty where it has all."""
+    every = {key for one in experiments() for key in one.rests}
+    named = [word for word in dict.fromkeys(re.findall(r"[a-z_0-9]+", experiment.advice)) if word in every]
+    own = {option.name for option in post.options}
+    have = [key for key in named if key in own]
+    if have == named:
+        return ""
+    return f" Of the keys that are named here, {post.title} has {', '.join(have) if have else 'none'}."
+
+
 def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: str, json_file: str | None) -> bool:
     """what came of a try → written into commissioning.yaml and shown, with what to do; whether a belief has failed."""
     assert cell.controller is not None
@@ -71,7 +83,9 @@ def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: s
         return bool(failed)
     click.echo(table([["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)], "<<<"))
     for one in failed:
-        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}.{_here(post, one.belief)}")
+        click.echo(
+            f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}.{keys_here(post, one)}{_here(post, one.belief)}"
+        )
     click.echo(f"→ {file}")
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")

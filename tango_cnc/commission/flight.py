@@ -27,6 +27,7 @@ ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins;
 ENTER = 1.0  # mm above its beginning from where it is approached
 HELD = 0.5  # mm of the one move while somebody holds the stylus aside: no stylus breaks
 HELD_FEED = 60.0  # mm/min of that move: a hand has time to let go
+SEEN = math.radians(5.0)  # of a turn that a person can judge
 UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 
 
@@ -156,10 +157,26 @@ def _chosen(whole: Plan, most: int, own: int) -> Sequence[Touch]:
     for touch in first.values():
         if len(found) < most and (not found or any(all(abs(touch.over[i] - f.over[i]) > 1e-6 for f in found) for i in turned)):
             found.append(touch)
+    found = _turning(found, list(first.values()), turned, most)
     for touch in first.values():  # and a second look at each sense of turning, as far as there is room
         if len(found) < most and touch not in found:
             found.append(touch)
     return sorted([*found, *added.values()], key=lambda touch: touch.number)
+
+
+def _turning(found: Sequence[Touch], every: Sequence[Touch], columns: Sequence[int], most: int) -> list[Touch]:
+    """chosen touches, all there are, columns of axes that turn, how many at most → chosen ones that turn every axis, if any do.
+
+    The axis that swings the head often stands still at the first indexations of a strategy: nobody would be asked of its sense.
+    """
+    still = [c for c in columns if max(t.over[c] for t in found) - min(t.over[c] for t in found) < SEEN]
+    more: list[Touch] = []
+    for column in still:
+        others = [touch for touch in every if touch not in (*found, *more)]
+        turns = [(abs(touch.over[column] - found[0].over[column]), -touch.number, touch) for touch in others]
+        far = [turn for turn in turns if SEEN <= turn[0] < math.pi]
+        more += [max(far)[2]] if far and len(more) < most - 1 else []
+    return [found[0], *found[1 : most - len(more)], *more]
 
 
 def _up(whole: Plan) -> Array:

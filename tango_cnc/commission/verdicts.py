@@ -15,8 +15,14 @@ from .experiment import Experiment, Question, Seen, Verdict, unmade_of
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
         re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|WORKING AREA|ALARM:[12]\b"),
-        "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover. Where the "
+        "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover where the "
+        "post has that key, and nearer: true in machine.yaml where the control turns the nearer way and past the limit. Where a "
         "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
+    ),
+    (
+        re.compile(r"COULD NOT BE WRITTEN"),
+        "the control cannot write its records: look at output under controller: in tango.yaml, at the device of that name on the "
+        "control (SINUMERIK: its line in extdev.ini, the share, its password) and at the room there; docs/controls/",
     ),
     (
         re.compile(r"GOTO|\bDNC\b|TAPE MODE"),

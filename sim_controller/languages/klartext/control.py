@@ -149,8 +149,8 @@ class Control:
                 self._values[int(match[1])] = formula(match[2], self._values)
         elif match := re.fullmatch(r"QS(\d+) = (.+)", block):
             self._texts[int(match[1])] = text_of(match[2], self._values, self._texts)
-        elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+) IDX(\d+)", block):
-            self._values[int(match[1])] = self._system(int(match[2]), int(match[3]), int(match[4]))
+        elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+)(?: IDX(\d+))?", block):
+            self._values[int(match[1])] = self._system(int(match[2]), int(match[3]), int(match[4] or 0))
         elif match := re.fullmatch(r"FN 16: F-PRINT (\S+) / (\S+)", block):
             self._print(match[1], match[2])
         elif block == "FN 20: WAIT FOR SYNC":
@@ -291,6 +291,8 @@ class Control:
     def _system(self, group: int, which: int, axis: int) -> float:
         if group == 350 and (which, axis) in cycle_444.SYSTEM:
             return self._table()[cycle_444.SYSTEM[which, axis]]
+        if group == 210 and which == 3:  # bits of the axes of cycle 8
+            return float(sum(1 << "XYZ".index(name) for name in self._frame.mirrored))
         if group == 210 and which == 4 and 1 <= axis <= 3:  # the factor of an axis, of cycles 11 and 26
             return self._frame.scale * self._frame.own.get("XYZ"[axis - 1], 1.0)
         known = which == 1 or (group == 240 and which == 8)

@@ -28,7 +28,10 @@ EXPERIMENT = Experiment(
     "look at battery, receiver and cable; state probe_on; state skip (G31 P1 … P4) or probe_input for the input it is wired to. "
     "Where the signal is on while nobody touches the stylus, turn its polarity round at the control or at the receiver",
     judge,
-    re.compile(r"NOT TOUCHED|NO FINGER|NO CONTACT(?!\))|NO PROBE CONTACT|P601|MULTI STEP SKIP|PROBE IS DEFLECTED|SIGNAL IS ON"),
+    re.compile(
+        r"NOT TOUCHED|NO FINGER|NO CONTACT(?!\))|NO PROBE CONTACT|P601|MULTI STEP SKIP|PROBE IS DEFLECTED|SIGNAL IS ON|"
+        r"ALREADY IN CONTACT"
+    ),
     re.compile(
         r"^skip =|^control =|^distance =|#9011 is the input|text of TCH PROBE 4|subprograms may stand|"
         r"^probe_on =|^probe_input =|a probe that is off stops nothing|ends at the contact"

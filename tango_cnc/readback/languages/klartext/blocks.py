@@ -9,6 +9,7 @@ SIGNED = r"[+-]\d+\.\d+"
 TURN = re.compile(rf"L ([ABC])({SIGNED}) R0 FMAX M91")
 ANGLE = re.compile(rf"CYCL DEF 13\.1 ANGLE({SIGNED})")
 READ = re.compile(r"FN 18: SYSREAD (Q\d+) = ID(240(?= NR8)|270(?= NR1)) NR[18] IDX([1-9])")
+MIRRORED = re.compile(r"FN 18: SYSREAD (Q\d+) = ID210 NR3")
 FACTOR = re.compile(r"FN 18: SYSREAD (Q\d+) = ID210 NR4 IDX([1-3])")
 PROBE_TABLE = re.compile(r"FN 18: SYSREAD (Q\d+) = ID350 NR(\d+) IDX(\d)")
 ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")

@@ -33,6 +33,7 @@ from .blocks import (
     FOLLOWS,
     HEAD,
     JUMP,
+    MIRRORED,
     PRINT,
     PROBE,
     PROBE_TABLE,
@@ -50,6 +51,7 @@ SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 NO_WAY = 0.0015  # mm: less than a label asks for before it moves
 NO_STEP = 1e-4  # mm: nothing a control could take a direction from
 AHEAD = "ahead of"  # the label that a twin is on its way to
+MIRROR = "mirror image"  # what is asked besides the scaling factors
 
 
 def reads(head: list[str]) -> bool:
@@ -110,7 +112,9 @@ class _Program:
             for words in said
         }
         self._words = stated_words(options) | set(CYCLES)
-        self._unasked = set("123") if options.get("scaling_check") else set()  # axes whose scaling factor nobody has asked
+        self._unasked = (
+            {*"123", MIRROR} if options.get("scaling_check") else set()
+        )  # axes whose factor nobody has asked, mirror image
         self._texts = Texts()
         self._name, self._mark, self._before = "", "", ""
         self._probing: list[re.Match[str]] = []
@@ -149,7 +153,9 @@ class _Program:
         elif match := READ.fullmatch(code):
             self._system(match[1], match[2], match[3])
         elif match := FACTOR.fullmatch(code):
-            self._factor(match[1], match[2])
+            self._factor(match[1], match[2], 1.0, "cycle 26 scales an axis")
+        elif match := MIRRORED.fullmatch(code):
+            self._factor(match[1], MIRROR, 0.0, "cycle 8 mirrors an axis")
         elif match := PROBE_TABLE.fullmatch(code):
             self._table(match[1], match[2], match[3])
         elif match := ASSIGN.fullmatch(code):
@@ -209,7 +215,10 @@ class _Program:
 
     def _call(self, label: str) -> None:
         if self._unasked:
-            raise InputError("something moves before ID210 NR4 has said that nothing is scaled, see controller.scaling_check")
+            raise InputError(
+                f"something moves before ID210 {'NR3' if MIRROR in self._unasked else 'NR4'} has said that nothing is "
+                f"{'mirrored' if MIRROR in self._unasked else 'scaled'}, see controller.scaling_check"
+            )
         if label not in self._bodies or label in self._stops:
             raise InputError(f"found a call of label {label}, which is not after M30 or has no LBL 0")
         self._depth += 1
@@ -260,13 +269,13 @@ class _Program:
 
         self._machine.does(_unless_ahead(does))
 
-    def _factor(self, parameter: str, axis: str) -> None:
-        """The scaling factor of an axis, and a twin where cycle 26 has left one on."""
+    def _factor(self, parameter: str, asked: str, right: float, otherwise: str) -> None:
+        """The scaling factor of an axis, or which axes are mirrored, and a twin where a cycle has left that on."""
         self._stays(parameter)
-        twin = self._machine.base.twin("stop", "cycle 26 scales an axis")
+        twin = self._machine.base.twin("stop", otherwise)
         self._machine.doubts([twin])
-        self._machine.does(_unless_ahead(lambda each: each.shared.update({parameter: 2.0 if each is twin else 1.0})))
-        self._unasked.discard(axis)
+        self._machine.does(_unless_ahead(lambda each: each.shared.update({parameter: 2.0 if each is twin else right})))
+        self._unasked.discard(asked)
 
     def _table(self, parameter: str, number: str, index: str) -> None:
         """A column of the probe table, and twins where it says something else: with it the program must not begin."""
