@@ -81,7 +81,7 @@ def begin(job: Job) -> Iterator[str]:
     _check(job)
     yield from common.titled(job, "; %s")
     yield from common.warned(job, "; %s")
-    yield "DEF INT TG_ERROR,TG_FLAG,TG_MISSES"
+    yield "DEF INT TG_ERROR,TG_CLOSED,TG_FLAG,TG_MISSES"
     yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in common.axes(job.machine))}"
     if not handshake.used(options["handshake"]):
         yield "DEF STRING[200] TG_TEXT"
@@ -207,7 +207,7 @@ def end(job: Job) -> Iterator[str]:
     else:
         yield from _write(job, f'"TANGO END {job.mark} {len(job.plan.touches)}"')
     if _is_device(job):
-        yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
+        yield f'EXTCLOSE(TG_CLOSED,"{job.options["output"]}")'
     yield "M30"
     for which, text in enumerate(STOPS, 1):
         if which == UNTOUCHED and job.options["gate"] == "none":
@@ -217,8 +217,9 @@ def end(job: Job) -> Iterator[str]:
         yield f"TG_STOP_{which}:"
         yield from filter(None, [job.options["probe_off"]])  # no way out leaves the probe on or the device taken
         if _is_device(job):
-            yield f'EXTCLOSE(TG_ERROR,"{job.options["output"]}")'
-        yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}")'
+            yield f'EXTCLOSE(TG_CLOSED,"{job.options["output"]}")'
+        number = '<<" ERROR "<<TG_ERROR' if which == UNWRITTEN and text == STOPS[which - 1] else ""
+        yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}"{number})'
         if job.options["alarm"]:
             yield f"SETAL({job.options['alarm'] + which - 1})"
         yield "M0"

@@ -113,13 +113,13 @@ def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan, def
 
 def test_a_device_that_is_not_there_stops_before_anything_moves(made: Plan) -> None:
     ran = run(lines_of(made, output="/dev/ext/9"), made)
-    assert "RECORD COULD NOT BE WRITTEN" in str(ran.alarm)
+    assert "RECORD COULD NOT BE WRITTEN ERROR 16" in str(ran.alarm)
     assert not any(event in ("feed", "rapid", "skip") for event, _ in ran.events)
 
 
 def test_a_file_that_is_full_stops_the_program(made: Plan) -> None:
     ran = run(lines_of(made, output="_N_TANGO_MPF"), made, room=150)
-    assert "RECORD COULD NOT BE WRITTEN" in str(ran.alarm)
+    assert "RECORD COULD NOT BE WRITTEN ERROR 10" in str(ran.alarm)
 
 
 def test_a_transformation_that_is_not_switched_off_is_noticed_by_the_first_guarded_move(made: Plan) -> None:

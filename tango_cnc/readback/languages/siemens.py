@@ -30,12 +30,12 @@ DEFINE = re.compile(r"DEF (INT|REAL|STRING\[200\]) TG_[A-Z]+(,TG_[A-Z]+)*")
 WRITE = re.compile(r'WRITE\(TG_ERROR,"[^"]+",(.+)<<"\'H0A\'"\)')
 FILE = re.compile(r'WRITE\(TG_ERROR,"_N_[A-Z0-9_]+",([^<]+)\)')  # a file of the control is open all the time
 OPEN = re.compile(r'EXTOPEN\(TG_ERROR,"[^"]+","SYN","EXCL"\)')
-CLOSE = re.compile(r'EXTCLOSE\(TG_ERROR,"[^"]+"\)')
+CLOSE = re.compile(r'EXTCLOSE\(TG_CLOSED,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
 END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
 SHOWN = re.compile(r'MSG\((?:"[A-Z0-9 .-]+")?\)')
-STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"\)|SETAL\(\d+\)|M0')
+STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
 SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
