@@ -97,7 +97,7 @@ def test_the_list_the_page_and_the_old_night_say_it(tmp_path: Path) -> None:
     """An old night says what was known then; who has to see to it stands beside it, though the answer is yes."""
     records = [at("HU40T-like", i, 20.0 + 1.0 * i) for i in range(20)]
     place = cell(tmp_path / "one", records=records)
-    (place / "nightly.yaml").write_text("nightly: 1\nowner: J. Roy, 4411\n", encoding="utf-8")
+    (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 100000\nowner: J. Roy, 4411\n", encoding="utf-8")
     settings = Settings((place,), late_hours=1e6)
     with TestClient(create(settings), base_url=HOST, client=("127.0.0.1", 5000)) as client:
         late = (date.today() - (FIRST + timedelta(days=19)).date()).days  # the series ends in the past of whoever runs this

@@ -159,8 +159,7 @@ def command(
             s = row.standing
             last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
             size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
-            late_word = t("may.old_nights", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
-            last = (last[0], t("may.unknown")) if row.stale else last
+            late_word = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
             name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
             cut = joined("; ", [t("cli.nightly.cut_off", stamp=stamp) for stamp in row.cut_off])

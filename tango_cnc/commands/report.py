@@ -157,7 +157,8 @@ def command(
         written = [f"{p} ({p.stat().st_size / 1000:.0f} kB)" for p in (target, pdf_file) if p is not None]
         click.echo(f"{' and '.join(written)}: open it in a browser")
     crossed = found.tip is not None and wishes.limit is not None and found.tip.worst > wishes.limit
-    no = data["overall"] == "stop" or data["may_make_parts"] == "no" or data["stale_nights"] or data["cut_off"]
+    unsettled = bool(data["stale_nights"] or data["cut_off"])  # nobody knows, or a night was cut off
+    no = data["overall"] == "stop" or data["may_make_parts"] == "no" or unsettled
     return status(judgement, despite) or int(crossed or (no and not despite))
 
 

@@ -9,7 +9,7 @@ from ..diagnose.sentences import covariate
 from ..texts import instead, say
 from .answer import LEVELS
 from .compensated import order
-from .days import at, day
+from .days import at, day, spoken_days
 from .facts import Facts
 from .plain import length, plain
 from .texts import Texts
@@ -158,7 +158,9 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     text = t(
         f"check.nights_{level}",
         date=day(n.date, t),
-        said=" ".join([*map(t.of, n.former), plain(said.rstrip("."), f.wishes.units, t, f.cell.machine) + "."]),
+        said=" ".join(
+            [f"{plain(said.rstrip('.'), f.wishes.units, t, f.cell.machine)}.", *(spoken_days(t.of(x), t) for x in n.former)]
+        ),
         count=n.waiting,
         age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),
     )
