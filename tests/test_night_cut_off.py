@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,12 @@ import pytest
 from support.dialects import EXAMPLE
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
-from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned
+from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned, told_of_signals
 from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.files import read_cell
 from tango_cnc.link.lock import holding
 from tango_cnc.plan import part, plan
+from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
 from tango_cnc.report.facts import Nights
 from tango_cnc.report.orders import orders
@@ -72,3 +74,14 @@ def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     told = replace(good, former=said_cut_off([STAMP])).answer(Units(), t, machine)
     assert told.may == "but" and "cut off" in told.why
     assert orders(told, record, (), "check", Units(), t, machine, said_cut_off([STAMP]))[0].startswith("Look at the machine first")
+
+
+def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
+    """SIGTERM before the first touch or in the diagnosis ended it without a record; within the history it would tear that apart."""
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(LinkError, match="ended from outside"), told_of_signals():
+        signal.raise_signal(signal.SIGTERM)
+    with told_of_signals() as ending:
+        ending()
+        signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) is before

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..files import readings_text, write_text
@@ -14,7 +17,8 @@ from ..link.entries import Segment
 from ..link.journal import look_at, salvaged
 from ..link.lock import cut_off
 from ..plan import plan_hash
-from ..records import Plan, TangoError
+from ..records import LinkError, Plan, TangoError
+from ..texts import say
 
 PLANNED = "planned.json"  # what the run of a night was to touch
 JOURNAL = "readings.journal"
@@ -42,3 +46,30 @@ def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -
             runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
             if runs == {plan_hash(made)} and (readings := readings_of(entries, made)) is not None:
                 write_text(night / KEPT[1], readings_text(readings))
+
+
+@contextmanager
+def told_of_signals() -> Iterator[Callable[[], None]]:
+    """→ SIGTERM and SIGHUP are errors as others until the block ends, or until what is yielded is called: then they do nothing.
+
+    A run notices them by itself between two bytes. Before the first touch and while readings are evaluated nothing else does, and
+    the night ended without a record and without a message.
+    """
+    ends = [signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+
+    def stop(number: int, frame: object) -> None:
+        raise LinkError(say("night.night.ended_from_outside"))
+
+    def ignored() -> None:
+        for number in ends:
+            signal.signal(number, signal.SIG_IGN)
+
+    before = {number: signal.signal(number, stop) for number in ends}
+    try:
+        yield ignored
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -68,7 +68,7 @@ def command(
     from ..plan import plan
     from ._cell_nights import nights_of
     from ._compensated import recorded
-    from ._cut_off import keep_readings
+    from ._cut_off import keep_readings, told_of_signals
     from ._night_world import RealClock, RealControl, RealDisk, locked
     from ._unreadable import settings_of
 
@@ -102,8 +102,9 @@ def command(
             recorded(folder, history)
             keep_readings(folder, control.planned)
             past = history.as_of(lambda: begun)
-            world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened)
-            record = night(cell.machine.name, str(folder.resolve()), settings, world)
+            with told_of_signals() as ending:
+                world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending)
+                record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(history, record)
             seen = _known(history, record)
     except Exception as error:  # whatever it is: no night ends without a message

@@ -23,12 +23,13 @@ from ..files.shape import misfit
 from ..loaded import IN_CONTROL, Happened, Holds, holds
 from ..records import InputError, TangoError
 from .proposal import FORMAT, Proposal, as_json
-from .targets import SIGN_TRIAL
+from .targets import SIGN_TRIAL, unconfirmed
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 STEPS, CELL = "steps.txt", "tango.yaml"
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
+UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
 FIGURE = {"value": float, "low?": float, "high?": float}
 EVENT = {
     "utc": str,
@@ -49,6 +50,7 @@ SHAPE = {
     "options": {},
     "volume": {"*": [float]},
     "steps": [str],
+    "on_paper?": [str],
     "simulated?": str,
     "readings_rows?": [str],
 }
@@ -85,6 +87,8 @@ def store(
     steps = [f"{i}. {text}" for i, text in enumerate(_asked(cell, proposal, trial=trial), 1)]
     first = {"simulated": SIMULATED} if simulated else {}
     record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
+    if doubts := unconfirmed(proposal.module):
+        record["on_paper"] = [UNCONFIRMED, *(f"- {text}" for text in doubts)]
     record["readings_rows"] = list(rows)
     record["digest"] = digest(record)
     for name, text in proposal.files.items():
@@ -115,7 +119,7 @@ def _beside(record: Mapping[str, Any]) -> dict[str, str]:
     """record → {name: text} of the files beside those for the control: for the person at the machine, and the record itself."""
     remark = [record["simulated"]] if "simulated" in record else []
     return {
-        STEPS: "".join(f"{line}\n" for line in (*remark, *record["steps"])),
+        STEPS: "".join(f"{line}\n" for line in (*remark, *record["steps"], *record.get("on_paper", ()))),
         **({REMARK: f"{record['simulated']}\n"} if remark else {}),
         RECORD: json.dumps(record, indent=1, ensure_ascii=False) + "\n",
     }

@@ -291,6 +291,7 @@ def _kept(
     left: list[str],
 ) -> dict[str, Any]:
     """→ the record as it was kept; whoever is to be told has been told, or the message waits on disk."""
+    world.ending()
     ended = world.clock.now()
     started = datetime.fromisoformat(record["start_utc"])
     record |= {"end_utc": stamp_of(ended), "duration_s": round(max((ended - started).total_seconds(), 0.0), 1)}

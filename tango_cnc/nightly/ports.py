@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import datetime
@@ -179,3 +179,4 @@ class Ports:
     analysis: Analysis
     lock: AbstractContextManager[None]
     happened: Sequence[Event] = ()  # to compensations, oldest first
+    ending: Callable[[], None] = lambda: None  # called when a night has its result: what is kept and told is kept and told whole
