@@ -71,3 +71,4 @@ class Judgement:
     untrusted: tuple[str, ...] = ()  # names of parameters
     incomplete: bool = False  # so much of what was planned is missing that nobody acts on it without being told to
     nothing: bool = False  # none of the parameters is trusted, so that there is nothing to act on
+    stand: tuple[str, ...] = ()  # of the untrusted: less than half of each could be what no touch shows, so it is worth acting on

@@ -59,3 +59,12 @@ def test_where_a_bend_is_hidden_the_note_speaks_of_steps_too() -> None:
 def test_a_step_that_is_known_to_be_smaller_moves_nothing() -> None:
     off, judgement, every = trusted("fork_head", 0.0, 0.0005)
     assert judgement.untrusted == () and len(off) == every
+
+
+@pytest.mark.parametrize("example", ["split", "fork_head"])
+def test_what_is_marked_for_a_step_that_need_not_be_there_is_acted_on_where_it_is_larger(example: str) -> None:
+    """EX0C of split is -31 ± 0.2 µm, and such a step moves it by 1.5 µm: taking it away does more good than harm."""
+    _, judgement, _ = trusted(example, 0.0)
+    assert set(judgement.stand) <= set(judgement.untrusted)
+    assert judgement.stand if example == "split" else set(judgement.stand) < set(judgement.untrusted)
+    assert "EX0C" in judgement.stand or example != "split"

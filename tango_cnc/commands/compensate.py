@@ -159,7 +159,7 @@ def _now() -> str:
 
 
 def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[str]]:
-    """cell, options → estimate that may be used, and names of what is not to be trusted in it. Raises TangoError."""
+    """cell, options → estimate that may be used, and names of what nobody should act on. Raises TangoError."""
     source = current(cell.folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
@@ -167,7 +167,7 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[s
     if options["measured"] is not None:  # what was entered is judged all the same: a wrong sign must come out of the control
         judgement = replace(judgement, nothing=False)
     usable(judgement, options["despite"], "compensate")
-    return result, judgement.untrusted
+    return result, [name for name in judgement.untrusted if name not in judgement.stand]
 
 
 def _consented(folder: Path, options: dict[str, Any]) -> bool:

@@ -77,6 +77,7 @@ def judge(
     found = _rows(cell, readings, touches, run)
     untrusted: list[str] = []
     labels: list[str] = []
+    stand: tuple[str, ...] = ()
     nothing = result is None
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -90,14 +91,16 @@ def judge(
         found += [r for r in spare(result, lost, alone) if not r.touches or not set(r.touches) <= moved]
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
-        bad |= {name for r in found for name in r.moves}
+        bad |= {name for r in found for name in r.moves if name not in r.little}
         if any(r.kind == "rounded_positions" for r in found):  # touches on one facet err alike: no scatter shows it
             bad |= {c.name for c in result.model.coefficients}
         if any(r.kind == "another_program" and "S" in r.key.split(", ") for r in found):
             bad |= {c.name for c in result.model.coefficients if c.slot.axis in ("S", "t")}  # what only turning the spindle tells
         away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
         bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
-        untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad]
+        little = {name for r in found for name in r.little}
+        untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad | little]
+        stand = tuple(label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in little - bad)
         nothing = bool(result.parameters) and set(result.parameters) <= set(untrusted)
     found += _elsewhere(touches)
     verdict = worst([r.verdict for r in found])
@@ -108,7 +111,7 @@ def judge(
         found.append(Remark("doubtful", say("plausible.judge.most_untrusted", count=lost, all=len(result.parameters))))
         verdict = worst([verdict, "doubtful"])  # no mistake is looked for: why they are untrusted is said already
     if verdict == "implausible" and result is not None:  # whoever reads the names alone takes none of them
-        untrusted, nothing = labels, bool(result.parameters)
+        untrusted, nothing, stand = labels, bool(result.parameters), ()
     return Judgement(
         verdict,
         tuple(r.text for r in found if r.verdict != "trustworthy"),
@@ -117,6 +120,7 @@ def judge(
         tuple(untrusted),
         any(r.incomplete for r in found),
         nothing,
+        stand,
     )
 
 
