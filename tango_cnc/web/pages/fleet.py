@@ -12,7 +12,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...report.age import measured_on
-from ...report.alarm import sentence, whole_sentence
+from ...report.alarm import sentence, size_of, whole_sentence
 from ...report.answer import Answer, answer, measuring, renamed
 from ...report.days import day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
@@ -87,6 +87,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
         "fault": found[0]["text"] if found else "",
         "open": len(still_open(found)),
+        "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
         "strip": drawn if signs else "",
@@ -141,10 +142,10 @@ def made_up(row: Row) -> bool:
     return bool((row.record or {}).get("simulated") or (row.before or {}).get("simulated"))
 
 
-def _urgent(r: Mapping[str, Any]) -> tuple[int, str]:
-    """Those on which no parts may be made first; those without a history last."""
+def _urgent(r: Mapping[str, Any]) -> tuple[int, bool, float, str]:
+    """Those on which no parts may be made first, of the others those near a limit, then what has moved most; no history: last."""
     order = {"no": 0, "but": 1, "unknown": 1, "wait": 2, "yes": 3, "none": 4}
-    return min(order[r["may"]], 2 if r["late"] else 4), r["name"]
+    return min(order[r["may"]], 2 if r["late"] else 4), not r["soon"], -r["moved"], r["name"]
 
 
 def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
