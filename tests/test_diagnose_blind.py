@@ -33,8 +33,10 @@ LEAST = {
     "one cause, visible peak 3 µm: right name first": 0.95,
     "one cause, visible peak 3 µm: right name or among the alternatives": 0.99,
     "one cause, visible peak 1.5 µm: right name first": 0.80,
-    # Not the exact names alone: a stylus that creeps or was bent and a machine that drifts or stepped are one to the touches of a
-    # spindle that stands, and one draw in five holds such a pair. Then both have to be named, and nothing may be explained.
+    "two causes: exactly the right names": 0.90,
+    "three causes: exactly the right names": 0.85,
+    # A stylus that creeps or was bent and a machine that drifts or stepped are one to the touches of a spindle that stands, and one
+    # draw in five holds such a pair: there both have to be named, and nothing may be explained.
     f"two causes: {blind.TELLING}": 0.90,
     f"three causes: {blind.TELLING}": 0.85,
     "cause taken out of the catalogue: no false name": 0.90,
