@@ -22,7 +22,7 @@ PART = 0.5  # of the parameters: no more are marked for a step that need not be 
 
 
 def hidden_step(result: Estimate) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → a note for each axis of which a step shows in no touch and moves parameters."""
+    """estimate by the noise of its residuals → a note for each axis: a step of it moves parameters, and no touch shows the step."""
     if result.noise is None or (left := left_over(result)) is None:
         return
     machine, names, p = result.model.touches.machine, result.model.names, len(result.model.coefficients)

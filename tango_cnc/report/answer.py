@@ -46,7 +46,7 @@ class Answer:
         return "none" if self.may == "wait" else LEVELS[self.may]
 
     def short(self, t: Texts) -> str:
-        """texts → what stands beside the word: how old the result is, else the verdict in a word; '' where there is none."""
+        """texts → what the page writes beside the answer: how old the result is, else the verdict in a word, if it has one."""
         return self.old or (t(f"morning.{self.state}") if f"morning.{self.state}" in t else "")
 
 
