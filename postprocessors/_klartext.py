@@ -12,7 +12,7 @@ ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not o
 GUARDED, MEASURING, RECORD, FINDING, CYCLE, GATE = 1, 2, 3, 4, 5, 6  # labels
 MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED, SCALED = 91, 92, 93, 94, 95, 96, 97, 98, 99
 STOPS = {
-    MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
+    MET: "PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED",
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
@@ -131,12 +131,20 @@ def record_text(job: Job) -> Iterator[str]:
     yield f"{SUM} = {' + '.join(places.values())}"
     yield f"QS2 = TOCHAR ( DAT+{TOUCH} DECIMALS0 )"
     yield f"QS3 = TOCHAR ( DAT+{FLAG} DECIMALS0 )"
-    yield 'QS1 = "P" || QS2 || " H" || QS3'
+    yield declared("P")
+    yield declared(" H", "QS4")
+    yield "QS1 = QS1 || QS2 || QS4 || QS3"
     for letter, parameter in {**places, "K": SUM}.items():
+        yield declared(f" {letter}", "QS3")
         yield f"QS2 = TOCHAR ( DAT+{parameter} DECIMALS4 )"
-        yield f'QS1 = QS1 || " {letter}" || QS2'
+        yield "QS1 = QS1 || QS3 || QS2"
     yield printed(job)
     yield "LBL 0"
+
+
+def declared(text: str, parameter: str = "QS1") -> str:
+    """text → the block that puts it into a string parameter: in a formula the manuals have string parameters only."""
+    return f'DECLARE STRING {parameter} = "{text}"'
 
 
 def printed(job: Job) -> str:

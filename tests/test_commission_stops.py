@@ -135,6 +135,12 @@ def test_moves_that_took_no_time_prove_no_pace() -> None:
         assert verdicts(commission.Seen(made, found, True, True, times=times))["pace"] == verdict
 
 
+def test_an_end_mark_behind_records_that_were_not_believed_is_an_end_mark() -> None:
+    every = records(len(air().touches))
+    assert verdicts(commission.Seen(air(), every, True, False, marked=True))["end"] == "PASS"
+    assert verdicts(commission.Seen(air(), every, True, False))["end"] == "FAIL"
+
+
 def test_round_numbers_are_no_coarse_steps() -> None:
     whole = air()
     round_ones = replace(whole, touches=tuple(replace(t, end=tuple(round(v) for v in t.end)) for t in whole.touches))

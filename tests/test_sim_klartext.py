@@ -49,8 +49,8 @@ def code(made: Plan, *blocks: str, **profile: Any) -> Ran:
 
 
 def show(*parameters: str) -> list[str]:
-    shown = ' || " " || '.join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
-    return [f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
+    shown = " || QS9 || ".join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
+    return ['DECLARE STRING QS9 = " "', f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
 
 
 # --- the program ---------------------------------------------------------------------------------------------------------
@@ -83,7 +83,7 @@ def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
     """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a guarded move."""
     ran = run(lines_of(made), made, shifted(made, "top", 12.0))
     assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
-    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert ran.stops == ["PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED"]
     assert not isinstance(ran.records(made)[-1], Ended)
 
 
@@ -109,7 +109,7 @@ def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan) -> 
 def test_a_basic_rotation_is_noticed_high_above_the_table(made: Plan) -> None:
     ran = run(lines_of(made), made, rotation={"C": 3.0})
     assert ran.flags(made) == []
-    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert ran.stops == ["PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED"]
     heights = [data["position"]["Z"] for event, data in ran.events if event == "skip"]
     assert min(heights) > 400
 
@@ -211,7 +211,9 @@ def test_what_is_no_formula(text: str) -> None:
 
 
 def test_texts_are_joined() -> None:
-    assert text_of('"P" || TOCHAR ( DAT+Q1 DECIMALS0 ) || QS2', {1: 17.0}, {2: " X"}) == "P17 X"
+    assert text_of("QS1 || TOCHAR ( DAT+Q1 DECIMALS0 ) || QS2", {1: 17.0}, {1: "P", 2: " X"}) == "P17 X"
+    with pytest.raises(Alarm, match="NC BLOCK FAULTY"):  # characters stand in DECLARE STRING
+        text_of('"P" || QS2', {}, {2: " X"})
     with pytest.raises(Alarm, match="STRING TOO LONG"):
         text_of("QS2 || QS2", {}, {2: "x" * 200})
 

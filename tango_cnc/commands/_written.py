@@ -74,7 +74,7 @@ def conducted(
         if not yes and someone:
             if notice:
                 click.echo(notice, err=True)
-            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate, obeys(cell))
+            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate, obeys(cell, post))
 
     wanted = Wanted(
         address,

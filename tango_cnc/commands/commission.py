@@ -148,7 +148,7 @@ def command(
     seen, control = _tried(cell, post, made, programs, address, timeout, someone)  # also brings the axes to where a hand is safe
     feed = positioning_feed(cell)
     seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
-    seen = replace(seen, obeys=obeys(cell), anew=controller.options.get("records_file") == "anew")
+    seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:
@@ -269,7 +269,7 @@ def _tried(
             if made.only is None:  # else there is no record to wait for
                 click.echo(why, err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
-    refused, control, ended, begun = [], "", False, False
+    refused, control, ended, begun, marked = [], "", False, False, False
     seconds: float | None = None
     times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
@@ -277,6 +277,7 @@ def _tried(
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):
+            marked = entry.stands
             ended = entry.complete or (made.only is not None and entry.stands)
         if isinstance(entry, entries.Reading | entries.Doubted):
             found = record_of(entry.record, made)
@@ -288,7 +289,7 @@ def _tried(
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
     own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
     said = why if speaks and (begun or own) else ""
-    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
+    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, marked=marked, times=times), control
 
 
 def _unclear(seen: Any) -> bool:

@@ -148,7 +148,14 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            ask(program.plan, shown(address), positioning_feed(cell), unproven_of(cell, post), gate_of(cell, post), obeys(cell))
+            ask(
+                program.plan,
+                shown(address),
+                positioning_feed(cell),
+                unproven_of(cell, post),
+                gate_of(cell, post),
+                obeys(cell, post),
+            )
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:

@@ -147,6 +147,8 @@ class Control:
         if match := re.fullmatch(r"Q(\d+) = (.+)", block):
             if not (self._profile.q115 == "locked" and match[1] in ("115", "116", "117")):
                 self._values[int(match[1])] = formula(match[2], self._values)
+        elif match := re.fullmatch(r'DECLARE STRING QS(\d+) = "([^"]{0,255})"', block):
+            self._texts[int(match[1])] = match[2]
         elif match := re.fullmatch(r"QS(\d+) = (.+)", block):
             self._texts[int(match[1])] = text_of(match[2], self._values, self._texts)
         elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+)(?: IDX(\d+))?", block):
