@@ -26,6 +26,7 @@ from ._start import ask, gate_of, obeys, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
+from ._written import say_beside
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -250,6 +251,7 @@ def keep(cell: Cell, post: Post, whole: Plan, part: Plan, programs: Sequence[Pro
     companions = posts.companions(post, part, cell.controller.options)
     files |= {target / name: partial(iter, lines) for name, lines in companions.items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
+    say_beside(target, companions)
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
     return [replace(p, file=str(target / p.name)) for p in programs]
