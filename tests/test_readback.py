@@ -319,7 +319,7 @@ def test_what_is_dangerous_on_siemens_is_named(old: str, new: str, words: str) -
         ("Q23 = +383.0000\nCALL LBL 1\n; TOUCH 1", "Q23 = +383.0000\n; TOUCH 1", "found Z 280.000 mm; the plan goes to Z 383"),
         ("PGM TANGO MM", "PGM TANGO INCH", "found no BEGIN PGM"),
         ("FN 12: IF +Q34 LT +0.001 GOTO LBL 11\n", "", "found a probing direction of length 0"),  # MB has been there already
-        ("FN 11: IF +Q44 GT -0.5 GOTO LBL 91\n", "", "although a protected move has met something at its very end"),
+        ("FN 11: IF +Q44 GT -0.5 GOTO LBL 90\n", "", "although a protected move has met something at its very end"),
         (
             "FN 11: IF +Q35 GT +0.0200 GOTO LBL 91\n",
             "",

@@ -12,6 +12,7 @@ from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, r
 from postprocessors.heidenhain import mask
 from sim_controller.languages import Alarm, klartext
 from sim_controller.languages.klartext.expressions import formula, text_of
+from tango_cnc import commission
 from tango_cnc.link._client import Ended
 from tango_cnc.records import Artefact, InputError, Plan
 
@@ -91,6 +92,14 @@ def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: P
     ran = run(lines_of(made), made, untouchable(made))
     assert ran.flags(made) == [0, 0]
     assert ran.stops == ["NO CONTACT. IS THE PROBE ALIVE"]
+
+
+def test_a_control_that_says_contact_where_there_was_none_is_found_by_the_step(made: Plan) -> None:
+    ran = run(lines_of(made), made, no_contact="contact")
+    assert ran.stops == ["CONTROL SAYS CONTACT WHERE NOTHING WAS MET"] and not ran.flags(made)
+    judged = commission.judge(commission.Seen(made, {}, True, False, said=ran.stops[0]))
+    blamed = [one for one in judged if one.verdict.verdict == "FAIL"]
+    assert [one.experiment.belief for one in blamed] == ["miss"]
 
 
 def test_a_control_that_makes_an_error_of_no_contact_stops_at_the_first_guarded_move(made: Plan) -> None:
