@@ -148,6 +148,10 @@ def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
 def kept_in_mind(job: Job) -> Iterator[str]:
     """job → the text of remarks on what the profile says of this control, and a person has to do in every run."""
     yield from found_at(job)
+    if many := job.options.get("misses"):  # both moves of a double touch count
+        deep = number(job.plan.strategy.approach.search).rstrip(".")
+        several = many // (2 if job.plan.strategy.approach.find else 1)
+        yield f"A PROBE THAT DIES ON THE WAY IS PRESSED {deep} MM INTO UP TO {several} FACET{'S' * (several > 1)} - SEE MISSES"
     if job.options.get("feed_override") != "acts":
         yield "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES - HAND ON FEED HOLD"
     else:

@@ -205,6 +205,12 @@ OKUMA: Remedies = {
     "end": ("CLOSE C ends the file; fetch it after the program has ended", "unconfirmed: programs of users"),
 }
 SIEMENS: Remedies = {
+    "frames": (
+        "still active: set the basic frames of the channel and the global ones to 0 (work offset, basic), take swivel data and a "
+        "set zero point off, and DRF by reset; frame_check: false where they have to stay, and SUPA is proven. Latched position "
+        "does not fit: MEAS has latched another input, or nothing (probe_input, MD13200)",
+        "PGA 04.00 on $P_ACTFRAME; the rest unconfirmed",
+    ),
     "miss": (
         "MEAS itself says nothing of a miss: an alarm comes from a cycle or a synchronized action of the builder",
         UNCONFIRMED,

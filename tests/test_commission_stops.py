@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import subprocess
 import sys
 import time
@@ -135,6 +136,12 @@ def test_moves_that_took_no_time_prove_no_pace() -> None:
         assert verdicts(commission.Seen(made, found, True, True, times=times))["pace"] == verdict
 
 
+def test_an_end_mark_behind_records_that_were_not_believed_is_an_end_mark() -> None:
+    every = records(len(air().touches))
+    assert verdicts(commission.Seen(air(), every, True, False, marked=True))["end"] == "PASS"
+    assert verdicts(commission.Seen(air(), every, True, False))["end"] == "FAIL"
+
+
 def test_round_numbers_are_no_coarse_steps() -> None:
     whole = air()
     round_ones = replace(whole, touches=tuple(replace(t, end=tuple(round(v) for v in t.end)) for t in whole.touches))
@@ -223,6 +230,17 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     assert "at most 1 mm" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
     text = next((cell / "commissioning" / "program").glob("O7700*")).read_text()
     assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
+
+
+@pytest.mark.parametrize(("proven", "feed"), [((), "F1000."), (("directions",), "F3000.")])
+def test_until_the_directions_are_proven_nothing_is_fast(tmp_path: Path, proven: tuple[str, ...], feed: str) -> None:
+    """Where machine.yaml has Z the wrong way round the first move, up, goes down."""
+    cell = cell_of(tmp_path / "cell")
+    known = keys_of(read_cell(cell), load("fanuc"))
+    add_proofs(cell, "fanuc", [Proof(belief, "PASS", "seen", profile=known[belief]) for belief in proven])
+    assert call("commission", "-C", cell, "--program") == 0
+    (text,) = [file.read_text() for file in (cell / "commissioning" / "program").glob("O*.nc")]
+    assert max(re.findall(r" F(\d+)\.", text), key=int) == feed[1:-1]
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
+from support.gates import ran as gated
 
 from sim_controller.languages import siemens
 from sim_controller.languages.siemens.expressions import Reader
@@ -122,16 +123,53 @@ def test_a_file_that_is_full_stops_the_program(made: Plan) -> None:
     assert "RECORD COULD NOT BE WRITTEN ERROR 10" in str(ran.alarm)
 
 
-def test_a_transformation_that_is_not_switched_off_is_noticed_by_the_first_guarded_move(made: Plan) -> None:
+def still(ran: Ran) -> bool:
+    """→ whether no axis was told to move."""
+    return not any(event in ("rapid", "feed", "skip", "touch", "miss") for event, _ in ran.events)
+
+
+def test_a_transformation_that_is_not_switched_off_is_noticed_before_anything_moves(made: Plan) -> None:
     ran = run(lines_of(made, trafoof=False), made, transformation=True)
-    assert ran.flags(made) == []
-    assert "FRAME IS ACTIVE" in str(ran.alarm)
+    assert still(ran) and "TRANSFORMATION WORK OFFSET OR FRAME IS ON" in str(ran.alarm)
+    unasked = run(lines_of(made, trafoof=False, frame_check=False), made, transformation=True)
+    assert not unasked.flags(made) and unasked.alarm is not None
 
 
-def test_a_state_that_is_always_1_stops_the_first_guarded_move(made: Plan) -> None:
+LOW = {"Z": -401.0}  # mm of a basic frame: without SUPA the first move, up, goes down by it
+
+
+@pytest.mark.parametrize("profile", [{"basic": LOW}, {"basic": {"X": 0.5}}, {"inches": True}, {"inches": True, "basic": LOW}])
+@pytest.mark.parametrize("supa", [True, False])
+def test_a_frame_that_is_left_and_inches_are_noticed_before_anything_moves(made: Plan, profile: dict[str, Any], supa: bool) -> None:
+    """A dead probe would not stop what goes down by a frame."""
+    ran = run(lines_of(made), made, supa_with_meas=supa, **profile)
+    assert still(ran) and ("INCHES" if "inches" in profile else "FRAME IS ON") in str(ran.alarm)
+
+
+def test_where_a_basic_frame_has_to_stay_supa_takes_it_away(made: Plan) -> None:
+    stated = {"frame_check": False}
+    ran = run(lines_of(made, **stated), made, basic=LOW)
+    assert ran.alarm is None
+    assert_as_planned(ran.records(made), made, "siemens", stated)
+
+
+@pytest.mark.parametrize("off", [-401.0, -20.0, 5.0, 0.1])
+def test_what_no_frame_shows_and_supa_should_take_away_is_noticed_by_the_step(made: Plan, off: float) -> None:
+    """DRF of a handwheel: the step is slow, and a dead probe goes as far as the handwheel has gone."""
+    ran = run(lines_of(made), made, supa_with_meas=False, overlaid={"Z": off})
+    moves = [data for event, data in ran.events if event == "block" and "MEAS=" in data["text"]]
+    assert not ran.flags(made) and (ran.alarm is not None) and len(moves) == 1 and "F60." in moves[0]["text"]
+
+
+def test_a_clamped_axis_is_noticed_by_its_encoder_and_not_by_where_it_was_sent(made: Plan) -> None:
+    assert "ROTARY AXIS NOT IN PLACE" in gated("siemens", made, slack={"B": 1.0}).why
+    assert "ROTARY AXIS NOT IN PLACE" not in gated("siemens", made, {"rotary_position": "$AA_IM"}, slack={"B": 1.0}).why
+
+
+def test_a_state_that_is_always_1_stops_the_program_at_the_step(made: Plan) -> None:
     ran = run(lines_of(made), made, status=False)
     assert ran.flags(made) == []
-    assert "PROBE MET SOMETHING" in str(ran.alarm)
+    assert "CONTROL SAYS CONTACT WHERE NOTHING WAS MET" in str(ran.alarm)
 
 
 def test_endless_axes_turn_the_short_way_and_others_as_planned(made: Plan) -> None:

@@ -20,6 +20,10 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
     ),
     (
+        re.compile(r"VA_IM"),
+        "the control does not take $VA_IM with the name of that axis: state rotary_position: $AA_IM under controller:",
+    ),
+    (
         re.compile(r"COULD NOT BE WRITTEN"),
         "the control cannot write its records: look at output under controller: in tango.yaml, at the device of that name on the "
         "control (SINUMERIK: its line in extdev.ini, the share, its password) and at the room there; docs/controls/",

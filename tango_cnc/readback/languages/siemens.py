@@ -1,7 +1,8 @@
 """Programs for Siemens 840D: MEAS stops a move at a contact and says nothing, so the text itself has to look and to stop.
 
-Facts: SUPA and D0 make targets machine positions; $AA_IM is where an axis stands, read behind STOPRE only; $AA_MM where the
-probe was met, $AC_MEA[1] whether it was; DC(…) turns the short way, AC(…) to the position as it stands.
+Facts: SUPA and D0 make targets machine positions; $AA_IM is where an axis stands, read behind STOPRE only, of a rotary one where
+it was sent ($VA_IM: where it stands); $AA_MM where the probe was met, $AC_MEA[1] whether it was; DC(…) turns the short way, AC(…)
+to the position as it stands; $P_ACTFRAME[X,TR] what is left of frames (shift, fine shift, turn, scale, mirror image).
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
 from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, Twin, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
+STEP = re.compile(rf"SUPA D0 G1 MEAS=[12] ([XYZ])=TG_WAY([+-]\d+\.\d*) F({NUMBER})")
 OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=\S+))+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")
 ASSIGN = re.compile(r"(TG_[A-Z]+)=([^\"]+)")
-JUMP = re.compile(r"IF (.+) GOTOF (TG_STOP_\d)")
+JUMP = re.compile(r"IF (.+) GOTOF (TG_STOP_\d+)")
 IF = re.compile(r"IF (.+)")
 DEFINE = re.compile(r"DEF (INT|REAL|STRING\[200\]) TG_[A-Z]+(,TG_[A-Z]+)*")
 WRITE = re.compile(r'WRITE\(TG_ERROR,"[^"]+",(.+)<<"\'H0A\'"\)')
@@ -38,9 +40,14 @@ SHOWN = re.compile(r'MSG\((?:"[A-Z0-9 .-]+")?\)')
 STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
-SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
+SYSTEM = re.compile(r"\$([AV][ACX]?_[A-Z]+|P_ACTFRAME)\[([A-Z1-9])(?:,([A-Z]{2}))?\]")
+ASKED = {  # what the control says of itself → name here, its value where all is well, and what is wrong where it is another
+    "$MN_SCALING_SYSTEM_IS_METRIC": ("METRIC", 1.0, "the control's own units are inches"),
+    "$P_TRAFO": ("TRAFO", 0.0, "a transformation is on"),
+}
+FRAME = {"TR": 0.0, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": 0.0}  # component of a frame → its value where there is none
 END_POINT = "65535"
-SAME_AS = {"G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
+SAME_AS = {"G60": "G61", "G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
 MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
 
 
@@ -82,7 +89,8 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
-        self._machine = Rehearsal(plan, options, self._read, latches=True)
+        self._machine = Rehearsal(plan, options, self._read, latches=True, framed=True)
+        self._unasked = {"METRIC": "metric_check", "TRAFO": "frame_check", **dict.fromkeys("XYZ", "frame_check")}
         self._words = stated_words(options) | {"D0"}
         self._words |= {"TRAFOOF", "CYCLE800()", "G500", "TRANS"}
         self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
@@ -120,6 +128,7 @@ class _Program:
         elif match := TEXT.fullmatch(line):
             self._record(match)
         elif match := ASSIGN.fullmatch(line):
+            self._frame(match[2])
             self._machine.does(self._assignment(match[1], match[2]))
         elif self._within:
             raise InputError("no line that an IF may have")
@@ -144,10 +153,23 @@ class _Program:
             self._machine.turns("S", float(match[1]), False)
         elif match := FEED.fullmatch(line):
             self._feed(match[1].split(), float(match[2]))
+        elif match := STEP.fullmatch(line):
+            self._may_move()
+            self._machine.steps(match[1], float(match[2]), float(match[3]))
+            self._moving, self._asked = True, False
         elif match := OFF.fullmatch(line):
             self._free(match[1].split(), float(match[2]))
         else:
             self._print(line)
+
+    def _frame(self, text: str) -> None:
+        """An expression that asks for the frame of an axis: beside the machine there are others where something is left of it."""
+        for axis in sorted(set(re.findall(r"\$P_ACTFRAME\[([XYZ]),", text))):
+            self._unasked.pop(axis, None)
+            for part, none in FRAME.items():
+                twin = self._machine.base.twin("stop", f"a frame is left: {part} of {axis}")
+                twin.shared[f"P_ACTFRAME__{axis}{part}"] = none + 1.0
+                self._machine.doubts([twin])
 
     def _free(self, words: list[str], feed: float) -> None:
         self._machine.off({name: _spelt(word[1:].removeprefix("=")) for name, word in _once(words).items()}, feed)
@@ -156,15 +178,21 @@ class _Program:
     def _feed(self, words: list[str], feed: float) -> None:
         machine = self._machine
         target = {name: machine.base.position[name] for name in "XYZ"} | {n: float(word[1:]) for n, word in _once(words).items()}
-        if self._head:
-            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
-        if self._options.get("probe_state") and not self._asked:
-            raise InputError("moves without having asked whether the probe is deflected")
+        self._may_move()
         if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)
         self._moving, self._asked = True, False
+
+    def _may_move(self) -> None:
+        """Raises InputError where something that has to come before a move of MEAS has not come."""
+        if self._head:
+            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
+        if left := [f"{what} ({option})" for what, option in self._unasked.items() if self._options.get(option)]:
+            raise InputError(f"something moves before the control was asked for {', '.join(left)}")
+        if self._options.get("probe_state") and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
 
     def _jump(self, condition: str, label: str) -> None:
         if label not in self._stops or self._within:
@@ -174,6 +202,12 @@ class _Program:
             twin = self._machine.base.twin("stop", "the probe is deflected")
             twin.shared["A_PROBE"] = 1.0
             self._machine.doubts([twin])
+        for word, (name, well, what) in ASKED.items():
+            if word in condition:
+                self._unasked.pop(name, None)
+                twin = self._machine.base.twin("stop", what)
+                twin.shared[name] = 1.0 - well
+                self._machine.doubts([twin])
 
         def does(twin: Twin) -> None:
             twin.stopped = bool(self._machine.value(twin, _spelt(condition)))
@@ -263,7 +297,7 @@ class _Program:
             self._write(match[1])
         else:
             raise InputError("no line that a program of this kind may have here")
-        for twin in self._machine.twins:
+        for twin in self._machine.everywhere:
             twin.shared["TG_ERROR"] = 0.0
         twin = self._machine.base.twin("stop", "nothing can be written")
         twin.shared["TG_ERROR"] = 1.0
@@ -285,12 +319,19 @@ class _Program:
 
     def _read(self, twin: Twin, key: int | str) -> Value:
         name, _, axis = str(key).partition("__")
-        if name in ("AA_IM", "AA_MM") and axis in twin.position:
+        if name in ("AA_IM", "AA_MM", "VA_IM") and axis in twin.position:
             if self._moving:
                 raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
             if name == "AA_MM" and not twin.hit:
                 return SPOILT  # what was met before
-            return (twin.position if name == "AA_IM" else twin.skip)[axis]
+            if name == "AA_IM" and axis not in "XYZ" and self._options.get("rotary_position") == "$VA_IM":
+                return self._machine.base.position[axis]  # where it was sent
+            return twin.shown(axis, (twin.skip if name == "AA_MM" else twin.position)[axis])
+        if name == "P_ACTFRAME":
+            return twin.shared.get(str(key), FRAME.get(axis[1:], 0.0))
+        for known, well, _ in ASKED.values():
+            if name == known:
+                return twin.shared.get(name, well)
         if name == "AC_MEA":
             return float(twin.hit)
         if name == "A_PROBE":
@@ -318,7 +359,9 @@ def _once(words: list[str]) -> dict[str, str]:
 @lru_cache(maxsize=4096)
 def _spelt(text: str) -> str:
     """expression as this control spells it → as the reader of expressions does."""
-    text = SYSTEM.sub(r"#<\1__\2>", text)
+    text = SYSTEM.sub(lambda match: f"#<{match[1]}__{match[2]}{match[3] or ''}>", text)
+    for word, (name, _, _) in ASKED.items():
+        text = text.replace(word, f"#<{name}>")
     text = re.sub(r"\bTG_[A-Z]+\b", lambda match: f"#<{match[0]}>", text)
     held = re.split(r"(#<\w+>)", text)
     for i in range(0, len(held), 2):
