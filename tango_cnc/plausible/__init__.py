@@ -46,6 +46,7 @@ EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
+MIDWAY = ("column_wrong", "zero_since", "unit_since")  # one axis from a touch on
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
 SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
 SINGLE = 3  # touches made elsewhere that may be slips in single rows
@@ -96,7 +97,7 @@ def judge(
         bad |= {name for r in found for name in r.moves if name not in dict(r.hidden)}
         if any(r.kind == "rounded_positions" for r in found):  # touches on one facet err alike: no scatter shows it
             bad |= {c.name for c in result.model.coefficients}
-        if any(r.kind == "another_program" and "S" in r.key.split(", ") for r in found):
+        if any(r.kind in ("another_program", "column_wrong") and "S" in r.key.split(", ") for r in found):
             bad |= {c.name for c in result.model.coefficients if c.slot.axis in ("S", "t")}  # what only turning the spindle tells
         away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
         bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
@@ -178,6 +179,10 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     ]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
+    if tried and tried[0].kind in MIDWAY and tried[0].fits is not False and ", " not in tried[0].key:
+        # One number of one axis does what a displacement needs three for, or touches of which each is wrong by itself.
+        first = [tried[0], *(s for s in first if s.kind != tried[0].kind)]
+        rest = [s for s in rest if s is not tried[0]]
     if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
         first += [s for s in own if s.kind == "missing_touches" and s not in first]
         rest = [less(s) for s in rest]
