@@ -205,6 +205,8 @@ def test_a_night_that_was_cut_off_is_told_before_the_next_one(tmp_path: Path) ->
     begun = folder / "nights" / "begun"
     begun.mkdir(parents=True)
     (begun / "2026-11-23T020000Z").write_text("2026-11-23T02:00:00Z")
+    (begun.parent / "2026-11-23T020000Z").mkdir()
+    (begun.parent / "2026-11-23T020000Z" / "planned.json").write_text("{}")  # written before anything is sent
     with holding(folder, "tango nightly"):
         runs = [invoked(one) for one in asked]
         assert [r.return_value for r in runs] == [0, 0] and "at work: the night 2026-11-23T020000Z" in runs[0].output

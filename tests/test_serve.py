@@ -788,6 +788,8 @@ def test_cells_of_one_name_have_their_folders_and_a_night_that_was_cut_off_is_to
     begun = other / "nights" / "begun"
     begun.mkdir(parents=True)
     (begun / "2026-11-23T020000Z").write_text("2026-11-23T02:00:00Z")
+    (begun.parent / "2026-11-23T020000Z").mkdir()
+    (begun.parent / "2026-11-23T020000Z" / "planned.json").write_text("{}")  # written before anything is sent
     with TestClient(create(Settings((one, other))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         page = site.get("/").text
         slugs = re.findall(r'href="/machine/([^"/]+)"', page)
@@ -808,7 +810,7 @@ def test_a_machine_that_nobody_has_measured_lately_is_not_called_steady(tmp_path
     (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 1\n", encoding="utf-8")
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         fleet, machine, trend = (site.get(path).text for path in ("/", "/machine/HU40T-like", "/machine/HU40T-like/trend"))
-    assert '<li class="unknown worst">' in fleet and "<b>Have it measured.</b> Not measured for " in fleet
+    assert '<li class="unknown worst">' in fleet and "<b>Have it measured:</b> not measured for " in fleet
     for text in (machine, trend):
         assert "Unknown since Wed 28 Oct 2026" in text and "nobody knows: unknown since Wed 28 Oct 2026" in text
         assert "Steady" not in text and "Within its limit" not in text and "till there: " not in text

@@ -153,12 +153,21 @@ def test_a_night_that_was_cut_off_is_in_the_answer_and_in_what_to_do_on_every_pa
     place = place_of(tmp_path / "one", 0)
     (place / "nights" / "begun").mkdir(parents=True)
     (place / "nights" / "begun" / "2026-11-23T020000Z").write_text("", encoding="utf-8")
+    sent = place / "nights" / "2026-11-23T020000Z" / "planned.json"  # written before anything is sent
+    sent.parent.mkdir()
+    sent.write_text("{}", encoding="utf-8")
     for path in ("", "/trend", "/nights"):
         text = shown(place, f"/machine/{M}{path}")
         assert "Last night was cut off: the control may still execute the program. See to that, then" in text
         assert "What changed Nothing." not in text
         assert "The night of Mon 23 Nov 2026 was cut off" in text and "2026-11-23T" not in text
         assert re.search("What to do:? Look at the machine first: its control may still execute the program.", text), path
+    assert "Yes, but: 1." in shown(place, "/")
+    sent.unlink()  # refused before anything was sent, on a disk that is full
+    for path in ("", "/trend", "/nights"):
+        text = shown(place, f"/machine/{M}{path}")
+        assert "ended before anything was sent" in text and "is the disk full?" in text and "may still execute" not in text
+        assert "nothing was measured last night" in text
     assert "Yes, but: 1." in shown(place, "/")
 
 

@@ -14,7 +14,7 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..link.lock import cut_off
+from ..link.lock import cut_off, unsent
 from ..records import InputError, TangoError
 from ..texts import joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
@@ -162,7 +162,10 @@ def command(
             late_word = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
             name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
-            cut = joined("; ", [t("cli.nightly.cut_off", stamp=stamp) for stamp in row.cut_off])
+            early = [] if row.cell is None else unsent(row.cell, row.cut_off)
+            cut = joined(
+                "; ", [t(f"cli.nightly.{'ended_before' if stamp in early else 'cut_off'}", stamp=stamp) for stamp in row.cut_off]
+            )
             rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, joined("; ", (cut or None, row.said or None))])
         click.echo(table(rows, "<<<><<<", on_terminal()))
     for folder, why in trouble.items():

@@ -14,7 +14,7 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
-from ..link.lock import cut_off
+from ..link.lock import cut_off, unsent
 from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
 from ..texts import joined, say
@@ -286,6 +286,7 @@ def _status(
         waiting = [stamp for stamp, _ in disk.unsent()]
         unfinished = [stamp for stamp, _ in disk.unfinished()]
         cut = cut_off(folder)
+        early = unsent(folder, cut)
         alarms = history.open_alarms(name, today=f"{datetime.now().astimezone():%Y-%m-%d}") if nights else ()
         record = history.night(newest.entry).record if newest else {}
         told = {a["id"]: a for a in record.get("standing") or ()}
@@ -354,7 +355,8 @@ def _status(
         for stamp in waiting:
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:
-            click.echo("  " + t("cli.nightly.cut_off" if stamp in cut else "cli.nightly.begun", stamp=stamp))
+            key = "ended_before" if stamp in early else "cut_off" if stamp in cut else "begun"
+            click.echo("  " + t(f"cli.nightly.{key}", stamp=stamp))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
     wanted = standing is None or standing.wants_somebody or stale > 0

@@ -15,7 +15,7 @@ import os
 import secrets
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -108,6 +108,14 @@ def cut_off(folder: Path) -> list[str]:
     except OSError:
         return []
     return begun if begun and not at_work(folder) else []
+
+
+def unsent(folder: Path, stamps: Sequence[str]) -> list[str]:
+    """folder of a cell, stamps of nights that were cut off → those that ended before anything was sent to the control: a night
+    writes down what it is to touch, or a warm-up, before that. A disk that is full refuses a night there.
+    """
+    nights, left = folder / "nights", ("planned.json", "readings*", "warm-up*")
+    return [stamp for stamp in stamps if not any(next((nights / stamp).glob(name), None) for name in left)]
 
 
 def lock(handle: int) -> None:

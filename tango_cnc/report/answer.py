@@ -20,6 +20,7 @@ from .words import spoken
 CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with which the database would be loaded
 
 CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
+UNSENT = "web.unsent"  # of one that ended before anything was sent to the control
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
@@ -120,9 +121,11 @@ def _of_old(
     return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
 
 
-def said_cut_off(stamps: Sequence[str]) -> tuple[Said, ...]:
-    """stamps of nights that were begun and never ended → what pages say of them beside the nights of the cell."""
-    return tuple(say(CUT_OFF, date=night_of_stamp(stamp)) for stamp in stamps)
+def said_cut_off(stamps: Sequence[str], unsent: Sequence[str] = ()) -> tuple[Said, ...]:
+    """stamps of nights that were begun and never ended, those that had sent nothing → what pages say beside the nights of the
+    cell.
+    """
+    return tuple(say(UNSENT if stamp in unsent else CUT_OFF, date=night_of_stamp(stamp)) for stamp in stamps)
 
 
 def is_cut_off(former: Sequence[str]) -> bool:
@@ -130,11 +133,16 @@ def is_cut_off(former: Sequence[str]) -> bool:
     return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
 
 
+def is_unsent(former: Sequence[str]) -> bool:
+    """what pages say of a cell beside its nights → whether a night of it ended before anything was sent, and none was cut off."""
+    return not is_cut_off(former) and any(isinstance(text, Said) and text.key == UNSENT for text in former)
+
+
 def dates_cut_off(former: Sequence[str]) -> list[str]:
     """what pages say of a cell beside its nights → dates of the nights that were cut off, newest first; the history has none of
     them until the next night.
     """
-    return sorted((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key == CUT_OFF), reverse=True)
+    return sorted((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key in (CUT_OFF, UNSENT)), reverse=True)
 
 
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
@@ -144,6 +152,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     told = [text.values for text in former if isinstance(text, Said)]
     if is_cut_off(former) and found.may in ("yes", "but") and found.state in ("good", "unchanged", "late", "partial"):
         return replace(found, may="but", word=t("may.but"), state="cut_off", why=t("may.cut_off"))
+    if is_unsent(former) and found.may == "yes":
+        return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
     dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)

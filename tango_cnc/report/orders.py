@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Machine
-from .answer import Answer, is_cut_off
+from .answer import Answer, is_cut_off, is_unsent
 from .faults import settled
 from .look import looks
 from .plain import plain, shop
@@ -47,7 +47,7 @@ def orders(
         lines.append(t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo"))
     elif found:
         lines += [str(found[0]["todo"])] if found[0]["todo"] and not failed else []
-    elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_cut_off(former):
+    elif told.may in ("yes", "but", "wait") and verdict == "good" and not (is_cut_off(former) or is_unsent(former)):
         lines += _of_good(told, coming, t)
     elif verdict == "out_of_limits":
         lines.append(t("todo.limit"))
@@ -56,7 +56,7 @@ def orders(
 
 def orders_of_cut_off(former: Sequence[str], t: Texts) -> list[str]:
     """what is said of a cell beside its nights, texts → what to do about a night that was cut off; [] where none was."""
-    return [t("morning.cut_off_todo")] if is_cut_off(former) else []
+    return [t("morning.cut_off_todo")] if is_cut_off(former) else [t("morning.unsent_todo")] if is_unsent(former) else []
 
 
 def _of_good(told: Answer, coming: str, t: Texts) -> list[str]:

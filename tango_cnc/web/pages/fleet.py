@@ -108,7 +108,7 @@ def brief(told: Answer | None, found: Sequence[Mapping[str, Any]], former: Seque
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and key != "no" else said)
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    return t(f"may.brief_{key}"), whole_sentence(cause[:1].upper() + cause[1:])
+    return t(f"may.brief_{key}"), whole_sentence(cause if told.old else cause[:1].upper() + cause[1:])
 
 
 def _age(row: Row, t: Texts) -> str:
