@@ -10,9 +10,11 @@ from ._base import Job, early_distance, number, search_distance
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
 GUARDED, MEASURING, RECORD, FINDING, CYCLE, GATE = 1, 2, 3, 4, 5, 6  # labels
+UNMET = 90
 MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED, SCALED = 91, 92, 93, 94, 95, 96, 97, 98, 99
 STOPS = {
-    MET: "PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED",
+    MET: "PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED",
+    UNMET: "CONTROL SAYS CONTACT WHERE NOTHING WAS MET",
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",
@@ -49,13 +51,13 @@ def guarded(job: Job) -> Iterator[str]:
     yield f"{WAY} = SQRT ( {NOW['X']} ^ 2 + {NOW['Y']} ^ 2 + {NOW['Z']} ^ 2 )"
     yield f"FN 12: IF +{WAY} LT +0.001 GOTO LBL 11"
     yield from _tch_probe(job.options["distance"], feed_text(job.options["positioning_feed"]), "+0")
-    yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {MET}"
     yield "FN 20: WAIT FOR SYNC"
     yield "Q35 = 0"
     for name in "XYZ":
         yield reading(job, "Q36", name)
         yield f"Q35 = Q35 + ABS ( {TARGET[name]} - Q36 )"
     yield f"FN 11: IF +Q35 GT +{job.options['tolerance']:.4f} GOTO LBL {MET}"
+    yield f"FN 11: IF +{NONE} GT -0.5 GOTO LBL {UNMET}"
     yield "LBL 11"
     yield "LBL 0"
 
@@ -131,12 +133,20 @@ def record_text(job: Job) -> Iterator[str]:
     yield f"{SUM} = {' + '.join(places.values())}"
     yield f"QS2 = TOCHAR ( DAT+{TOUCH} DECIMALS0 )"
     yield f"QS3 = TOCHAR ( DAT+{FLAG} DECIMALS0 )"
-    yield 'QS1 = "P" || QS2 || " H" || QS3'
+    yield declared("P")
+    yield declared(" H", "QS4")
+    yield "QS1 = QS1 || QS2 || QS4 || QS3"
     for letter, parameter in {**places, "K": SUM}.items():
+        yield declared(f" {letter}", "QS3")
         yield f"QS2 = TOCHAR ( DAT+{parameter} DECIMALS4 )"
-        yield f'QS1 = QS1 || " {letter}" || QS2'
+        yield "QS1 = QS1 || QS3 || QS2"
     yield printed(job)
     yield "LBL 0"
+
+
+def declared(text: str, parameter: str = "QS1") -> str:
+    """text → the block that puts it into a string parameter: in a formula the manuals have string parameters only."""
+    return f'DECLARE STRING {parameter} = "{text}"'
 
 
 def printed(job: Job) -> str:

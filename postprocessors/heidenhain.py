@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
 
+from tango_cnc.gate import STEP, step
 from tango_cnc.records import InputError
 
 from . import _common as common
@@ -51,6 +52,7 @@ from ._klartext import (
     TURNED,
     UNSCALED,
     UNTOUCHED,
+    declared,
     guarded,
     measuring,
     printed,
@@ -132,12 +134,12 @@ def begin(job: Job) -> Iterator[str]:
     if options["scaling_check"]:
         yield from UNSCALED
     yield from ("M137", "M5")  # feeds in mm/min
-    if options["shortest"]:
-        yield "M126"
+    if options["shortest"] and any(is_endless(job.machine, name) for name in job.machine.rotary):
+        yield "M126"  # without an endless axis it could only send one past its limit
     if options["cycle"] == 444:
         yield from cycle_444.table(_from_near(job))
     yield f"{MISSES} = 0"
-    yield f'QS1 = "TANGO START {job.mark} {len(plan.touches)}"'
+    yield declared(f"TANGO START {job.mark} {len(plan.touches)}")
     yield printed(job)
 
 
@@ -153,7 +155,24 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield f"CALL LBL {GUARDED}"
 
 
-retract = clear = back = move  # back: MB has taken the probe off the facet
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step: where something mirrors, scales or turns what is said, that one is seen."""
+    if leg.came:
+        yield from move(job, leg)
+    else:
+        name, by = step(job.plan)
+        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER A MOVE GOES WHERE IT IS SENT"
+        yield "FN 20: WAIT FOR SYNC"
+        for axis, parameter in TARGET.items():
+            yield reading(job, parameter, axis)
+        yield f"{TARGET[name]} = {TARGET[name]} {'+' if by > 0 else '-'} {abs(by):g}"
+        yield f"CALL LBL {GUARDED}"
+        for axis, value in leg.target.items():  # the others stay where they were read
+            yield f"{TARGET[axis]} = {_number(job, value)}"
+        yield f"CALL LBL {GUARDED}"
+
+
+clear = back = move  # back: MB has taken the probe off the facet
 approach = common.approaching("; %s", move)
 
 
@@ -217,7 +236,7 @@ def record(job: Job, leg: Leg) -> Iterator[str]:
 
 def end(job: Job) -> Iterator[str]:
     """End mark, end of program; behind it the labels and the stops."""
-    yield f'QS1 = "TANGO END {job.mark} {len(job.plan.touches)}"'
+    yield declared(f"TANGO END {job.mark} {len(job.plan.touches)}")
     yield printed(job)
     yield "M30"
     yield from guarded(job)

@@ -1,5 +1,9 @@
 """Siemens 840D sl and ONE: MEAS, $AA_MM and $AA_IM in machine coordinates, records by WRITE (PG 03/2006, PG 12/2019).
 
+Before anything moves the control says whether a frame is left and whether its own units are mm. Then a step of 0.5 mm, whose
+target is written as that of the first move is, shows that such a move goes where it is sent. An incremental one (IC) would show
+less: by SD42440 and SD42442 it may make good what a frame or a tool length has changed.
+
 Every block near the table is `SUPA D0 G1 MEAS=…`: SUPA takes all frames away for this block, D0 the tool length, so what is
 programmed and what is read are machine coordinates. A move that ends short of its target, or with the probe's edge seen, goes
 to a stop behind M30. The program stands in the control's memory: its jumps go to its end.
@@ -10,19 +14,24 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
+from tango_cnc.gate import STEP, STEP_FEED, step
 from tango_cnc.records import InputError
 
 from . import _common as common
 from . import _siemens_handshake as handshake
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, number, rolled
+from ._options import OBEYS
 from ._remedies import SIEMENS
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
+AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 ARRIVED = 0.01  # deg
 CLEARED = "MSG()"  # takes the text off the screen, which would stand there to the end of the program
+SETTLES = 0.2  # s after which an axis stands where its encoder will say that it does
 LAG = 1.0  # mm that the axes may have run on between the edge and their stop
 STOPS = (
     "PROBE IS DEFLECTED",
@@ -32,15 +41,43 @@ STOPS = (
     "ROTARY AXIS NOT IN PLACE",
     "RECORD COULD NOT BE WRITTEN",
     common.UNTOUCHED,
+    "A TRANSFORMATION WORK OFFSET OR FRAME IS ON",
+    "CONTROL IS SET TO INCHES",
+    "CONTROL SAYS CONTACT WHERE NOTHING WAS MET",
 )
-DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED = range(1, len(STOPS) + 1)
+DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED, FRAMED, INCHES, UNMET = range(1, len(STOPS) + 1)
+FRAME = (("TR", ""), ("FI", ""), ("RT", ""), ("SC", "-1."))  # components of a frame, and how each becomes 0 where there is none
+LEFT = 0.0001  # mm, deg: a frame that is less is none
 OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
 
+AT_THE_PANEL = ("DRY RUN OFF - IT ACTS ON MEAS MOVES AND MAKES THE SLOW ONES FAST",)
 FRAMELESS = ("G500", "TRANS")  # no work offset and no programmable frame: were SUPA nothing beside MEAS, no move went elsewhere
 OPTIONS = (
-    Option("reset", "G17 G40 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G40 G60 G601 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
     Option("cycle800", True, "CYCLE800() leaves a swivelled plane; false where the control has no swivelling"),
+    Option(
+        "frame_check",
+        True,
+        "$P_TRAFO says what transformation, $P_ACTFRAME what basic frame, work offset, rotation, scaling or mirror image is left: "
+        "any ends the program; false: SUPA alone is trusted",
+    ),
+    Option(
+        "metric_check",
+        True,
+        "$MN_SCALING_SYSTEM_IS_METRIC says whether the control's own units are mm: inches end the program; false: G710 is trusted",
+    ),
+    Option(
+        "rotary_position",
+        "$VA_IM",
+        "where rotary axes stand: $VA_IM is what the encoder says; $AA_IM, where the control sent them, if it does not take $VA_IM",
+        choices=("$VA_IM", "$AA_IM"),
+    ),
+    Option(
+        "machine_axes",
+        {},
+        "names of machine axes in $VA_IM and $AA_MM, e.g. {X: X1, Y: Y1, Z: Z1, B: B1}; empty: the letters of the channel",
+    ),
     Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),
     Option("probe_state", True, "$A_PROBE shows whether the probe is deflected; false: the control's own alarm is trusted"),
     Option("output", "/dev/ext/1", OUTPUT),
@@ -64,12 +101,13 @@ OPTIONS = (
     Option("positioning_feed", 3000.0, "mm/min of protected moves", verified=True),
     common.TOLERANCE,
     common.MISSED,
+    replace(OBEYS, default="acts"),  # MEAS blocks are G1
 )
 
 DOUBTS = (
     "MEAS goes on without alarm when it meets nothing, and $AC_MEA is 0 then",
     "SUPA and MEAS may stand in one block, SUPA and D0 make its target a machine position",
-    "$AA_IM after STOPRE is where the axes stand, $AA_MM is latched for every axis named in the block",
+    "$AA_IM of X Y Z after STOPRE is where the axes stand, $AA_MM is latched for every axis named in the block",
     "SPRINT with %.4F and %D prints plain numbers",
     "a probe that is off stops nothing: protected moves protect only while it is on",
 )
@@ -80,7 +118,7 @@ def begin(job: Job) -> Iterator[str]:
     plan, options = job.plan, job.options
     _check(job)
     yield from common.titled(job, "; %s")
-    yield from common.warned(job, "; %s")
+    yield from common.warned(job, "; %s", *AT_THE_PANEL)
     yield "DEF INT TG_ERROR,TG_CLOSED,TG_FLAG,TG_MISSES"
     yield f"DEF REAL TG_SHORT,TG_WAY,TG_LAG,TG_TURN,TG_SUM,{','.join(f'TG_{name}' for name in common.axes(job.machine))}"
     if not handshake.used(options["handshake"]):
@@ -92,6 +130,7 @@ def begin(job: Job) -> Iterator[str]:
         yield "TRAFOOF"
     if options["cycle800"]:
         yield "CYCLE800()"
+    yield from _unframed(job)
     yield from _at_rest(job)
     yield "TG_MISSES=0"
     if _is_device(job):
@@ -118,7 +157,22 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     yield from _stop_if(f"($AC_MEA[{job.options['probe_input']}]<>0) OR (TG_SHORT>{number(job.options['tolerance'])})", MET)
 
 
-retract = clear = back = move
+def retract(job: Job, leg: Leg) -> Iterator[str]:
+    """Up along the tool; before the first one a step: were SUPA or the positions not as believed, that one would go anywhere."""
+    if not leg.came:
+        name, by = step(job.plan)
+        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER A MOVE GOES WHERE IT IS SENT - IF IT GOES ON PRESS FEED HOLD"
+        yield from _at_rest(job)
+        yield f"TG_WAY=$AA_IM[{name}]"
+        yield f"SUPA D0 G1 MEAS={job.options['probe_input']} {name}=TG_WAY{by:+g} F{number(STEP_FEED)}"
+        yield "STOPRE"
+        yield f"TG_WAY={f'$AA_IM[{name}]-TG_WAY' if by > 0 else f'TG_WAY-$AA_IM[{name}]'}"
+        yield from _stop_if(f"ABS(TG_WAY-{number(STEP)})>{number(job.options['tolerance'])}", MET)
+        yield from _stop_if(f"$AC_MEA[{job.options['probe_input']}]<>0", UNMET)
+    yield from move(job, leg)
+
+
+clear = back = move
 approach = common.approaching("; %s", move)
 
 
@@ -132,8 +186,9 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
         if name in leg.target:
             word, angle = _angle(job, name, leg.target[name])
             yield from common.unclamped(job, name, f"SUPA D0 G0 {name}={word}({angle})")
+            yield f"G4 F{SETTLES}"
             yield "STOPRE"
-            yield f"TG_TURN=ABS($AA_IM[{name}]-{_signed(angle)})"
+            yield f"TG_TURN=ABS({_stands(job, name)}-{_signed(angle)})"
             yield "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))"
             yield from _stop_if(f"TG_TURN>{number(ARRIVED)}", TURNED)
 
@@ -156,7 +211,7 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
     yield _measure(job, place, job.plan.strategy.approach.feed)
     yield "STOPRE"
     for name in common.axes(job.machine):
-        yield f"TG_{name}={'$AA_MM' if name in 'XYZ' else '$AA_IM'}[{name}]"
+        yield f"TG_{name}={f'$AA_MM[{_named(job, name)}]' if name in 'XYZ' else _stands(job, name)}"
     yield f"TG_SHORT={_distance(place)}"
     yield f"TG_WAY=SQRT({'+'.join(f'POT(TG_{name}-{_signed(value)})' for name, value in start.items())})"
     yield f"TG_LAG={'+'.join(f'ABS(TG_{name}-$AA_IM[{name}])' for name in 'XYZ')}"
@@ -210,7 +265,7 @@ def end(job: Job) -> Iterator[str]:
         yield f'EXTCLOSE(TG_CLOSED,"{job.options["output"]}")'
     yield "M30"
     for which, text in enumerate(STOPS, 1):
-        if which == UNTOUCHED and job.options["gate"] == "none":
+        if not _may_stop(job, which):
             continue
         if which == UNWRITTEN and handshake.used(job.options["handshake"]):
             text = handshake.AHEAD
@@ -220,10 +275,47 @@ def end(job: Job) -> Iterator[str]:
             yield f'EXTCLOSE(TG_CLOSED,"{job.options["output"]}")'
         number = '<<" ERROR "<<TG_ERROR' if which == UNWRITTEN and text == STOPS[which - 1] else ""
         yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}"{number})'
+        yield "STOPRE"  # the text is shown before the alarm ends the program
         if job.options["alarm"]:
             yield f"SETAL({job.options['alarm'] + which - 1})"
         yield "M0"
         yield "M30"
+
+
+def _may_stop(job: Job, which: int) -> bool:
+    """number of a stop → whether anything in this program jumps to it."""
+    asked = {FRAMED: job.options["frame_check"], INCHES: job.options["metric_check"], UNTOUCHED: job.options["gate"] != "none"}
+    return bool(asked.get(which, True))
+
+
+def _unframed(job: Job) -> Iterator[str]:
+    """Nothing is left that SUPA would have to take away, and the control's own units are mm: asked before anything moves."""
+    if job.options["metric_check"]:
+        yield from _stop_if("$MN_SCALING_SYSTEM_IS_METRIC<>1", INCHES)
+    if job.options["frame_check"]:
+        yield from _stop_if("$P_TRAFO<>0", FRAMED)
+    for name in "XYZ" if job.options["frame_check"] else "":
+        yield f"TG_WAY={'+'.join(f'ABS($P_ACTFRAME[{name},{part}]{less})' for part, less in FRAME)}+ABS($AC_DRF[{name}])"
+        yield from _stop_if(f"(TG_WAY>{number(LEFT, 4)}) OR ($P_ACTFRAME[{name},MI]<>0)", FRAMED)
+    if job.options["frame_check"] and job.machine.rotary:
+        shifts = "+".join(f"ABS($P_ACTFRAME[{name},{part}])" for name in job.machine.rotary for part in ("TR", "FI"))
+        yield from _stop_if(f"{shifts}>{number(LEFT, 4)}", FRAMED)
+    yield "STOPRE"
+    for name in "XYZ":  # a control that does not take a name of these says so here, before anything moves
+        yield f"TG_{name}=$AA_MM[{_named(job, name)}]"
+    for name in job.machine.rotary:
+        yield f"TG_{name}={_stands(job, name)}"
+
+
+def _named(job: Job, name: str) -> str:
+    """axis letter → its name as a machine axis."""
+    return str(job.options["machine_axes"].get(name, name))
+
+
+def _stands(job: Job, name: str) -> str:
+    """rotary axis → the variable that says where it stands."""
+    which = job.options["rotary_position"]
+    return f"{which}[{_named(job, name) if which == '$VA_IM' else name}]"
 
 
 def _at_rest(job: Job) -> Iterator[str]:
@@ -279,6 +371,12 @@ def _spindle(leg: Leg) -> str:
     return f"{rolled(degrees(leg.to['S']), 4):.4f}"
 
 
+def alarms(options: Mapping[str, Any]) -> dict[str, str]:
+    """options → {number of a SETAL alarm: what it says}: the text may not be on the screen any more."""
+    first = options["alarm"]
+    return {str(first + i): text for i, text in enumerate(STOPS)} if first else {}
+
+
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     options = job.options
@@ -287,6 +385,12 @@ def _check(job: Job) -> None:
     if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
         raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
     handshake.used(options["handshake"])
+    letters = common.axes(job.machine)
+    for axis, named in options["machine_axes"].items():
+        if axis not in letters or not (isinstance(named, str) and AXIS.fullmatch(named)):
+            raise InputError(
+                f"controller.machine_axes: found {axis!r}: {named!r}; allowed: a name such as X1 for {', '.join(letters)}"
+            )
     common.fits(job)
 
 
@@ -296,6 +400,7 @@ POST = Post(
     language="siemens",
     options=OPTIONS,
     memory=512,
+    alarms=alarms,
     remedies=SIEMENS,
     doubts=DOUBTS,
     further=lambda given: handshake.doubts(given.get("handshake", handshake.NONE)),

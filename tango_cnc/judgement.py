@@ -72,3 +72,4 @@ class Judgement:
     incomplete: bool = False  # so much of what was planned is missing that nobody acts on it without being told to
     nothing: bool = False  # none of the parameters is trusted, so that there is nothing to act on
     stand: tuple[str, ...] = ()  # of the untrusted: less than half of each could be what no touch shows, so it is worth acting on
+    hidden: tuple[tuple[str, float], ...] = ()  # of the untrusted: by how much (mm, rad) what no touch shows may move it; no more

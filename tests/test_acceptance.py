@@ -283,6 +283,8 @@ def test_simulated_readings_under_another_name_conform_to_nothing(tmp_path: Path
     assert call("accept", "-C", cell, "--json", "-") == 1
     data = json.loads(capsys.readouterr().out)
     assert "origin unknown" in data["stands"]
+    assert "no readings.origin.json beside readings.csv" in data["stands"] and "measure with 'tango run'" in data["stands"]
+    assert {f["why"] for f in data["figures"] if f["verdict"] == "not stated" and f["value"] is not None} == {data["stands"]}
     assert {f["verdict"] for f in data["figures"]} == {"not stated"}
     (cell / "simulated.origin.json").rename(cell / "readings.origin.json")
     assert call("accept", "-C", cell, "--json", "-") == 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.compensated import example
+from support.compensated import example, proposed
 
 from tango_cnc.compensate.space import Poses
 from tango_cnc.iso230.poses import at_poses
@@ -29,6 +29,24 @@ def pivot(machine: Machine, position: Array) -> Array:
     """machine, (n, k) → (n, 3): tip against the joints for a pivot of 1 mm, as 5axiskins.c has it."""
     b, c = (position[:, machine.column(name)] for name in "BC")
     return np.stack([np.sin(b) * np.cos(c), np.sin(b) * np.sin(c), 1 - np.cos(b)], axis=1)
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("target", ["fanuc", "siemens", "heidenhain", "value_sheet"])
+@pytest.mark.parametrize("name", ["split", "trunnion", pytest.param("hu40t", marks=pytest.mark.long)])
+def test_a_constant_is_in_a_center_and_not_in_a_table(name: str, target: str) -> None:
+    """A control that counts pitch errors from its reference point would lose it, and with it most of what the center is for."""
+    made = proposed(name, target)
+    held, values = made.fit.held, made.fit.change
+    tables: dict[tuple[str, int], list[tuple[float, float]]] = {}
+    for h, value in zip(held, values, strict=True):
+        if h.at is not None and h.kind == "length":
+            tables.setdefault((h.table, h.sense), []).append((h.at, value))
+    at_zero = [np.interp(0.0, *zip(*sorted(points), strict=True)) for points in tables.values()]
+    step = max(h.increment / h.factor for h in held if h.at is not None and h.kind == "length")
+    assert tables and max(map(abs, at_zero)) <= 2 * step
+    centers = [abs(v) for h, v in zip(held, values, strict=True) if h.tcp and h.kind == "length"]
+    assert max(centers) > 0.01  # mm, of which tables used to have a part
 
 
 @pytest.fixture

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 
 import pytest
 from support.compensated import first
 
 from tango_cnc.compensate import Proposal, as_json, propose
-from tango_cnc.compensate.outcome import Outcome
+from tango_cnc.compensate.loop import Kept
+from tango_cnc.compensate.outcome import Outcome, Run, ran
 from tango_cnc.compensate.promise import Figure
 from tango_cnc.compensate.trusted import as_far_as_trusted, worth_acting
 from tango_cnc.records import TangoError
@@ -31,13 +34,20 @@ def test_an_error_that_is_not_to_be_trusted_is_not_written() -> None:
     worth_acting(proposal.fit, result, names, despite=True)
 
 
-def said(verdict: str, untrusted: list[str] | None = None) -> Outcome:
-    """verdict of a run, labels that it does not trust (default: all) → what is said of it."""
+@cache
+def run() -> Run:
+    """→ what the same readings find over the volume of that proposal."""
+    kept = Kept(1, Path("001-siemens"), as_json(proposed()))
+    return ran(kept, first("trunnion"), list(proposed().held), tcp=True)
+
+
+def said(verdict: str, untrusted: list[str] | None = None, hidden: Mapping[str, float] | None = None) -> Outcome:
+    """verdict of a run, labels that it does not trust (default: all), {label: what no touch shows of it} → what is said of it."""
     result = first("trunnion")
     record = as_json(proposed())
     everything = [result.selection.label(c["name"]) for c in record["coefficients"]]
     found = Outcome(Figure(37, 36, 38), Figure(1, 0, 2), Figure(69, 68, 70), verdict, "69 are left of 37: load undo/")
-    return as_far_as_trusted(found, record, result, everything if untrusted is None else untrusted)
+    return as_far_as_trusted(found, record, result, everything if untrusted is None else untrusted, hidden or {}, run())
 
 
 @pytest.mark.parametrize("verdict", ["kept", "not as promised"])
@@ -45,6 +55,15 @@ def test_a_run_that_is_not_to_be_trusted_proves_nothing_good(verdict: str) -> No
     assert said(verdict, []).verdict == verdict
     found = said(verdict)
     assert found.verdict == "undecided" and "decides nothing" in found.text
+
+
+@pytest.mark.parametrize(("part", "verdict"), [(0.1, "kept"), (0.4, "kept"), (0.6, "undecided"), (2.0, "undecided")])
+def test_what_no_touch_shows_counts_against_what_was_there_before(part: float, verdict: str) -> None:
+    """After a compensation that holds every value is near 0, and a drift of some µm is more than half of each."""
+    result = first("trunnion")
+    labels = {c.name: result.selection.label(c.name) for c in result.model.coefficients}
+    hidden = {labels[c.name]: part * abs(float(v)) for c, v in zip(result.model.coefficients, result.values, strict=False)}
+    assert said("kept", list(labels.values()), hidden).verdict == verdict
 
 
 def test_what_seems_to_do_harm_is_taken_back_even_if_the_run_is_not_to_be_trusted() -> None:

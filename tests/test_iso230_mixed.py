@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from support.few import every
 from tango_cnc.cli import tango
 from tango_cnc.identify import condition_number, scaled_condition_number
 from tango_cnc.iso230 import ranges
+from tango_cnc.iso230.doubt import most
 from tango_cnc.iso230.interval import of_range
-from tango_cnc.iso230.onpart import minimum_zone
+from tango_cnc.iso230.onpart import Ask, minimum_zone
 from tango_cnc.iso230.seen import seen
 from tango_cnc.iso230.signed import Sheet, signed
 from tango_cnc.iso230.whole import Whole
@@ -208,3 +210,10 @@ def test_volumetric_ranges_for_a_longer_tool_are_known_with_two_styli_alone() ->
         for f in given:
             assert f.interval is not None
             assert f.interval[0] <= known[f.kind, f.name] <= f.interval[1], f.name
+
+
+def test_a_reversal_is_withheld_beyond_what_reversals_are() -> None:
+    """On fork_head with two styli the touches alone knew that of Z to 4.3 µm; its interval held the truth on 44 of 50 machines."""
+    w = cast(Whole, None)  # the limit of a figure that is no volume does not depend on the machine
+    asks = [Ask(kind, "EZZ B", "µm", 1e3, np.ones(1), "EZZ") for kind in ("reversal", "straightness")]
+    assert [most(ask, w) for ask in asks] == [4.0, 5.0]

@@ -4,6 +4,8 @@ import os
 import re
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from support.linkparts import MARK, job
@@ -14,7 +16,7 @@ from postprocessors import heidenhain
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._client import Begun, Refused
 from tango_cnc.link.protocols import file as protocol
-from tango_cnc.link.transport import Lost, open_port, parse
+from tango_cnc.link.transport import Lost, open_port, parse, said_before
 from tango_cnc.records import InputError, LinkError
 
 
@@ -164,3 +166,16 @@ def test_a_damaged_line_counts_from_the_start_mark_on():
     assert isinstance(marks[-1], Begun)
     (refused,) = one.receive(b"P1 H1 X1,5\n")
     assert isinstance(refused, Refused) and "a comma" in refused.why
+
+
+def test_whoever_reads_an_old_file_is_told_how_old_it_is(tmp_path: Path) -> None:
+    """Records of yesterday become readings of today: nobody else would notice."""
+    file = tmp_path / "TANGO.TXT"
+    file.write_text("TANGO START 0123456789AB 8\n")
+    last = parse(f"file://{file}?from=last", protocol.OPTIONS)
+    for age, said in ((3600.0, "1 h 0 min ago"), (26 * 3600.0, "26 h 0 min ago"), (9 * 86400.0, "9 days ago")):
+        os.utime(file, (time.time() - age,) * 2)
+        assert said_before(last).endswith(said)
+    assert said_before(parse(f"file://{file}", protocol.OPTIONS)) == ""
+    file.unlink()
+    assert said_before(last) == ""

@@ -84,7 +84,7 @@ def test_a_folder_that_does_not_exist_is_refused_before_a_program_is_put(server)
 @pytest.mark.parametrize("text", [b"my measurements of last year\n", b"x" * 9000, b"P1\nTANGO\n"])
 def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(text, server):
     (server.folder / "TANGO.TXT").write_bytes(text)
-    with pytest.raises(LinkError, match="a file without a record of a TANGO program, and the control would write into it"):
+    with pytest.raises(InputError, match="a file without a record of a TANGO program, and the control would write into it"):
         opened(server, program=place(server, "O8700.NC"))
     assert (server.folder / "TANGO.TXT").read_bytes() == text and not (server.folder / "O8700.NC").exists()
 

@@ -669,7 +669,11 @@ def test_every_reason_for_doubt_that_speaks_to_an_engineer_has_words_for_the_sho
     inside = {  # parts of other sentences, and what to change: no reasons
         *("plausible.bounds.at_most_plausible", "plausible.backlashes.way", "plausible.backlashes.both_ways"),
         *("plausible.readings.compare_with_machine", "plausible.readings.take_strategy_yaml_program_was"),
-        *("plausible.readings.go_on_with_tango_run", "plausible.backlashes.change"),
+        *(
+            "plausible.readings.go_on_with_tango_run",
+            "plausible.backlashes.change",
+            "plausible.readings.compare_column_with_control",
+        ),
         *("plausible.spindle.change", "plausible.directions.give_sign_axis_motion_before"),
     }
     technical = re.compile(r"\.yaml|standard deviation|'tango |--terms|\{names\}|\{key\}|\{columns\}|\bE[XYZ]\d|degrees of freedom")

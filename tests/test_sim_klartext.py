@@ -12,6 +12,7 @@ from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, r
 from postprocessors.heidenhain import mask
 from sim_controller.languages import Alarm, klartext
 from sim_controller.languages.klartext.expressions import formula, text_of
+from tango_cnc import commission
 from tango_cnc.link._client import Ended
 from tango_cnc.records import Artefact, InputError, Plan
 
@@ -49,8 +50,8 @@ def code(made: Plan, *blocks: str, **profile: Any) -> Ran:
 
 
 def show(*parameters: str) -> list[str]:
-    shown = ' || " " || '.join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
-    return [f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
+    shown = " || QS9 || ".join(f"TOCHAR ( DAT+{p} DECIMALS1 )" for p in parameters)
+    return ['DECLARE STRING QS9 = " "', f"QS1 = {shown}", "FN 16: F-PRINT TNC:\\TANGO.A / TNC:\\OUT.TXT"]
 
 
 # --- the program ---------------------------------------------------------------------------------------------------------
@@ -83,7 +84,7 @@ def test_something_in_the_way_stops_with_a_text(made: Plan) -> None:
     """The top is 12 mm higher than everybody thinks: the way down to its stand-off is a guarded move."""
     ran = run(lines_of(made), made, shifted(made, "top", 12.0))
     assert ran.flags(made) == [1], "the touch before it is on record, this one is not"
-    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert ran.stops == ["PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED"]
     assert not isinstance(ran.records(made)[-1], Ended)
 
 
@@ -91,6 +92,14 @@ def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: P
     ran = run(lines_of(made), made, untouchable(made))
     assert ran.flags(made) == [0, 0]
     assert ran.stops == ["NO CONTACT. IS THE PROBE ALIVE"]
+
+
+def test_a_control_that_says_contact_where_there_was_none_is_found_by_the_step(made: Plan) -> None:
+    ran = run(lines_of(made), made, no_contact="contact")
+    assert ran.stops == ["CONTROL SAYS CONTACT WHERE NOTHING WAS MET"] and not ran.flags(made)
+    judged = commission.judge(commission.Seen(made, {}, True, False, said=ran.stops[0]))
+    blamed = [one for one in judged if one.verdict.verdict == "FAIL"]
+    assert [one.experiment.belief for one in blamed] == ["miss"]
 
 
 def test_a_control_that_makes_an_error_of_no_contact_stops_at_the_first_guarded_move(made: Plan) -> None:
@@ -109,7 +118,7 @@ def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan) -> 
 def test_a_basic_rotation_is_noticed_high_above_the_table(made: Plan) -> None:
     ran = run(lines_of(made), made, rotation={"C": 3.0})
     assert ran.flags(made) == []
-    assert ran.stops == ["PROBE MET SOMETHING ON ITS WAY OR A FRAME IS ROTATED"]
+    assert ran.stops == ["PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED"]
     heights = [data["position"]["Z"] for event, data in ran.events if event == "skip"]
     assert min(heights) > 400
 
@@ -211,7 +220,9 @@ def test_what_is_no_formula(text: str) -> None:
 
 
 def test_texts_are_joined() -> None:
-    assert text_of('"P" || TOCHAR ( DAT+Q1 DECIMALS0 ) || QS2', {1: 17.0}, {2: " X"}) == "P17 X"
+    assert text_of("QS1 || TOCHAR ( DAT+Q1 DECIMALS0 ) || QS2", {1: 17.0}, {1: "P", 2: " X"}) == "P17 X"
+    with pytest.raises(Alarm, match="NC BLOCK FAULTY"):  # characters stand in DECLARE STRING
+        text_of('"P" || QS2', {}, {2: " X"})
     with pytest.raises(Alarm, match="STRING TOO LONG"):
         text_of("QS2 || QS2", {}, {2: "x" * 200})
 

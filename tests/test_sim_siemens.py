@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
+from support.gates import ran as gated
 
+from postprocessors._base import load
+from postprocessors._base import settings as settings_of
 from sim_controller.languages import siemens
 from sim_controller.languages.siemens.expressions import Reader
 from tango_cnc.link._client import Ended
@@ -122,16 +126,74 @@ def test_a_file_that_is_full_stops_the_program(made: Plan) -> None:
     assert "RECORD COULD NOT BE WRITTEN ERROR 10" in str(ran.alarm)
 
 
-def test_a_transformation_that_is_not_switched_off_is_noticed_by_the_first_guarded_move(made: Plan) -> None:
+def still(ran: Ran) -> bool:
+    """→ whether no axis was told to move."""
+    return not any(event in ("rapid", "feed", "skip", "touch", "miss") for event, _ in ran.events)
+
+
+def test_a_transformation_that_is_not_switched_off_is_noticed_before_anything_moves(made: Plan) -> None:
     ran = run(lines_of(made, trafoof=False), made, transformation=True)
-    assert ran.flags(made) == []
-    assert "FRAME IS ACTIVE" in str(ran.alarm)
+    assert still(ran) and "TRANSFORMATION WORK OFFSET OR FRAME IS ON" in str(ran.alarm)
+    unasked = run(lines_of(made, trafoof=False, frame_check=False), made, transformation=True)
+    assert not unasked.flags(made) and unasked.alarm is not None
 
 
-def test_a_state_that_is_always_1_stops_the_first_guarded_move(made: Plan) -> None:
+LOW = {"Z": -401.0}  # mm of a basic frame: without SUPA the first move, up, goes down by it
+
+
+LEFT = [
+    {"basic": LOW},
+    {"basic": {"X": 0.5}},
+    {"basic": {"C": 30.0}},
+    {"drf": LOW},
+    {"inches": True},
+    {"inches": True, "basic": LOW},
+]
+
+
+@pytest.mark.parametrize("profile", LEFT, ids=str)
+@pytest.mark.parametrize("supa", [True, False])
+def test_a_frame_that_is_left_and_inches_are_noticed_before_anything_moves(made: Plan, profile: dict[str, Any], supa: bool) -> None:
+    """A dead probe would not stop what goes down by a frame."""
+    ran = run(lines_of(made), made, supa_with_meas=supa, **profile)
+    assert still(ran) and ("INCHES" if "inches" in profile else "FRAME IS ON") in str(ran.alarm)
+
+
+def test_where_a_basic_frame_has_to_stay_supa_takes_it_away(made: Plan) -> None:
+    stated = {"frame_check": False}
+    ran = run(lines_of(made, **stated), made, basic=LOW)
+    assert ran.alarm is None
+    assert_as_planned(ran.records(made), made, "siemens", stated)
+
+
+@pytest.mark.parametrize("off", [-401.0, -20.0, 5.0, 0.1])
+def test_what_no_frame_shows_and_supa_should_take_away_is_noticed_by_the_step(made: Plan, off: float) -> None:
+    """The step is slow, and a dead probe goes as far as what nobody sees: whoever stands there presses feed hold."""
+    ran = run(lines_of(made), made, supa_with_meas=False, overlaid={"Z": off})
+    moves = [data for event, data in ran.events if event == "block" and "MEAS=" in data["text"]]
+    assert not ran.flags(made) and (ran.alarm is not None) and len(moves) == 1 and "F60." in moves[0]["text"]
+
+
+def test_a_control_that_wants_names_of_machine_axes_says_so_before_anything_moves(made: Plan) -> None:
+    named = {"X": "X1", "Y": "Y1", "Z": "Z1", "B": "MB", "C": "MC"}
+    refused = run(lines_of(made), made, machine_axes=named)
+    assert still(refused) and "12550" in str(refused.alarm) and not refused.out
+    assert run(lines_of(made, machine_axes=named), made, machine_axes=named).alarm is None
+    with pytest.raises(InputError, match="machine_axes: found 'Q'"):
+        lines_of(made, machine_axes={"Q": "X1"})
+    with pytest.raises(InputError, match="machine_axes: found 'X': 'x 1'"):
+        lines_of(made, machine_axes={"X": "x 1"})
+
+
+def test_a_clamped_axis_is_noticed_by_its_encoder_and_not_by_where_it_was_sent(made: Plan) -> None:
+    assert "ROTARY AXIS NOT IN PLACE" in gated("siemens", made, slack={"B": 1.0}).why
+    assert "ROTARY AXIS NOT IN PLACE" not in gated("siemens", made, {"rotary_position": "$AA_IM"}, slack={"B": 1.0}).why
+
+
+def test_a_state_that_is_always_1_stops_the_program_at_the_step(made: Plan) -> None:
     ran = run(lines_of(made), made, status=False)
     assert ran.flags(made) == []
-    assert "PROBE MET SOMETHING" in str(ran.alarm)
+    assert "CONTROL SAYS CONTACT WHERE NOTHING WAS MET" in str(ran.alarm)
 
 
 def test_endless_axes_turn_the_short_way_and_others_as_planned(made: Plan) -> None:
@@ -304,3 +366,9 @@ def test_where_supa_is_nothing_beside_meas_every_touch_is_where_it_is_planned(
     left = {"supa_with_meas": holds, "mirrored": mirrored, "g54": {"X": -250.0, "Y": -200.0, "Z": -500.0}}
     ran = run(lines_of(made), made, **left)
     assert not ran.why and ran.flags(made) == [1] * len(made.touches)
+
+
+def test_the_page_of_the_control_has_every_alarm_of_the_program() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "controls" / "siemens.md").read_text()
+    for number, text in load("siemens").alarms(settings_of(load("siemens"), {})).items():
+        assert f"| {number} | {text}" in page

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from typing import Any
 
 import pytest
 from support.controls import golden
@@ -187,3 +189,12 @@ def test_where_a_work_offset_turns_with_an_axis_the_program_stops_where_it_has_t
     for said in (found.why, unseen.why):
         (failed,) = [j for j in commission.judge(commission.Seen(made, {}, True, False, said=said)) if j.verdict.verdict == "FAIL"]
         assert failed.experiment.belief == "frames" and "dynamic work offset" in failed.experiment.advice
+
+
+@pytest.mark.parametrize("habits", [{"axis_scale": {"Z": -1.0}}, {"axis_scale": {"Z": 2.0}}], ids=str)
+def test_on_a_tnc_whose_factors_nobody_asks_nothing_moves_but_the_step(habits: Mapping[str, Any]) -> None:
+    """Mirrored or scaled, the first move, up, would go down into the table."""
+    found = ran("heidenhain", commission.air(golden(), 1), {"scaling_check": False}, habits, stands={"Z": 700.0})
+    assert "FRAME IS ROTATED MIRRORED OR SCALED" in " ".join(found.stops)
+    z = [place["Z"] for place in found.places]
+    assert z and max(z) - min(z) <= 2 * STEP and not set(NEAR) & {event for event, _ in found.events}

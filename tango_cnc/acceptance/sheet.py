@@ -117,7 +117,7 @@ def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence
     if source.older:
         return f"{source.older}: the readings do not show the machine as it is now. Measure again and accept by those readings"
     if source.doubt:
-        return f"{source.doubt}: nothing says that a machine was measured"
+        return source.doubt
     if judgement.verdict != "trustworthy":
         return f"the result is {judgement.verdict}: {'; '.join(judgement.reasons)}"
     if sheet.budget is None or sheet.expected is None:

@@ -62,9 +62,13 @@ def gate_of(cell: Cell, post: Post) -> str:
         return str(posts.settings(post, cell.controller.options).get("gate", "none"))
 
 
-def obeys(cell: Cell) -> bool:
-    """cell → whether its profile says that the feed override acts on measuring moves."""
-    return cell.controller is not None and cell.controller.options.get("feed_override") == "acts"
+def obeys(cell: Cell, post: Post) -> bool:
+    """cell, its post → whether the feed override acts on measuring moves, by its profile or by what is known of the control."""
+    from postprocessors import _base as posts
+
+    assert cell.controller is not None
+    with blamed_on(cell.folder / "tango.yaml"):
+        return posts.settings(post, cell.controller.options).get("feed_override") == "acts"
 
 
 def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str, dialled: bool = False) -> None:

@@ -13,7 +13,7 @@ from ..acceptance import Order, Source, made, page, read_order
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
-from ..files.origin import check_values, look_up
+from ..files.origin import Origin, check_values, look_up, origin_file
 from ..iso230.signed import Sheet, signed
 from ..nc import features
 from ..nc.follow import Setup, zero_of
@@ -114,13 +114,27 @@ def _source(readings: Path, simulated: bool, status: tuple[str, ...]) -> Source:
     origin = look_up(readings)
     known = origin.known
     run = known.get("run", {})
-    doubt = said_of_origin(origin) or ("readings of the simulated machine" if simulated else "")
+    doubt = _doubt(origin, simulated)
     moments = [found for key in ("start_utc", "end_utc") if (found := _moment(run.get(key))) is not None]
     text = f"{readings.name}, {known.get('origin', 'of unknown origin')}"
     text += "".join(f"; {key.replace('_', ' ')} {run[key]}" for key in ("start_utc", "end_utc", "program_hash") if run.get(key))
     left = sum(s != "ok" for s in status)
     remarks = (f"{left} of {len(status)} touches made no contact where they should and take no part",) if left else ()
     return Source(doubt, (moments[0], moments[-1]) if moments else None, text, remarks)
+
+
+def _doubt(origin: Origin, simulated: bool) -> str:
+    """what is known of the readings, whether a simulated control made them → why nothing is accepted by them, and what to do."""
+    if not origin.known:
+        beside, name = origin_file(origin.readings).name, origin.readings.name
+        return (
+            f"origin unknown: there is no {beside} beside {name} that can be read, so nothing says which machine was measured, "
+            f"and by which program. Put the {beside} that 'tango run' wrote with these readings there. "
+            "If there is none, measure with 'tango run', and accept by those readings"
+        )
+    if said_of_origin(origin) or simulated:
+        return "these are readings of the simulated machine, so nothing says that a machine was measured. Measure with 'tango run'"
+    return ""
 
 
 def _older(folder: Path, readings: Path) -> str:

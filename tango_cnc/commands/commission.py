@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -126,6 +126,9 @@ def command(
     options = {**controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
     if any(option.name == "misses" for option in post.options):
         options["misses"] = 20  # every move of this program is to meet nothing
+    feed = positioning_feed(cell)
+    if feed is not None and "directions" in wanted:
+        feed = options["positioning_feed"] = min(feed, commission.UNTRIED_FEED)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
     if only_program:
         for program in programs:
@@ -135,7 +138,9 @@ def command(
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
-        "moves in the air. Probe in the spindle and on; hand on feed hold.",
+        "moves in the air"
+        f"{f', at {feed:g} mm/min at most until their directions are proven' if feed and 'directions' in wanted else ''}. "
+        "Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
     if settled := sorted(known.keys() - wanted):
@@ -146,13 +151,12 @@ def command(
         if not click.confirm("Start?", err=True):
             raise click.Abort
     seen, control = _tried(cell, post, made, programs, address, timeout, someone)  # also brings the axes to where a hand is safe
-    feed = positioning_feed(cell)
     seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
-    seen = replace(seen, obeys=obeys(cell), anew=controller.options.get("records_file") == "anew")
+    seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:
-        seen = replace(seen, said=said or seen.said)
+        seen = replace(seen, said=_with_text(said or seen.said, post, options))
     if someone and _unclear(seen):
         seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
@@ -205,6 +209,15 @@ def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]
     places = np.abs([touch.end for touch in whole.touches if touch.indexation < own])
     largest = max(float(places[:, linear].max()), math.degrees(float(places[:, rotary].max(initial=0.0))))
     return commission.air(whole, most, own), largest
+
+
+def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:
+    """what stood on the screen, post, options → the same with the text of an alarm of the program that is there by its number."""
+    from postprocessors import _base as posts
+
+    own = post.alarms(posts.settings(post, options))
+    found = next((own[number] for number in re.findall(r"\d+", said) if number in own), "")
+    return f"{said}: {found}" if found and found not in said.upper() else said
 
 
 def _file_of(address: str, post: Any) -> str | None:
@@ -269,7 +282,7 @@ def _tried(
             if made.only is None:  # else there is no record to wait for
                 click.echo(why, err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
-    refused, control, ended, begun = [], "", False, False
+    refused, control, ended, begun, marked = [], "", False, False, False
     seconds: float | None = None
     times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
@@ -277,6 +290,7 @@ def _tried(
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):
+            marked = entry.stands
             ended = entry.complete or (made.only is not None and entry.stands)
         if isinstance(entry, entries.Reading | entries.Doubted):
             found = record_of(entry.record, made)
@@ -288,7 +302,7 @@ def _tried(
     speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
     own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
     said = why if speaks and (begun or own) else ""
-    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, times=times), control
+    return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, marked=marked, times=times), control
 
 
 def _unclear(seen: Any) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import count
@@ -13,12 +13,13 @@ import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.contradicted import contradicted
-from ..compensate.outcome import asked_otherwise, outcome, switched
+from ..compensate.outcome import asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..compensate.trusted import as_far_as_trusted, worth_acting
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..judgement import Judgement
 from ..loaded import IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
@@ -120,7 +121,7 @@ def command(**options: Any) -> int:
     targets.load(options["target"])
     there, last = present(folder, options)
     simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
-    result, untrusted = _estimate(cell, options)
+    result, judgement = _estimate(cell, options)
     proposal = propose(
         result,
         options["target"],
@@ -131,6 +132,7 @@ def command(**options: Any) -> int:
         tcp=True if options["trial_of"] is not None else options["tcp"],
     )
     if not options["dry_run"]:
+        untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
         worth_acting(proposal.fit, result, untrusted, options["despite"])
     if options["trial_of"] is not None:
         return _sign_trial(cell, proposal, result, options, simulated=simulated)
@@ -158,8 +160,8 @@ def _now() -> str:
     return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[str]]:
-    """cell, options → estimate that may be used, and names of what nobody should act on. Raises TangoError."""
+def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Judgement]:
+    """cell, options → estimate that may be used, and what is to be thought of it. Raises TangoError."""
     source = current(cell.folder, options["file"])
     readings = read_readings(source, cell.machine, cell.artefact)
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], cell.folder)
@@ -167,7 +169,7 @@ def _estimate(cell: Cell, options: dict[str, Any]) -> tuple[Estimate, Sequence[s
     if options["measured"] is not None:  # what was entered is judged all the same: a wrong sign must come out of the control
         judgement = replace(judgement, nothing=False)
     usable(judgement, options["despite"], "compensate")
-    return result, [name for name in judgement.untrusted if name not in judgement.stand]
+    return result, judgement
 
 
 def _consented(folder: Path, options: dict[str, Any]) -> bool:
@@ -271,7 +273,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         )
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
-    result, untrusted = _estimate(cell, options)
+    result, judgement = _estimate(cell, options)
     again = propose(
         result,
         kept.record["target"],
@@ -292,7 +294,8 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if places and found.verdict != "kept":
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
     if not options["despite"]:
-        found = as_far_as_trusted(found, kept.record, result, untrusted)
+        run = ran(kept, result, held, tcp=tcp)
+        found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)

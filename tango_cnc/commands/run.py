@@ -26,6 +26,7 @@ from ._start import ask, gate_of, obeys, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
+from ._written import say_beside
 
 if TYPE_CHECKING:
     from postprocessors._base import Post
@@ -148,7 +149,14 @@ def command(
 
     def confirm(part: Plan, program: Program) -> None:
         if not yes and someone:
-            ask(program.plan, shown(address), positioning_feed(cell), unproven_of(cell, post), gate_of(cell, post), obeys(cell))
+            ask(
+                program.plan,
+                shown(address),
+                positioning_feed(cell),
+                unproven_of(cell, post),
+                gate_of(cell, post),
+                obeys(cell, post),
+            )
 
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
@@ -243,6 +251,7 @@ def keep(cell: Cell, post: Post, whole: Plan, part: Plan, programs: Sequence[Pro
     companions = posts.companions(post, part, cell.controller.options)
     files |= {target / name: partial(iter, lines) for name, lines in companions.items()}
     write_together({**files, target / "plan.csv": lambda: plan_lines(part)})
+    say_beside(target, companions)
     for sentence in stale(target, set(files), plan_hash(part)):
         click.echo(sentence, err=True)
     return [replace(p, file=str(target / p.name)) for p in programs]

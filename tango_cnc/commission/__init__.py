@@ -5,7 +5,7 @@ into proofs, `keys.py` says how long each of them holds.
 """
 
 from .experiment import DIAL, Experiment, Question, Seen, Verdict
-from .flight import HELD_FEED, MOST, air, held
+from .flight import HELD_FEED, MOST, UNTRIED_FEED, air, held
 from .keys import keys
 from .rolling import rolling
 from .touching import late, pivots, quicker, touching
@@ -15,6 +15,7 @@ __all__ = [
     "DIAL",
     "HELD_FEED",
     "MOST",
+    "UNTRIED_FEED",
     "Experiment",
     "Judged",
     "Question",

@@ -33,6 +33,7 @@ class Seen:
     stored: bool = True  # records come through a file that the control writes, not over a line
     kept: bool | None = None  # whether a second program left the records of the first in their file; None: not tried
     largest: float = 0.0  # mm or deg: the largest number of a record of the cell's own plan; 0: unknown
+    marked: bool = False  # the end mark has come, whether or not every record was believed
     obeys: bool = False  # the profile says that the feed override acts on measuring moves
     anew: bool = False  # the profile says that each program begins the file of its records anew
     unheard: bool = False  # the person has seen that the slow move up went on although the stylus was touched

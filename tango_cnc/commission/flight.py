@@ -27,6 +27,7 @@ ABOVE, WAY = 10.0, 5.0  # mm over the clear level where a measuring move begins;
 ENTER = 1.0  # mm above its beginning from where it is approached
 HELD = 0.5  # mm of the one move while somebody holds the stylus aside: no stylus breaks
 HELD_FEED = 60.0  # mm/min of that move: a hand has time to let go
+UNTRIED_FEED = 1000.0  # mm/min of protected moves while nobody has seen that up is up: a person has time for feed hold
 SEEN = math.radians(5.0)  # of a turn that a person can judge
 UPRIGHT = 0.9  # part of the way up that one axis makes: it needs no move of its own
 

@@ -150,8 +150,9 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     levers = poses.free(found.levers(poses))
     space = matrix(held, poses)
     weight = np.array([1.0 if h.kind == "length" else 1 / REACH for h in held])
-    basis = smooth(held, poses.machine) * weight[:, None]
-    direct = by_name(found, held, poses)
+    gauge = anchored(held)
+    basis = gauge @ smooth(held, poses.machine) * weight[:, None]
+    direct = gauge @ by_name(found, held, poses)
     # What the target takes away of every coefficient: by name first, the rest by fitted shapes where that is worth it. A fit of
     # what the target cannot hold finds a little of it in any table, and writes numbers that help nobody.
     rest = levers - space @ direct
@@ -235,6 +236,26 @@ def smooth(held: Sequence[Held], machine: Machine) -> Array:
             column[rows] = shape
             columns.append(column)
     return np.array(columns).T.reshape(len(held), -1)
+
+
+def anchored(held: Sequence[Held]) -> Array:
+    """→ (h, h): numbers → the same, with tables of lengths that are zero where the axis is that they are read with.
+
+    Where a target has centers, a constant in such a table says the same as another center. Controls that count pitch errors from
+    their reference point lose it, and the center with it: so it belongs to the center. Zero is that of machine coordinates, the
+    reference point of most machines; a table that does not reach it is zero at the end that is nearer.
+    """
+    gauge = np.eye(len(held))
+    if not any(h.tcp and h.kind == "length" for h in held):
+        return gauge
+    tables: dict[tuple[str, int], list[int]] = {}
+    for j, h in enumerate(held):
+        if h.at is not None and h.kind == "length":
+            tables.setdefault((h.table, h.sense), []).append(j)
+    for rows in tables.values():
+        at = np.array([held[j].at for j in rows], dtype=float)
+        gauge[np.ix_(rows, rows)] -= [np.interp(0.0, at, each) for each in np.eye(len(rows))]
+    return gauge
 
 
 def _ridge(space: Array) -> Solve:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from ..estimate import Estimate
 from ..records import TangoError
-from .fit import Fit
-from .outcome import Outcome
+from .fit import Fit, rms
+from .outcome import Outcome, Run
 
 HALF = 0.5  # of the sum of squares of all effects on the tool tip
 
@@ -39,15 +39,30 @@ def worth_acting(best: Fit, result: Estimate, untrusted: Collection[str], despit
         )
 
 
-def as_far_as_trusted(found: Outcome, record: Mapping[str, object], result: Estimate, untrusted: Collection[str]) -> Outcome:
-    """outcome, record of the compensation, estimate of readings made with it, labels that are not to be trusted → what to say.
+def as_far_as_trusted(
+    found: Outcome,
+    record: Mapping[str, object],
+    result: Estimate,
+    untrusted: Collection[str],
+    hidden: Mapping[str, float],
+    run: Run,
+) -> Outcome:
+    """outcome, record of the compensation, estimate of readings made with it, labels that are not to be trusted, {label: by how
+    much what no touch shows may move it, mm or rad}, what the readings find → what to say.
 
     Parameters that are not to be trusted prove nothing good. That it has not helped stands, and says so: taking back what may
-    do harm needs less evidence than leaving it in.
+    do harm needs less evidence than leaving it in. What no touch shows takes nothing from a parameter where it could be less than
+    half of what was there before: that the most of it is gone is seen all the same.
     """
     listed = record.get("coefficients")
     effects = {c["name"]: float(c["effect_um"]) * float(c["held"]) for c in listed} if isinstance(listed, list) else {}
-    names = doubted(effects, result, untrusted)
+    sizes = {c.name: rms(run.levers[:, j]) for j, c in enumerate(run.now.coefficients)}
+    small = {
+        label
+        for name, effect in effects.items()
+        if (label := result.selection.label(name)) in hidden and hidden[label] * sizes.get(name, 0.0) < HALF * effect
+    }
+    names = doubted(effects, result, [label for label in untrusted if label not in small])
     if not names or found.verdict == "undecided":
         return found
     why = f"most of what was to be taken away is {_some(names)}, not to be trusted in these readings"

@@ -19,6 +19,7 @@ from .onpart import Ask
 from .whole import Block, Whole
 
 UNDECIDED = {"µm": 5.0, "µrad": 15.0, "µm/m": 15.0, "µrad/rad": 15.0}  # standard deviation at which a figure is no figure
+REVERSAL = 4.0  # µm, the same of a reversal: it is a few µm at most, and its interval rests on what is usual beyond that
 SHARE = 0.15  # of the variance of a figure that an error motion must explain to be named with it
 NAMED = 4
 VOLUME = 3.0  # times as much of a position or an orientation over a volume
@@ -29,6 +30,8 @@ def most(ask: Ask, w: Whole) -> float:
     """figure, machine → standard deviation in its unit beyond which it is withheld."""
     # how a tool turns does not depend on its length
     touched = ask.length is not None and (ask.unit == "µrad" or nearest(ask.length, lengths(w.touches)) is None)
+    if ask.kind == "reversal" and ask.unit == "µm":
+        return REVERSAL
     return UNDECIDED[ask.unit] * (VOLUME if touched else 1.0)
 
 

@@ -18,6 +18,7 @@ STEEPEST = 9.0  # power by which draws count, of a volume: three scales, three s
 STEEPEST_TURNED = 5.0  # the same of a rotary axis
 PART = 0.25  # of what the learned directions add to a range that counts as noise of what was read
 HALF = 0.5
+ABOVE = 0.2  # of that power, for the ends above a volume: of simple motions noise is less of a range, and nobody knows the order
 NEAR = 0.25  # of a deviation: so near to what was read, scatter moves a range evenly, and bends it by a little
 NARROW = 1e-3  # of the largest: what is smaller counts as much
 
@@ -49,12 +50,14 @@ def of_volume(curves: Array, free: Array, coverage: float = 0.95) -> Spread:
     Noise in k directions makes a range larger, once in what is read and once more in what is drawn around it. Draws count by
     range^(1 − k): then noise takes a range to neither side. k is found from how much noise enlarges the range that was read: all of
     the free directions, and a part of those whose size was learned, as three axes say little of each other's size. A vector has the
-    noise of three components. Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
+    noise of three components. How much of that is noise depends on the order of the motions: where all are polynomials to degree 3,
+    the whole power takes ranges below what is true. So the ends above have a part of it.
+    Source: Stein, Annals of Mathematical Statistics 30, 1959; Tibshirani, Biometrika 76, 1989.
     """
     sizes, mean = _sizes(curves), curves.mean(axis=-1, keepdims=True)
     part = PART * (1 if curves.ndim == 2 else curves.shape[1])
     grown = (1 - part) * _grown(mean, free) + part * _grown(mean, curves - mean)
-    return _counted(curves, sizes, grown, float(np.var(sizes)), STEEPEST, coverage)
+    return _counted(curves, sizes, grown, float(np.var(sizes)), STEEPEST, coverage, ABOVE)
 
 
 def of_turned(curves: Array, coverage: float = 0.95) -> Spread:
@@ -73,18 +76,28 @@ def _grown(mean: Array, noise: Array) -> float:
     return float(sum(_sizes(mean + s * noise).mean() for s in (1, -1)) / 2 - _sizes(mean)[0])
 
 
-def _counted(curves: Array, sizes: Array, grown: float, scatter: float, steepest: float, coverage: float) -> Spread:
-    """curves, sizes (d,), growth by noise, variance of the size, power at most → the spread of draws that count by a power."""
+def _counted(
+    curves: Array, sizes: Array, grown: float, scatter: float, steepest: float, coverage: float, above: float = 1.0
+) -> Spread:
+    """curves, sizes (d,), growth by noise, variance of the size, power at most, part of it for the ends above → the spread of
+    draws that count by a power.
+    """
     tail, mean = (1 - coverage) / 2, curves.mean(axis=-1, keepdims=True)
     read = float(_sizes(mean)[0])
     if scatter <= 0.0:
         return Spread(*[read] * 5)
     by = min(max(2 * read * grown / scatter, 0.0), steepest)
+    low, least, best = _quantiles(sizes, by, [tail, 2 * tail, 0.5])
+    most, high = _quantiles(sizes, above * by, [1 - 2 * tail, 1 - tail])
+    return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
+
+
+def _quantiles(sizes: Array, by: float, shares: list[float]) -> list[float]:
+    """(d,) sizes of draws, power, shares → the sizes below which such shares of them are, when they count by size^−power."""
     order = np.argsort(sizes)
     worth = np.maximum(sizes[order] / sizes.max(), NARROW) ** -by
     at = (np.cumsum(worth) - worth / 2) / worth.sum()
-    low, least, best, most, high = (float(v) for v in np.interp([tail, 2 * tail, 0.5, 1 - 2 * tail, 1 - tail], at, sizes[order]))
-    return _from_nothing(Spread(best, low, high, least, most), read, _sizes(curves - mean), tail)
+    return [float(v) for v in np.interp(shares, at, sizes[order])]
 
 
 def _from_nothing(found: Spread, read: float, nothing: Array, tail: float) -> Spread:

@@ -38,7 +38,7 @@ from ._sensors import read_sensors
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
 from .session import Moved, News, Session
-from .transport import foreseen, open_port
+from .transport import foreseen, open_port, said_before
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -108,6 +108,7 @@ def measure(
         said = [f"part {number} of {len(jobs)}: {count} touches"] if len(jobs) > 1 else []
         said += [f"the control has to have {file} now: it is not sent"] if client.brought else []
         said += [client.before] if client.before else []
+        said += [there] if number == 1 and (there := said_before(address)) else []
         if said:
             watch(News(0, count, 0.0, None, "; ".join(said)))
 

@@ -17,6 +17,11 @@ def _nothing(address: Address) -> None:
     """Most ways have nothing to foresee."""
 
 
+def _silent(address: Address) -> str:
+    """Most ways have nothing to say before a run."""
+    return ""
+
+
 @dataclass(frozen=True)
 class Way:
     """How a port is opened, and what its URL has to name. `WAYS` of a file in `transport/` holds one for each of its ways."""
@@ -28,6 +33,7 @@ class Way:
     unit: bool = False  # the URL ends with the number of a device
     stored: bool = False  # the control writes its records into a file that is not read as a file of this computer
     foreseen: Callable[[Address], None] = _nothing  # refuses what no run can use; opens nothing
+    before: Callable[[Address], str] = _silent  # what a person has to know of what is there already, before the run begins
     example: str = ""  # of a URL, for messages
 
 

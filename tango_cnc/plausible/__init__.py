@@ -46,9 +46,11 @@ EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column")  # seen in the readings without any fit
+MIDWAY = ("column_wrong", "zero_since", "unit_since")  # one axis from a touch on
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
 SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
 SINGLE = 3  # touches made elsewhere that may be slips in single rows
+HALF = 0.5  # of its value that what no touch shows may be of a parameter that is worth acting on
 NAMED = 6  # quantities beyond their tolerance that are named one by one
 
 
@@ -78,6 +80,7 @@ def judge(
     untrusted: list[str] = []
     labels: list[str] = []
     stand: tuple[str, ...] = ()
+    hidden: dict[str, float] = {}
     nothing = result is None
     if result is None:
         found.append(Remark("implausible", say("plausible.judge.there_no_fit")))
@@ -91,16 +94,20 @@ def judge(
         found += [r for r in spare(result, lost, alone) if not r.touches or not set(r.touches) <= moved]
         labels = [result.selection.label(c.name) for c in result.model.coefficients]
         bad = {name for b in told if b.beyond or b.undecided for name in b.names} | set(swamped(result))
-        bad |= {name for r in found for name in r.moves if name not in r.little}
+        bad |= {name for r in found for name in r.moves if name not in dict(r.hidden)}
         if any(r.kind == "rounded_positions" for r in found):  # touches on one facet err alike: no scatter shows it
             bad |= {c.name for c in result.model.coefficients}
-        if any(r.kind == "another_program" and "S" in r.key.split(", ") for r in found):
+        if any(r.kind in ("another_program", "column_wrong") and "S" in r.key.split(", ") for r in found):
             bad |= {c.name for c in result.model.coefficients if c.slot.axis in ("S", "t")}  # what only turning the spindle tells
         away = {axis for r in found if r.kind == "directions" for axis in r.key.replace("d", "").split(", ")}
         bad |= {c.name for c in result.model.coefficients if is_backlash(c) and c.slot.axis in away}
-        little = {name for r in found for name in r.little}
-        untrusted = [label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in bad | little]
-        stand = tuple(label for label, c in zip(labels, result.model.coefficients, strict=True) if c.name in little - bad)
+        some = {name: max(dict(r.hidden).get(name, 0.0) for r in found) for r in found for name, _ in r.hidden}
+        named = [
+            (c.name, label, float(value)) for c, label, value in zip(result.model.coefficients, labels, result.values, strict=False)
+        ]
+        untrusted = [label for name, label, _ in named if name in bad or name in some]
+        hidden = {label: some[name] for name, label, _ in named if name in some and name not in bad}
+        stand = tuple(label for _, label, value in named if label in hidden and hidden[label] < HALF * abs(value))
         nothing = bool(result.parameters) and set(result.parameters) <= set(untrusted)
     found += _elsewhere(touches)
     verdict = worst([r.verdict for r in found])
@@ -111,7 +118,7 @@ def judge(
         found.append(Remark("doubtful", say("plausible.judge.most_untrusted", count=lost, all=len(result.parameters))))
         verdict = worst([verdict, "doubtful"])  # no mistake is looked for: why they are untrusted is said already
     if verdict == "implausible" and result is not None:  # whoever reads the names alone takes none of them
-        untrusted, nothing, stand = labels, bool(result.parameters), ()
+        untrusted, nothing, stand, hidden = labels, bool(result.parameters), (), {}
     return Judgement(
         verdict,
         tuple(r.text for r in found if r.verdict != "trustworthy"),
@@ -121,6 +128,7 @@ def judge(
         any(r.incomplete for r in found),
         nothing,
         stand,
+        tuple(hidden.items()),
     )
 
 
@@ -171,6 +179,10 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     ]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
+    if tried and tried[0].kind in MIDWAY and tried[0].fits is not False and ", " not in tried[0].key:
+        # One number of one axis does what a displacement needs three for, or touches of which each is wrong by itself.
+        first = [tried[0], *(s for s in first if s.kind != tried[0].kind)]
+        rest = [s for s in rest if s is not tried[0]]
     if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
         first += [s for s in own if s.kind == "missing_touches" and s not in first]
         rest = [less(s) for s in rest]

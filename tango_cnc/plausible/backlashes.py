@@ -102,7 +102,9 @@ def _one(result: Estimate, row: int, word: str, found: dict[str, tuple[float, Ar
         f"plausible.backlashes.{'stated' if excused else word}", axis=axis, ways=joined(say("plausible.backlashes.or"), ways)
     )
     named = tuple(model.names[j] for j in sorted(moves) if j < len(model.coefficients))
-    return Remark("doubtful" if doubtful else "trustworthy", text, moves=named)
+    if not doubtful:
+        return Remark("trustworthy", text, moves=named)
+    return Remark("doubtful", text, (), "late_touches", "touch", say("plausible.late.change"), moves=named)
 
 
 def _sides(result: Estimate, row: int, felt: dict[str, Array]) -> dict[str, tuple[float, Array]]:

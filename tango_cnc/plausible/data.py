@@ -41,7 +41,7 @@ class Remark(NamedTuple):
     sure: bool = False  # it explains the result, whatever else is tried
     moves: tuple[str, ...] = ()  # coefficients that it makes untrusted
     lost: bool = False  # `touches` are planned ones that are missing
-    little: tuple[str, ...] = ()  # of `moves`: those of which it could be less than half
+    hidden: tuple[tuple[str, float], ...] = ()  # of `moves`: by how much (mm, rad) what no touch shows may move them
 
 
 def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Iterator[Remark]:

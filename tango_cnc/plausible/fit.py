@@ -148,7 +148,7 @@ def explain(
     start = start or Start(from_readings(machine, artefact, readings))
     touches = start.touches
     fitted = _Fitted(touches, tuple(unknowns(machine, touches, free)))
-    final = scale or max(3 * machine.probe.repeatability, 0.004)
+    final = scale or _final(machine)
     prior = np.array([u.prior for u in fitted.columns])
     values = np.zeros(len(fitted.columns))
     before = start.linear[0]
@@ -165,6 +165,20 @@ def explain(
     cost = float(np.log1p((gaps / final) ** 2).sum() + np.log1p((beside / BESIDE) ** 2).sum() / 2 + np.log1p((bar / 0.05) ** 2))
     cost += float(np.sum((values / prior) ** 2) / 2)
     return Explained(cost, before, gaps, beside, {u.name: float(v) for u, v in zip(fitted.columns, values, strict=True)})
+
+
+def linear(start: Start) -> tuple[Array, Array, float]:
+    """start of a cell → gaps (n,) mm as it is stated, derivatives by every unknown times its prior (n, p), scale of the loss."""
+    machine = start.touches.machine
+    fitted = _Fitted(start.touches, tuple(unknowns(machine, start.touches, ())))
+    gaps, jacobian = fitted.linear(np.zeros(len(fitted.columns)), start.linear)
+    prior = np.array([u.prior for u in fitted.columns])
+    return gaps, jacobian * prior, _final(machine)
+
+
+def _final(machine: Machine) -> float:
+    """machine → mm, scale of the loss at the end."""
+    return max(3 * machine.probe.repeatability, 0.004)
 
 
 def _wide(gaps: Array) -> list[float]:

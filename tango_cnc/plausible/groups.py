@@ -24,6 +24,8 @@ from .since import or_moment
 CHANCE = 1e-4  # that touches dropped at random fall together as much
 SHARE = 0.5  # of the touches of a group that are dropped
 FEWEST = 3
+MANY = 4  # touches without weight of one indexation that are a reason by themselves
+NEARLY = 0.8  # share of all touches without weight that they are
 FEW = 0.1  # share of all touches that one indexation or one facet may make unfit
 FITS = 5.0  # white standard deviations within which touches fit
 CERTAIN = 3.0  # standard deviations that a bar has to be beyond what gains explain
@@ -45,7 +47,7 @@ def common(result: Estimate) -> Iterator[Remark]:
     if bar or step:
         return  # the touches that have no weight belong together by that
     balls = list(_balls(result))
-    yield from or_moment(result, balls or [*_indexations(result), *_facets(result)])
+    yield from or_moment(result, balls or [*_indexations(result), *_facets(result)] or list(_one_indexation(result)))
 
 
 def _dropped(result: Estimate) -> NDArray[np.bool_]:
@@ -393,3 +395,28 @@ def _indexations(result: Estimate) -> Iterator[Remark]:
             change,
             sure=True,
         )
+
+
+def _one_indexation(result: Estimate) -> Iterator[Remark]:
+    """Touches without weight that are nearly all of one indexation, though no angle of one axis makes all of them fit."""
+    touches, out = result.model.touches, result.unused
+    for index in np.unique(touches.indexation[out]):
+        rows = touches.indexation == index
+        own = rows & out
+        if own.sum() < max(MANY, NEARLY * out.sum()) or len({touches.facet[i] for i in np.flatnonzero(own)}) < FEWEST:
+            continue
+        if tail(len(out), int(out.sum()), int(rows.sum()), int(own.sum())) * (touches.indexation[-1] + 1) > CHANCE:
+            continue
+        numbers = tuple(int(i) for i in touches.number[own])
+        axes = (*touches.machine.rotary, "S")
+        first = np.flatnonzero(rows)[0]
+        place = joined(", ", [f"{a} {math.degrees(float(touches.axis(a)[first])):.6g}°" for a in axes])
+        which = {
+            "count": len(numbers),
+            "place": place,
+            "first": int(touches.number[rows][0]),
+            "last": int(touches.number[rows][-1]),
+        }
+        change = say("plausible.groups.see_whether_was_clamped_whether")
+        text = say("plausible.groups.of_one_indexation", numbers=listed(numbers), **which)
+        yield Remark("doubtful", text, numbers, "indexation", ", ".join(axes), change)

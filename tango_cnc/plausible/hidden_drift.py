@@ -6,7 +6,7 @@ far it moves every parameter until then is linear algebra on the fit. A plan tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -22,7 +22,6 @@ SURE = 3.0  # standard deviations from which the touches show a drift
 MOVED = 2.0  # standard deviations by which the drift moves a parameter that is not to be trusted then
 TIMES = (0.3, 0.9, 30.0)  # of the run, in which a drift comes to rest; the last one is a straight line
 NAMED = 6
-HALF = 0.5  # of the value of a parameter
 
 
 def hidden_drift(result: Estimate) -> Iterator[Remark]:
@@ -47,16 +46,8 @@ def hidden_drift(result: Estimate) -> Iterator[Remark]:
         names = [result.selection.label(result.model.names[j]) for j in order[:NAMED]]
         words = {"axis": axis, "size": f"{USUAL * 1e3:g}", "names": joined(", ", names), "moved": f"{moved.max():.0f}"}
         moves = tuple(result.model.names[j] for j in order)
-        little = little_of(result, left, {result.model.names[j]: float(moved[j]) for j in order})
-        yield Remark("trustworthy", say("plausible.hidden_drift.found", **words), moves=moves, little=little)
-
-
-def little_of(result: Estimate, left: Left, moved: Mapping[str, float]) -> tuple[str, ...]:
-    """estimate, what the unknowns leave, {coefficient: standard deviations by which it may be moved} → those of which that is less
-    than half of the value: whoever acts on them does more good than harm.
-    """
-    rows = {name: result.model.names.index(name) for name in moved}
-    return tuple(name for name, j in rows.items() if moved[name] * float(left.std[j]) < HALF * abs(float(result.values[j])))
+        hidden = tuple((result.model.names[j], float(moved[j] * left.std[j])) for j in order)
+        yield Remark("trustworthy", say("plausible.hidden_drift.found", **words), moves=moves, hidden=hidden)
 
 
 def _moved(left: Left, drift: Array, p: int) -> Array:

@@ -15,7 +15,7 @@ from ..estimate import Estimate
 from ..records import Array
 from ..texts import joined, say
 from .data import Remark
-from .hidden_drift import MOVED, NAMED, SURE, little_of
+from .hidden_drift import MOVED, NAMED, SURE
 from .lacking import NEAR_PLACE, Left, left_over, stretches
 
 PART = 0.5  # of the parameters: no more are marked for a step that need not be there, those first that it moves most
@@ -45,8 +45,8 @@ def hidden_step(result: Estimate) -> Iterator[Remark]:
             names=joined(", ", [labels[j] for j in moves[:NAMED]]),
             moved=f"{by[:, moves].max():.0f}",
         )
-        worst = {names[j]: float(by[:, j].max()) for j in moves}
-        yield Remark("trustworthy", text, moves=tuple(worst), little=little_of(result, left, worst))
+        hidden = tuple((names[j], float(by[:, j].max() * left.std[j])) for j in moves)
+        yield Remark("trustworthy", text, moves=tuple(names[j] for j in moves), hidden=hidden)
 
 
 def _moved(result: Estimate, left: Left, axis: str, size: float) -> tuple[Array, Array]:

@@ -10,9 +10,8 @@ import numpy as np
 from ..asked import Asked, asked
 from ..records import Array, Cell, Readings
 from ..texts import say
+from .columns import TURNED, Column, columns, turned
 from .data import Remark, listed
-
-TURNED = 0.1  # degrees between the rotary positions of strategy and readings that are the same position
 
 
 def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None) -> Iterator[Remark]:
@@ -23,7 +22,7 @@ def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | Non
     names = (*machine.rotary, "S")
     turning = [machine.column(name) for name in names]
     made, meant = readings.position[rows][:, turning], touches.position[place][:, turning]
-    off = _turned(made, meant)
+    off = turned(made, meant)
     wrong = np.abs(off) > np.radians(TURNED)
     facets = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != touches.facet[p]]
     if facets:
@@ -32,21 +31,32 @@ def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | Non
     if not wrong.any():
         return
     numbers = [int(t) for t in readings.touch[rows[wrong.any(axis=1)]]]
-    columns = [name for name, there in zip(names, wrong.T, strict=True) if there.any()]
-    if not facets and len(columns) == 1 and _is_one(touches, place[wrong.any(axis=1)], off[wrong]):
-        yield _one_indexation(columns[0], numbers, float(np.degrees(np.median(off[wrong]))))
+    own = [name for name, there in zip(names, wrong.T, strict=True) if there.any()]
+    if not facets and len(own) == 1 and _is_one(touches, place[wrong.any(axis=1)], off[wrong]):
+        yield _one_indexation(own[0], numbers, float(np.degrees(np.median(off[wrong]))))
         return
-    mirrored = np.abs(_turned(made, -meant)) > np.radians(TURNED)
+    lost = columns(cell, readings, run)
+    if lost is not None:
+        yield from (wrong_column(readings, column) for column in lost)
+        return
+    mirrored = np.abs(turned(made, -meant)) > np.radians(TURNED)
     counted = [n for n, here, other in zip(names, wrong.T, mirrored.T, strict=True) if here.any() and not other.any()]
     change = say(f"plausible.readings.{'see_whether_column_has_sign' if counted else 'take_strategy_yaml_program_was'}")
     more = say("plausible.readings.has_other_sign_everywhere_counts", counted=counted[0]) if counted else ""
-    what = say("plausible.readings.have_other_positions_than_strategy", columns=", ".join(columns))
-    yield _other(readings, numbers, what, ", ".join(columns), change, more)
+    what = say("plausible.readings.have_other_positions_than_strategy", columns=", ".join(own))
+    yield _other(readings, numbers, what, ", ".join(own), change, more)
 
 
-def _turned(one: Array, two: Array) -> Array:
-    """→ rad from the second to the first, at most half a turn."""
-    return np.asarray((one - two + np.pi) % (2 * np.pi) - np.pi)
+def wrong_column(readings: Readings, column: Column) -> Remark:
+    """readings, a column that is wrong from some touch on → what is said of it."""
+    numbers = tuple(int(t) for t in readings.touch[column.rows])
+    if column.still is None:
+        how, value = "column_off", f"{np.degrees(column.off):+.4f}"
+    else:
+        how, value = "column_still", f"{np.degrees(column.still):.6g}"
+    text = say(f"plausible.readings.{how}", axis=column.name, value=value, count=len(numbers), first=numbers[0], last=numbers[-1])
+    change = say("plausible.readings.compare_column_with_control", axis=column.name)
+    return Remark("doubtful", text, numbers, "column_wrong", column.name, change, sure=True)
 
 
 def _is_one(touches: Asked, place: Array, off: Array) -> bool:

@@ -67,9 +67,9 @@ class Rehearsal:
         self.walk = Walk(plan, options)
         start = dict(self.walk.at)
         self.twins = [Twin("1", "nothing has gone wrong", start, dict(start), dict(OFFSET))]
-        self._inches = self.base.twin("stop", "positions come in inches") if framed else None  # until a step has been made
-        if self._inches is not None:
-            self._inches.unit = INCH
+        self.inches = self.base.twin("stop", "positions come in inches") if framed else None  # until a step has been made
+        if self.inches is not None:
+            self.inches.unit = INCH
         self._silent: Twin | None = None  # where this touch and all after it miss
         self._statements: list[Statement] = []
         self._modal: set[str] = set()
@@ -101,7 +101,7 @@ class Rehearsal:
     @property
     def everywhere(self) -> tuple[Twin, ...]:
         """→ all machines, the one with it whose positions come in inches."""
-        return (*self.twins, *([self._inches] if self._inches else []))
+        return (*self.twins, *([self.inches] if self.inches else []))
 
     def value(self, twin: Twin, text: str) -> float:
         """expression → its value in a twin. Raises InputError for what is no expression."""
@@ -152,7 +152,7 @@ class Rehearsal:
 
     def steps(self, name: str, by: float, feed: float) -> None:
         """axis letter, mm, mm/min → the step before all else; beside it there are positions in inches and a mirror image."""
-        inches, self._inches = self._inches, None
+        inches, self.inches = self.inches, None
         wanted, far = step(self.plan)
         if inches is None or name != wanted or abs(by - far) > 1e-9:
             raise InputError(f"found a step of {name} {by:g} mm; allowed: one of {wanted} {far:g} mm, before anything else moves")
@@ -171,7 +171,7 @@ class Rehearsal:
 
     def _ready(self) -> None:
         self.watched()
-        if self._inches is not None:
+        if self.inches is not None:
             name, by = step(self.plan)
             raise InputError(f"something moves before a step of {name} {by:g} mm has shown whether positions come in mm")
         if missing := sorted(MODAL - self._modal):

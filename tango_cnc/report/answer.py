@@ -22,7 +22,7 @@ CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with whic
 CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
-LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
+LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 

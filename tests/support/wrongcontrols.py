@@ -188,6 +188,7 @@ def cases(name: str) -> dict[str, Case]:
         found["frames"] = Case("frames", {"habits": {"rotation": {"C": 3.0}}}, names="rotation")
         found["mirror"] = Case("mirror", {"habits": {"axis_scale": {"Z": 2.0}}}, names="scaling")
     if name == "siemens":
+        found["feed"] = Case("feed", {"skip_obeys": True}, {"feed_override": "ignored"}, {"feed_override": "acts"}, "feed_override")
         found["frames"] = Case("frames", {"habits": {"transformation": True}}, {"trafoof": False}, {"trafoof": True}, "trafoof")
     if name == "linuxcnc":
         found["frames"] = Case("frames", {"habits": {"rotation": {"R": 3.0}}}, names="rotation")

@@ -61,7 +61,7 @@ class Profile:
     scale: float = 1.0  # that a program before has left active
     axis_scale: Mapping[str, float] = field(default_factory=dict)  # the same of cycle 26, which cycle 11 does not undo
     rollover: tuple[str, ...] = ()  # rotary axes whose scale begins anew after a turn
-    no_contact: Literal["silent", "error"] = "silent"  # TCH PROBE 4 that meets nothing
+    no_contact: Literal["silent", "error", "contact"] = "silent"  # TCH PROBE 4 that meets nothing
     probe_table: Mapping[str, float] = field(default_factory=dict)  # what differs from TABLE in the row of the probe
     calibration: Mapping[str, float] = field(default_factory=dict)  # {X Y Z: mm} from the spindle to the ball, for cycle 444
     length_ends: Literal["pole", "centre"] = "pole"  # where on the ball the tool length ends, and so what ID270 tells
@@ -147,6 +147,8 @@ class Control:
         if match := re.fullmatch(r"Q(\d+) = (.+)", block):
             if not (self._profile.q115 == "locked" and match[1] in ("115", "116", "117")):
                 self._values[int(match[1])] = formula(match[2], self._values)
+        elif match := re.fullmatch(r'DECLARE STRING QS(\d+) = "([^"]{0,255})"', block):
+            self._texts[int(match[1])] = match[2]
         elif match := re.fullmatch(r"QS(\d+) = (.+)", block):
             self._texts[int(match[1])] = text_of(match[2], self._values, self._texts)
         elif match := re.fullmatch(r"FN 18: SYSREAD Q(\d+) = ID(\d+) NR(\d+)(?: IDX(\d+))?", block):
@@ -246,7 +248,7 @@ class Control:
         if not skip.hit:
             if self._profile.no_contact == "error":
                 raise error("TOUCH POINT INACCESSIBLE", blocks[index])
-            self._values[result + 3] = -1.0
+            self._values[result + 3] = 0.0 if self._profile.no_contact == "contact" else -1.0
             return
         place, stopped = shown(self._motion, self._profile.axes, skip.position), self._now()
         gone = math.dist([stopped[name] for name in way], [start[name] for name in way]) / math.hypot(*way.values())

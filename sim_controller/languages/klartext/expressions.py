@@ -1,4 +1,4 @@
-"""Formulas of Klartext: `Q36 = ( Q41 - Q24 ) * Q31 / Q34`, and texts: `QS1 = "P" || TOCHAR ( DAT+Q56 DECIMALS0 )`."""
+"""Formulas of Klartext: `Q36 = ( Q41 - Q24 ) * Q31 / Q34`, and texts: `QS1 = QS2 || TOCHAR ( DAT+Q56 DECIMALS0 )`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "SIN": lambda v: math.sin(math.radians(v)),
     "COS": lambda v: math.cos(math.radians(v)),
 }
-_PART = re.compile(r'\s*(?:"([^"]*)"|(QS\d+)|TOCHAR\s*\(\s*DAT\s*\+?(Q\d+)\s+DECIMALS(\d)\s*\))\s*')
+_PART = re.compile(r"\s*(?:(QS\d+)|TOCHAR\s*\(\s*DAT\s*\+?(Q\d+)\s+DECIMALS(\d)\s*\))\s*")
 
 
 def error(text: str, detail: str = "") -> Alarm:
@@ -54,20 +54,18 @@ def formula(text: str, values: Mapping[int, float]) -> float:
 
 
 def text_of(source: str, values: Mapping[int, float], texts: Mapping[int, str]) -> str:
-    """`"P" || QS2` → its text. Raises Alarm when it is none, or longer than 255."""
+    """`QS1 || QS2` → its text; only DECLARE STRING takes characters. Raises Alarm for what is none, or longer than 255."""
     found, at = "", 0
     while True:
         match = _PART.match(source, at)
         if match is None:
             raise error("NC BLOCK FAULTY", source)
-        if match[2]:
-            if int(match[2][2:]) not in texts:
-                raise error("PARAMETER NOT DEFINED", match[2])
-            found += texts[int(match[2][2:])]
-        elif match[3]:
-            found += f"{_parameter(int(match[3][1:]), values):.{int(match[4])}f}"
+        if match[1]:
+            if int(match[1][2:]) not in texts:
+                raise error("PARAMETER NOT DEFINED", match[1])
+            found += texts[int(match[1][2:])]
         else:
-            found += match[1]
+            found += f"{_parameter(int(match[2][1:]), values):.{int(match[3])}f}"
         at = match.end()
         if at == len(source):
             break

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import ROUND_HALF_UP, Decimal
@@ -15,6 +16,7 @@ from .alarms import alarm
 
 STILL = 1e-6  # mm or deg
 FARTHEST = 1e9  # mm or deg
+INCH = 25.4  # mm
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,11 @@ class Profile:
     deflected: Literal["alarm", "ignore"] = "alarm"  # MEAS with a probe that is deflected: alarm, or a move without an edge
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1
     mirrored: tuple[str, ...] = ()  # axes that a MIRROR before has left mirrored, until TRANS; SUPA suppresses that too
+    basic: Mapping[str, float] = field(default_factory=dict)  # mm, basic frame: G500 and TRANS leave it, SUPA suppresses it
+    drf: Mapping[str, float] = field(default_factory=dict)  # mm, of the handwheel: $AC_DRF shows it, SUPA suppresses it
+    machine_axes: Mapping[str, str] = field(default_factory=dict)  # name of a machine axis that $VA_IM and $AA_MM want
+    overlaid: Mapping[str, float] = field(default_factory=dict)  # mm, what no variable shows, suppressed by SUPA
+    inches: bool = False  # the control's own units are inches, and positions come in them whatever G710 says
     supa_with_meas: bool = True  # SUPA acts in a block with MEAS; else that block moves in the work frame
     transformation: bool = False  # TRAORI is active from the start: SUPA does not undo it
     devices: tuple[str, ...] = ("/dev/ext/1", "/dev/v24")  # that EXTOPEN knows
@@ -57,6 +64,7 @@ class Axes:
         self._motion, self._profile, self._machine = motion, profile, motion.machine
         self.tool, self.incremental, self.transformation = 1, False, profile.transformation
         self.settable, self.mirrored = True, profile.mirrored
+        self._sent: dict[str, float] = {}  # deg: where rotary axes were sent, which is what $AA_IM says of them
         self._known = self._now()
         self._deflected = motion.deflected
         self._latched = dict.fromkeys(profile.axes, 0.0)
@@ -71,6 +79,8 @@ class Axes:
     def move(self, targets: Mapping[str, Target], feed: float | None, *, suppressed: bool) -> None:
         """axis → target, mm/min or None for rapid. Raises Alarm and MotionStop."""
         end = self._end(targets, suppressed)
+        rotary = {name: math.degrees(value) for name, value in end.items() if name not in self._machine.linear}
+        self._sent |= {name: angle % TURN if name in self._profile.rollover else angle for name, angle in rotary.items()}
         if feed is None:
             self._motion.rapid(end)
         else:
@@ -94,19 +104,33 @@ class Axes:
             self._latched |= {name: there[name] for name in targets}
 
     def variable(self, name: str, axis: str) -> float:
-        """$AA_IM, $AA_IW, $AA_MM, $AA_MW of an axis. Raises Alarm for any other."""
+        """$AA_IM (of a rotary axis where it was sent), $AA_IW, $AA_MM, $AA_MW, $VA_IM of an axis. Raises Alarm for any other."""
+        named = self._profile.machine_axes
+        if named and name in ("$VA_IM", "$AA_MM"):
+            axis = next((letter for letter, own in named.items() if own == axis), "")
         if axis not in self._profile.axes:
             raise alarm("12550", f"{name}[{axis}]")
+        if name == "$AC_DRF":
+            return self._profile.drf.get(axis, 0.0)
         frame = self._frame(axis)
         table = {
-            "$AA_IM": self._known[axis],
+            "$AA_IM": self._sent.get(axis, self._known[axis]),
             "$AA_IW": self._known[axis] - frame,
             "$AA_MM": self._read[axis],
             "$AA_MW": self._read[axis] - frame,
+            "$VA_IM": self._known[axis],
         }
         if name not in table:
             raise alarm("12550", name)
-        return table[name]
+        return table[name] / (INCH if self._profile.inches and axis in self._machine.linear else 1.0)
+
+    def frame(self, axis: str, component: str) -> float:
+        """$P_ACTFRAME[axis, component]: what is left of basic, settable and programmable frame. Raises Alarm for no component."""
+        shift = self._profile.basic.get(axis, 0.0) + (self._profile.g54.get(axis, 0.0) if self.settable else 0.0)
+        table = {"TR": shift, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": float(axis in self.mirrored)}
+        if axis not in self._profile.axes or component not in table:
+            raise alarm("12550", f"$P_ACTFRAME[{axis},{component}]")
+        return table[component]
 
     @property
     def measured(self) -> int:
@@ -146,7 +170,14 @@ class Axes:
         return now + ahead
 
     def _frame(self, name: str) -> float:
-        return (self._profile.g54.get(name, 0.0) if self.settable else 0.0) + self._length(name)
+        settable = self._profile.g54.get(name, 0.0) if self.settable else 0.0
+        return (
+            settable
+            + self._profile.basic.get(name, 0.0)
+            + self._profile.overlaid.get(name, 0.0)
+            + self._profile.drf.get(name, 0.0)
+            + self._length(name)
+        )
 
     def _length(self, name: str) -> float:
         """Tool length, and under a transformation the point of the tool: here a shift that nobody expects."""

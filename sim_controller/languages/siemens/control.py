@@ -17,11 +17,31 @@ from .program import Block, block_of, jumped_to, partners_of
 
 __all__ = ["Control", "Profile", "default_profile"]
 
-G_CODES = {"G0", "G1", "G4", "G17", "G18", "G19", "G40", "G53", "G54", "G500", "G60", "G64", "G71", "G90", "G91", "G94", "G710"}
+G_CODES = {
+    "G0",
+    "G1",
+    "G4",
+    "G17",
+    "G18",
+    "G19",
+    "G40",
+    "G53",
+    "G54",
+    "G500",
+    "G60",
+    "G601",
+    "G64",
+    "G71",
+    "G90",
+    "G91",
+    "G94",
+    "G710",
+}
 WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
 CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
 TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}
 PARAMETER = re.compile(r"R\d{1,3}")
+TRAORI = 16  # code of a transformation of five axes
 LONGEST = 200  # characters that WRITE takes
 
 
@@ -180,10 +200,16 @@ class Control:
                 return self._variables[name]
             if PARAMETER.fullmatch(name):
                 return self.parameters.get(name, 0.0)
+            if name == "$MN_SCALING_SYSTEM_IS_METRIC":
+                return not self._profile.inches
+            if name == "$P_TRAFO":
+                return TRAORI if self._axes.transformation else 0
         elif name in self._profile.user:
             return self.parameters.get(self._parameter(name, index), 0.0)
-        elif name.startswith("$AA_") and isinstance(index, str):
+        elif (name.startswith(("$AA_", "$VA_")) or name == "$AC_DRF") and isinstance(index, str):
             return self._axes.variable(name, index)
+        elif name == "$P_ACTFRAME" and isinstance(index, str) and "," in index:
+            return self._axes.frame(*index.split(",", 1))
         elif index in (1, 2) and name == "$AC_MEA":
             return self._axes.measured if index == self._measuring else 0
         elif index in (1, 2) and name == "$A_PROBE":

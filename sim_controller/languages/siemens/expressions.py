@@ -127,6 +127,8 @@ class Reader:
             return _function(name, self.arguments())
         if self.take("["):
             index = self.name() if self._match()[0] == "name" else self.value()
+            if self.take(","):  # the component of a frame
+                index = f"{index},{self.name()}"
             self.expect("]")
             return self._get(name, index)
         return self._get(name, None)

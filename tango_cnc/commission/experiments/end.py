@@ -10,7 +10,7 @@ from ..experiment import Experiment, Seen, Verdict
 def judge(seen: Seen) -> Verdict:
     """→ PASS where the end mark has come; the number is the time of one block of moves."""
     many = len(seen.plan.touches)
-    if seen.ended:
+    if seen.ended or seen.marked:
         each = seen.seconds / many if seen.seconds is not None else None
         return Verdict("PASS", "the end mark has come", each, "s a touch" if each is not None else "")
     if len(seen.records) == many:

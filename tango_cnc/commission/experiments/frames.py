@@ -34,7 +34,7 @@ EXPERIMENT = Experiment(
     "look first whether the probe signal is on while nobody touches the stylus: then turn its polarity round. Else state "
     "axis_numbers; cancel scaling, rotation, mirror image, tool length and a dynamic work offset (G54.2, G254), and state the "
     "words that do it (reset, trafoof, cycle800, off); check the names of the position variables (contact and contact_frame, "
-    "position, machine_position). A control that says contact where nothing was met shows the same text: state met. So does one "
+    "position, machine_position). A control that says contact where nothing was met may show the same text: state met. So does one "
     "that reads positions ahead of its moves: state wait. Where positions come in inches, state position_unit: inch; where the "
     "post has no such key, the control has to give them in mm",
     judge,
@@ -44,8 +44,9 @@ EXPERIMENT = Experiment(
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
-        r"position|contact|contact_frame|machine_frame|frame_check|programmed_position) =|differ by constants|"
-        r"machine coordinates|millimetres|machine positions?|positions of the axes|#24301|work positions|work coordinates|"
+        r"position|contact|contact_frame|machine_frame|frame_check|metric_check|programmed_position|machine_axes) =|"
+        r"differ by constants|machine coordinates|millimetres|machine positions?|positions of the axes|#24301|"
+        r"work positions|work coordinates|"
         r"those of Fanuc|text of TCH PROBE 4|^cycles 7 8 10 11|SUPA and MEAS|where the axes (are|stand)"
     ),
     rests=(
@@ -67,5 +68,7 @@ EXPERIMENT = Experiment(
         "programmed_position",
         "machine_frame",
         "frame_check",
+        "metric_check",
+        "machine_axes",
     ),
 )

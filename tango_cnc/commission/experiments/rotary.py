@@ -41,7 +41,7 @@ EXPERIMENT = Experiment(
     judge,
     re.compile(r"ROTARY AXIS|NOT TURNED|(?<![XYZ] )STANDS AT|MOTOR FAULT|ALARM:17|FOLLOWING ERROR|EXCESS ERROR|SERVO"),
     re.compile(
-        r"turns a rotary axis|^rollover|^rotary =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|"
+        r"turns a rotary axis|^rollover|^rotary =|^rotary_position =|^shortest|^wrapped|^wait =|^clamp|^unclamp|reading ahead|"
         r"letters of the rotary|before the next line|wait for the axes"
     ),
     rests=(
@@ -49,6 +49,8 @@ EXPERIMENT = Experiment(
         "axis_numbers",
         "rollover",
         "rotary",
+        "rotary_position",
+        "machine_axes",
         "shortest",
         "wrapped",
         "unclamp",

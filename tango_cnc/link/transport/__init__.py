@@ -42,6 +42,11 @@ def foreseen(address: Address) -> None:
     ways()[address.scheme].foreseen(address)
 
 
+def said_before(address: Address) -> str:
+    """address → what a person has to know of what is there before the run begins; nothing is opened for long, '' for nothing."""
+    return ways()[address.scheme].before(address)
+
+
 def open_port(address: Address) -> Transport:
     """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
     try:

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import BinaryIO
 
+from ...duration import spoken
 from ...records import InputError, LinkError
 from .._address import Address
 from .._ways import Way
@@ -118,6 +119,16 @@ def foreseen(address: Address) -> None:
         raise InputError(f"port {address.url}: {FOREIGN}")
 
 
+def aged(address: Address) -> str:
+    """port → with `from=last`, how old what is read is: nobody else notices that it is yesterday's."""
+    file = Path(address.target)
+    if address.options.get("from", "now") != "last" or not file.is_file():
+        return ""
+    seconds = max(0.0, time.time() - file.stat().st_mtime)
+    days = f"{seconds / 86400:.0f} days" if seconds >= 2 * 86400 else spoken(seconds)
+    return f"from=last reads what is in {file.name} already, from its last start mark on; it was last written {days} ago"
+
+
 def foreign(head: bytes, tail: bytes) -> bool:
     """first and last bytes of a file that a control is to write into → whether it is neither empty nor one of records."""
     text = [piece.removeprefix(BOM).translate(None, CODES).replace(b"\r", b"\n") for piece in (head, tail)]
@@ -137,4 +148,4 @@ def _last_start(file: BinaryIO, size: int) -> int:
     return 0
 
 
-WAYS = {"file": Way(File, "file", path=True, foreseen=foreseen)}
+WAYS = {"file": Way(File, "file", path=True, foreseen=foreseen, before=aged)}

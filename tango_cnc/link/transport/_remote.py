@@ -63,7 +63,7 @@ class Remote:
             )
         size = size or 0
         if size and foreign(there.read(self._path, 0, HEAD), there.read(self._path, max(0, size - HEAD), HEAD)):
-            raise LinkError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
+            raise InputError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
         old = size
         if self._address.options.get("from", "now") == "last":
             old = max(0, there.read(self._path, 0, size).rfind(START))

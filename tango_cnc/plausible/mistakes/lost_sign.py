@@ -12,7 +12,7 @@ from ...touches import FAR
 from ._case import Case, Hypothesis, moved_column
 
 FEWEST = 3  # rows
-MOST = 0.8  # share of all rows: more is an axis that goes the other way
+MOST = 0.8  # share of all rows: more is an axis that goes the other way, unless some rows fit with this sign alone
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
@@ -26,8 +26,8 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         column = machine.column(name)
         other = moved_column(readings, column, -readings.position[:, column])
         near = np.linalg.norm(kinematics.tip(chain, other.position) - contact, axis=1) < FAR
-        wrong = (away > FAR) & near
-        if not FEWEST <= wrong.sum() <= MOST * len(readings):
+        wrong, right = (away > FAR) & near, (away < FAR) & ~near
+        if wrong.sum() < FEWEST or (wrong.sum() > MOST * len(readings) and right.sum() < FEWEST):
             continue
         touches = tuple(int(t) for t in readings.touch[wrong])
         signs = np.where(wrong, -1.0, 1.0)

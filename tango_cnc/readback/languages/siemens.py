@@ -1,7 +1,8 @@
 """Programs for Siemens 840D: MEAS stops a move at a contact and says nothing, so the text itself has to look and to stop.
 
-Facts: SUPA and D0 make targets machine positions; $AA_IM is where an axis stands, read behind STOPRE only; $AA_MM where the
-probe was met, $AC_MEA[1] whether it was; DC(…) turns the short way, AC(…) to the position as it stands.
+Facts: SUPA and D0 make targets machine positions; $AA_IM is where an axis stands, read behind STOPRE only, of a rotary one where
+it was sent ($VA_IM: where it stands); $AA_MM where the probe was met, $AC_MEA[1] whether it was; DC(…) turns the short way, AC(…)
+to the position as it stands; $P_ACTFRAME[X,TR] what is left of frames (shift, fine shift, turn, scale, mirror image).
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from ..reading import MARK_BEHIND_SEMICOLON, REST, read_through, stated_words
 from ..rehearsal import NUMBER, SPOILT, Rehearsal, Statement, Twin, numbered
 
 FEED = re.compile(rf"SUPA D0 G1 MEAS=[12]((?: [XYZ]{NUMBER})+) F({NUMBER})")
+STEP = re.compile(rf"SUPA D0 G1 MEAS=[12] ([XYZ])=TG_WAY([+-]\d+\.\d*) F({NUMBER})")
 OFF = re.compile(rf"SUPA D0 G1((?: [XYZ](?:{NUMBER}|=\S+))+) F({NUMBER})")
 INPUT = re.compile(r"(?:MEAS=|\$A_PROBE\[|\$AC_MEA\[)(\d+)")
 TURN = re.compile(rf"SUPA D0 G0 ([ABC])=(?:AC|DC)\(({NUMBER})\)")
 ORIENT = re.compile(rf"SPOS=({NUMBER})")
 ASSIGN = re.compile(r"(TG_[A-Z]+)=([^\"]+)")
-JUMP = re.compile(r"IF (.+) GOTOF (TG_STOP_\d)")
+JUMP = re.compile(r"IF (.+) GOTOF (TG_STOP_\d+)")
 IF = re.compile(r"IF (.+)")
 DEFINE = re.compile(r"DEF (INT|REAL|STRING\[200\]) TG_[A-Z]+(,TG_[A-Z]+)*")
 WRITE = re.compile(r'WRITE\(TG_ERROR,"[^"]+",(.+)<<"\'H0A\'"\)')
@@ -32,15 +34,28 @@ FILE = re.compile(r'WRITE\(TG_ERROR,"_N_[A-Z0-9_]+",([^<]+)\)')  # a file of the
 OPEN = re.compile(r'EXTOPEN\(TG_ERROR,"[^"]+","SYN","EXCL"\)')
 CLOSE = re.compile(r'EXTCLOSE\(TG_CLOSED,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
+SETTLES = re.compile(r"G4 F0\.\d")  # s, too short for a hand
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
 END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
 SHOWN = re.compile(r'MSG\((?:"[A-Z0-9 .-]+")?\)')
-STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0')
+STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0|STOPRE')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
-SYSTEM = re.compile(r"\$(A[ACX]?_[A-Z]+)\[([A-Z1-9])\]")
+SYSTEM = re.compile(r"\$([AV][ACX]?_[A-Z]+|P_ACTFRAME)\[([A-Z1-9])(?:,([A-Z]{2}))?\]")
+OWN = re.compile(r"\$(VA_IM|AA_MM)\[([A-Z][A-Z0-9_]*)\]")  # with the name of a machine axis
+ASKED = {  # what the control says of itself → name here, its value where all is well, and what is wrong where it is another
+    "$MN_SCALING_SYSTEM_IS_METRIC": ("METRIC", 1.0, "the control's own units are inches"),
+    "$P_TRAFO": ("TRAFO", 0.0, "a transformation is on"),
+}
+PARTS = re.compile(r"\$(?:P_ACTFRAME|AC_DRF)\[([A-Z])(?:,([A-Z]{2}))?\]")
+FRAME = {"TR": 0.0, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": 0.0}  # component of a frame → its value where there is none
 END_POINT = "65535"
-SAME_AS = {"G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
+SAME_AS = {
+    "G60": "G61",
+    "G601": "G61",
+    "G71": "G21",
+    "G710": "G21",
+}  # what is millimetres here; G710 for feeds and system variables too
 MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
 
 
@@ -82,7 +97,14 @@ class _Program:
     """Line by line."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
-        self._machine = Rehearsal(plan, options, self._read, latches=True)
+        self._machine = Rehearsal(plan, options, self._read, latches=True, framed=True)
+        parts = [f"{axis} {part}" for axis in "XYZ" for part in (*FRAME, "DRF")]
+        parts += [f"{axis} {part}" for axis in plan.machine.rotary for part in ("TR", "FI")]
+        self._unasked = {"METRIC": "metric_check", "TRAFO": "frame_check", **dict.fromkeys(parts, "frame_check")}
+        given = options.get("machine_axes") or {}
+        self._own = {
+            str(given.get(axis.name, axis.name)): axis.name for axis in plan.machine.axes
+        }  # name of a machine axis → letter
         self._words = stated_words(options) | {"D0"}
         self._words |= {"TRAFOOF", "CYCLE800()", "G500", "TRANS"}
         self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
@@ -91,7 +113,7 @@ class _Program:
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
         self._shown: list[str] = []  # what its text shows, as expressions
-        self._moving, self._asked, self._within = True, False, False
+        self._moving, self._asked, self._within, self._settled = True, False, False, True
         self._opened = self._closed = self.over = False
         self._mark = ""
         name = str(options.get("handshake", "none"))
@@ -104,6 +126,7 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        line = self._lettered(line)
         if (asked := INPUT.search(line)) and asked[1] != self._input:
             raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
@@ -120,11 +143,14 @@ class _Program:
         elif match := TEXT.fullmatch(line):
             self._record(match)
         elif match := ASSIGN.fullmatch(line):
+            self._frame(match[2])
             self._machine.does(self._assignment(match[1], match[2]))
         elif self._within:
             raise InputError("no line that an IF may have")
         elif match := REST.fullmatch(line):
             self._machine.rests(float(match[1]))
+        elif SETTLES.fullmatch(line):
+            self._settled = True
         elif SHOWN.fullmatch(line):
             pass
         elif line == "STOPRE":
@@ -139,15 +165,37 @@ class _Program:
             self.over = True
         elif match := TURN.fullmatch(line):
             self._machine.turns(match[1], float(match[2]), True)
-            self._moving, self._asked = True, False
+            self._moving, self._asked, self._settled = True, False, False
         elif match := ORIENT.fullmatch(line):
             self._machine.turns("S", float(match[1]), False)
         elif match := FEED.fullmatch(line):
             self._feed(match[1].split(), float(match[2]))
+        elif match := STEP.fullmatch(line):
+            self._may_move()
+            self._machine.steps(match[1], float(match[2]), float(match[3]))
+            self._moving, self._asked = True, False
         elif match := OFF.fullmatch(line):
             self._free(match[1].split(), float(match[2]))
         else:
             self._print(line)
+
+    def _frame(self, text: str) -> None:
+        """An expression that asks for parts of a frame: beside the machine there are others where this part of it is left."""
+        for axis, part in PARTS.findall(text):
+            twin = self._machine.base.twin("stop", f"a frame is left: {part or 'DRF'} of {axis}")
+            twin.shared[f"P_ACTFRAME__{axis}{part}" if part else f"AC_DRF__{axis}"] = FRAME.get(part, 0.0) + 1.0
+            self._machine.doubts([twin])
+            self._unasked.pop(f"{axis} {part or 'DRF'}", None)
+
+    def _lettered(self, line: str) -> str:
+        """line with names of machine axes → the same with letters. Raises InputError for a name that the profile does not state."""
+
+        def letter(match: re.Match[str]) -> str:
+            if match[2] not in self._own:
+                raise InputError(f"found {match[0]}; allowed: the names {', '.join(self._own)}, see controller.machine_axes")
+            return f"${match[1]}[{self._own[match[2]]}]"
+
+        return OWN.sub(letter, line)
 
     def _free(self, words: list[str], feed: float) -> None:
         self._machine.off({name: _spelt(word[1:].removeprefix("=")) for name, word in _once(words).items()}, feed)
@@ -156,24 +204,37 @@ class _Program:
     def _feed(self, words: list[str], feed: float) -> None:
         machine = self._machine
         target = {name: machine.base.position[name] for name in "XYZ"} | {n: float(word[1:]) for n, word in _once(words).items()}
-        if self._head:
-            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
-        if self._options.get("probe_state") and not self._asked:
-            raise InputError("moves without having asked whether the probe is deflected")
+        self._may_move()
         if machine.walk.measures:
             machine.measures(target, feed)
         else:
             machine.guarded(target, feed)
         self._moving, self._asked = True, False
 
+    def _may_move(self) -> None:
+        """Raises InputError where something that has to come before a move of MEAS has not come."""
+        if self._head:
+            raise InputError(f"something moves before {' '.join(sorted(self._head))}")
+        if left := [f"{what} ({option})" for what, option in self._unasked.items() if self._options.get(option)]:
+            raise InputError(f"something moves before the control was asked for {', '.join(left)}")
+        if self._options.get("probe_state") and not self._asked:
+            raise InputError("moves without having asked whether the probe is deflected")
+
     def _jump(self, condition: str, label: str) -> None:
         if label not in self._stops or self._within:
             raise InputError(f"{label} is no place where this program stops for good")
+        self._frame(condition)
         if "$A_PROBE" in condition:
             self._asked = True
             twin = self._machine.base.twin("stop", "the probe is deflected")
             twin.shared["A_PROBE"] = 1.0
             self._machine.doubts([twin])
+        for word, (name, well, what) in ASKED.items():
+            if word in condition:
+                self._unasked.pop(name, None)
+                twin = self._machine.base.twin("stop", what)
+                twin.shared[name] = 1.0 - well
+                self._machine.doubts([twin])
 
         def does(twin: Twin) -> None:
             twin.stopped = bool(self._machine.value(twin, _spelt(condition)))
@@ -263,7 +324,7 @@ class _Program:
             self._write(match[1])
         else:
             raise InputError("no line that a program of this kind may have here")
-        for twin in self._machine.twins:
+        for twin in self._machine.everywhere:
             twin.shared["TG_ERROR"] = 0.0
         twin = self._machine.base.twin("stop", "nothing can be written")
         twin.shared["TG_ERROR"] = 1.0
@@ -285,12 +346,23 @@ class _Program:
 
     def _read(self, twin: Twin, key: int | str) -> Value:
         name, _, axis = str(key).partition("__")
-        if name in ("AA_IM", "AA_MM") and axis in twin.position:
+        if name in ("AA_IM", "AA_MM", "VA_IM") and axis in twin.position:
             if self._moving:
                 raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
+            if name == "VA_IM" and not self._settled:
+                raise InputError(f"$VA_IM[{axis}] is read before its axis has come to rest (G4 F0.2)")
             if name == "AA_MM" and not twin.hit:
                 return SPOILT  # what was met before
-            return (twin.position if name == "AA_IM" else twin.skip)[axis]
+            if name == "AA_IM" and axis not in "XYZ" and self._options.get("rotary_position") == "$VA_IM":
+                return self._machine.base.position[axis]  # where it was sent
+            return twin.shown(axis, (twin.skip if name == "AA_MM" else twin.position)[axis])
+        if name == "P_ACTFRAME":
+            return twin.shared.get(str(key), FRAME.get(axis[1:], 0.0))
+        if name == "AC_DRF":
+            return twin.shared.get(str(key), 0.0)
+        for known, well, _ in ASKED.values():
+            if name == known:
+                return twin.shared.get(name, well)
         if name == "AC_MEA":
             return float(twin.hit)
         if name == "A_PROBE":
@@ -318,7 +390,9 @@ def _once(words: list[str]) -> dict[str, str]:
 @lru_cache(maxsize=4096)
 def _spelt(text: str) -> str:
     """expression as this control spells it → as the reader of expressions does."""
-    text = SYSTEM.sub(r"#<\1__\2>", text)
+    text = SYSTEM.sub(lambda match: f"#<{match[1]}__{match[2]}{match[3] or ''}>", text)
+    for word, (name, _, _) in ASKED.items():
+        text = text.replace(word, f"#<{name}>")
     text = re.sub(r"\bTG_[A-Z]+\b", lambda match: f"#<{match[0]}>", text)
     held = re.split(r"(#<\w+>)", text)
     for i in range(0, len(held), 2):

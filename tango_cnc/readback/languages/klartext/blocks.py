@@ -14,6 +14,7 @@ FACTOR = re.compile(r"FN 18: SYSREAD (Q\d+) = ID210 NR4 IDX([1-3])")
 PROBE_TABLE = re.compile(r"FN 18: SYSREAD (Q\d+) = ID350 NR(\d+) IDX(\d)")
 ASSIGN = re.compile(r"(Q\d+) = ([^\"|]+)")
 TEXT = re.compile(r"(QS\d) = (.+)")
+DECLARED = re.compile(r'DECLARE STRING (QS\d) = "([^"{}]*)"')
 JUMP = re.compile(r"FN (9|10|11|12): IF ([+-](?:Q\d+|\d+\.?\d*)) (EQU|NE|GT|LT) ([+-](?:Q\d+|\d+\.?\d*)) GOTO LBL (\d+)")
 COMPARES = {"9": ("EQU", "EQ"), "10": ("NE", "NE"), "11": ("GT", "GT"), "12": ("LT", "LT")}
 CALL = re.compile(r"CALL LBL (\d+)")

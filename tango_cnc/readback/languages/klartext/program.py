@@ -7,19 +7,21 @@ or −1 into the fourth, MB takes it back after a contact; labels behind M30 are
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from ....gate import TOUCH
-from ....records import OFF, InputError, Plan
+from ....gate import STEP_FEED, TOUCH
+from ....records import OFF, Axis, InputError, Plan
 from ...expressions import Value
 from ...language import Companions, Language
 from ...reading import MARK_BEHIND_SEMICOLON, stated_words
-from ...rehearsal import PLACE, SPOILT, Rehearsal, at_line, numbered
+from ...rehearsal import PLACE, Rehearsal, at_line, numbered
 from ...twins import Twin, beside_the_line
 from ...walk import FARTHEST, LEAST, PROTECTED
 from . import cycle_444
+from .ahead import AHEAD, apart, arrival, told, unless_ahead
 from .blocks import (
     ANGLE,
     ASSIGN,
@@ -27,6 +29,7 @@ from .blocks import (
     CALL,
     COMPARES,
     CYCLES,
+    DECLARED,
     DWELL,
     END,
     FACTOR,
@@ -50,7 +53,6 @@ MASK = ["M_APPEND;", '"%S",QS1;', "M_CLOSE;"]
 SURE = "G17 G21 G40 G49 G80 G90 G94 M5"
 NO_WAY = 0.0015  # mm: less than a label asks for before it moves
 NO_STEP = 1e-4  # mm: nothing a control could take a direction from
-AHEAD = "ahead of"  # the label that a twin is on its way to
 MIRROR = "mirror image"  # what is asked besides the scaling factors
 
 
@@ -94,7 +96,7 @@ class _Program:
     """Block by block."""
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], bodies: Mapping[str, list[str]]) -> None:
-        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=beside_the_line)
+        self._machine = Rehearsal(plan, options, self._read, latches=True, astray=beside_the_line, framed=True)
         self._plan, self._options, self._bodies = plan, options, bodies
         self._stops = {
             label for label, body in bodies.items() if body == [*filter(None, [options.get("probe_off")]), "STOP", "M30"]
@@ -106,7 +108,7 @@ class _Program:
             for option, *said in (
                 ("plane_reset", "PLANE RESET STAY"),
                 ("tcpm_reset", "FUNCTION RESET TCPM", "M129"),
-                ("shortest", "M126"),
+                ("shortest", *(["M126"] if any(map(_endless, plan.machine.axes)) else [])),
             )
             if options.get(option)
             for words in said
@@ -161,9 +163,9 @@ class _Program:
         elif match := ASSIGN.fullmatch(code):
             self._stays(match[1])
             self._texts.changed(match[1])
-            self._machine.does(_unless_ahead(self._assignment(match[1], spelt(match[2]))))
+            self._machine.does(unless_ahead(self._assignment(match[1], spelt(match[2]))))
         elif self._depth and (match := re.fullmatch(r"LBL ([1-9]\d*)", code)):
-            self._machine.does(_arrival(match[1]))
+            self._machine.does(arrival(match[1]))
         else:
             self._one_way(code)
         self._before = code
@@ -196,6 +198,8 @@ class _Program:
             self._angle = float(match[1])
         elif match := TEXT.fullmatch(code):
             self._texts.assign(match[1], match[2])
+        elif match := DECLARED.fullmatch(code):
+            self._texts.declare(match[1], match[2])
         elif match := PRINT.fullmatch(code):
             self._print(match[1], match[2])
         elif self._depth:
@@ -248,7 +252,7 @@ class _Program:
                 twin.stopped = label in self._stops
                 twin.shared[AHEAD] = float(label)
 
-        self._machine.does(_unless_ahead(does))
+        self._machine.does(unless_ahead(does))
 
     def _stays(self, parameter: str) -> None:
         """Raises InputError for a parameter that cycle 444 needs as it was when the program began."""
@@ -265,16 +269,16 @@ class _Program:
         self._texts.changed(parameter)
 
         def does(twin: Twin) -> None:
-            twin.shared[parameter] = twin.position[name] if group == "240" else cycle_444.in_its_frame(twin, name)
+            twin.shared[parameter] = twin.shown(name, twin.position[name]) if group == "240" else cycle_444.in_its_frame(twin, name)
 
-        self._machine.does(_unless_ahead(does))
+        self._machine.does(unless_ahead(does))
 
     def _factor(self, parameter: str, asked: str, right: float, otherwise: str) -> None:
         """The scaling factor of an axis, or which axes are mirrored, and a twin where a cycle has left that on."""
         self._stays(parameter)
         twin = self._machine.base.twin("stop", otherwise)
         self._machine.doubts([twin])
-        self._machine.does(_unless_ahead(lambda each: each.shared.update({parameter: 2.0 if each is twin else right})))
+        self._machine.does(unless_ahead(lambda each: each.shared.update({parameter: 2.0 if each is twin else right})))
         self._unasked.discard(asked)
 
     def _table(self, parameter: str, number: str, index: str) -> None:
@@ -334,7 +338,7 @@ class _Program:
         self._moving = True
 
         def results(twin: Twin) -> None:
-            _told(twin, result)
+            told(twin, result)
             if twin.hit:
                 cycle_444.contact(twin)
                 went = sum((twin.position[n] - start[n]) * along[n] / size for n in along)
@@ -349,6 +353,8 @@ class _Program:
         """
         machine = self._machine
         going = [twin for twin in machine.twins if AHEAD not in twin.shared]
+        if len(going) == len(machine.twins):
+            machine.watched()
         goal = {name: machine.base.position[name] for name in "XYZ"}
         for twin in going:
             along = {name: machine.value(twin, text) for name, text in way.items()}
@@ -358,16 +364,20 @@ class _Program:
             gone = machine.value(twin, distance) / size
             there = {name: twin.position[name] + gone * along[name] for name in goal}
             goal = there if twin is machine.base else goal
-            if _apart(there, goal) > PLACE:
+            if apart(there, goal) > PLACE:
                 raise InputError("a guarded move goes to another place when something has gone wrong before")
-        if any(_apart(twin.position, goal) > NO_WAY for twin in machine.twins if AHEAD in twin.shared):
+        if any(apart(twin.position, goal) > NO_WAY for twin in machine.twins if AHEAD in twin.shared):
             raise InputError("moves in some cases only")
-        if AHEAD in machine.base.shared:
+        moved = {name: goal[name] - machine.base.position[name] for name in goal}
+        if machine.inches is not None and len(steps := [name for name in moved if abs(moved[name]) > NO_WAY]) == 1:
+            self._moving = True
+            machine.steps(steps[0], round(moved[steps[0]], 6), STEP_FEED)  # its label has one feed, and DIST is all that it goes
+        elif AHEAD in machine.base.shared:
             machine.moves(goal, PROTECTED, feed)
         else:
             self._moving, self._alone = True, len(going) < len(machine.twins)
             machine.guarded(goal, feed)
-        machine.does(_unless_ahead(lambda twin: _told(twin, result)))
+        machine.does(unless_ahead(lambda twin: told(twin, result)))
 
     def _cycle_444(self, match: re.Match[str]) -> None:
         """Measures, in all twins but those on their way to a label, which have to be those that have found nothing."""
@@ -385,7 +395,7 @@ class _Program:
         before = cycle_444.marked(base)
         machine.measures(asked.end, table["F"], found=True)
         nominal = {name: machine.walk.at[name] for name in "XYZ"}
-        machine.does(_unless_ahead(cycle_444.left(asked, start, nominal)))
+        machine.does(unless_ahead(cycle_444.left(asked, start, nominal)))
         machine.doubts(list(cycle_444.doubts(base, before, asked, start)))
         machine.freed()
         self._moving = self._alone = True
@@ -413,30 +423,5 @@ class _Program:
         return twin.shared[key]
 
 
-def _apart(one: Mapping[str, float], other: Mapping[str, float]) -> float:
-    return max(abs(one[name] - other[name]) for name in "XYZ")
-
-
-def _told(twin: Twin, result: int) -> None:
-    """What TCH PROBE 4 leaves in its four parameters."""
-    for i, name in enumerate("XYZ"):
-        twin.shared[f"Q{result + i}"] = twin.skip[name] if twin.hit else SPOILT
-    twin.shared[f"Q{result + 3}"] = 0.0 if twin.hit else -1.0
-
-
-def _unless_ahead(statement: Callable[[Twin], None]) -> Callable[[Twin], None]:
-    """→ the statement, which a twin on its way to a label leaves out."""
-
-    def does(twin: Twin) -> None:
-        if AHEAD not in twin.shared:
-            statement(twin)
-
-    return does
-
-
-def _arrival(label: str) -> Callable[[Twin], None]:
-    def does(twin: Twin) -> None:
-        if twin.shared.get(AHEAD) == float(label):
-            del twin.shared[AHEAD]
-
-    return does
+def _endless(axis: Axis) -> bool:
+    return axis.kind == "rotary" and (axis.travel is None or axis.travel[1] - axis.travel[0] > math.radians(800))

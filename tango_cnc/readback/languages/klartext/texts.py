@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from ....records import InputError
 
-PIECE = re.compile(r'\s*(?:"([^"]*)"|(QS\d)|TOCHAR \( DAT\+(Q\d+) DECIMALS(\d) \))\s*')
+PIECE = re.compile(r"\s*(?:(QS\d)|TOCHAR \( DAT\+(Q\d+) DECIMALS(\d) \))\s*")
 START = re.compile(r"TANGO START ([0-9A-F]{12}) (\d+)")
 END = re.compile(r"TANGO END ([0-9A-F]{12}) (\d+)")
 RECORD = re.compile(r"P\{(Q\d+):0\} H\{(Q\d+):0\}((?: [A-Z]\{Q\d+:4\})+)")
@@ -75,10 +75,14 @@ class Texts:
         found = ""
         for part in source.split("||"):
             match = PIECE.fullmatch(part)
-            if match is None or (match[2] and match[2] not in self._texts) or set(match[1] or "") & set("{}"):
-                raise InputError(f"{part.strip()!r} is no text, or one without value")
-            found += self._texts[match[2]] if match[2] else f"{{{match[3]}:{match[4]}}}" if match[3] else match[1]
+            if match is None or (match[1] and match[1] not in self._texts):
+                raise InputError(f"{part.strip()!r} is no string parameter, or one without value")
+            found += self._texts[match[1]] if match[1] else f"{{{match[2]}:{match[3]}}}"
         self._texts[name] = found
+
+    def declare(self, name: str, text: str) -> None:
+        """QS1, characters → it holds them."""
+        self._texts[name] = text
 
     def printed(self) -> tuple[str, list[str]]:
         """→ what QS1 is (start, end, record), and its values; those of a record as letter and expression. Raises InputError."""
