@@ -141,6 +141,7 @@ def counted(job: Job) -> Iterator[str]:
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
     """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
     yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
+    yield remark % "WATCH THE FIRST MOVE - IT HAS TO GO AWAY FROM THE TABLE - HAND ON FEED HOLD"
     for note in (*notes, *AFTER, *kept_in_mind(job), *doubted(job, 110)):
         yield remark % note
 
@@ -148,7 +149,8 @@ def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
 def kept_in_mind(job: Job) -> Iterator[str]:
     """job → the text of remarks on what the profile says of this control, and a person has to do in every run."""
     yield from found_at(job)
-    if many := job.options.get("misses"):  # both moves of a double touch count
+    touches = any(touch.facet != "air" for touch in job.plan.touches)
+    if touches and (many := job.options.get("misses")):  # both moves of a double touch count
         deep = number(job.plan.strategy.approach.search).rstrip(".")
         several = many // (2 if job.plan.strategy.approach.find else 1)
         yield f"A PROBE THAT DIES ON THE WAY IS PRESSED {deep} MM INTO UP TO {several} FACET{'S' * (several > 1)} - SEE MISSES"

@@ -137,7 +137,8 @@ HEIDENHAIN: Remedies = {
         "cycles 7, 8, 10, 11 do not undo it: unconfirmed",
     ),
     "miss": (
-        "ERRORMODE of TCH PROBE 4: 1 makes no error of a probe that meets nothing; a version without it has to be updated",
+        "TCH PROBE 4 says -1 of a probe that meets nothing and makes no error; ERRORMODE is a word of TCH PROBE 3. Where it does "
+        "make one, ask the builder for what stands behind the cycle",
         UNCONFIRMED,
     ),
     "records": ("TOCHAR prints a point: look at what copies the file; a setting of FN 16 is not known", UNCONFIRMED),
@@ -206,10 +207,16 @@ OKUMA: Remedies = {
 }
 SIEMENS: Remedies = {
     "frames": (
-        "still active: set the basic frames of the channel and the global ones to 0 (work offset, basic), take swivel data and a "
-        "set zero point off, and DRF by reset; frame_check: false where they have to stay, and SUPA is proven. Latched position "
-        "does not fit: MEAS has latched another input, or nothing (probe_input, MD13200)",
+        "set to inches: MD10240, or metric_check: false where G710 is known to give mm. A transformation, work offset or frame is "
+        "on: set the basic frames of the channel and the global ones to 0, take swivel data and a set zero point off, DRF by DRFOF "
+        "in MDI; frame_check: false where they have to stay, and SUPA is proven. Latched position does not fit: MEAS has latched "
+        "another input, or nothing (probe_input, MD13200)",
         "PGA 04.00 on $P_ACTFRAME; the rest unconfirmed",
+    ),
+    "rotary": (
+        "a control that does not take $VA_IM or $AA_MM with these letters: state machine_axes, e.g. {B: B1}; exact stop coarse "
+        "(MD20550) or MD36010 above 0.01 deg: the axis is read before it stands",
+        "PGA 04.00 p. 15-560 on the names; the rest unconfirmed",
     ),
     "miss": (
         "MEAS itself says nothing of a miss: an alarm comes from a cycle or a synchronized action of the builder",

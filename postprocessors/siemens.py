@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 from tango_cnc.gate import STEP, STEP_FEED, step
 from tango_cnc.records import InputError
@@ -27,8 +28,10 @@ from ._remedies import SIEMENS
 
 DEVICE = re.compile(r"/dev/[a-z0-9/]{1,24}")
 FILE = re.compile(r"(/?_N_[A-Z0-9_]{1,24}/?)+")
+AXIS = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 ARRIVED = 0.01  # deg
 CLEARED = "MSG()"  # takes the text off the screen, which would stand there to the end of the program
+SETTLES = 0.2  # s after which an axis stands where its encoder will say that it does
 LAG = 1.0  # mm that the axes may have run on between the edge and their stop
 STOPS = (
     "PROBE IS DEFLECTED",
@@ -50,7 +53,7 @@ OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MP
 AT_THE_PANEL = ("DRY RUN OFF - IT ACTS ON MEAS MOVES AND MAKES THE SLOW ONES FAST",)
 FRAMELESS = ("G500", "TRANS")  # no work offset and no programmable frame: were SUPA nothing beside MEAS, no move went elsewhere
 OPTIONS = (
-    Option("reset", "G17 G40 G60 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
+    Option("reset", "G17 G40 G60 G601 G710 G90 G94 M5", "modal state; the control must know every word of it", codes=True),
     Option("trafoof", True, "TRAFOOF switches a five-axis transformation off; false where the control has none"),
     Option("cycle800", True, "CYCLE800() leaves a swivelled plane; false where the control has no swivelling"),
     Option(
@@ -69,6 +72,11 @@ OPTIONS = (
         "$VA_IM",
         "where rotary axes stand: $VA_IM is what the encoder says; $AA_IM, where the control sent them, if it does not take $VA_IM",
         choices=("$VA_IM", "$AA_IM"),
+    ),
+    Option(
+        "machine_axes",
+        {},
+        "names of machine axes in $VA_IM and $AA_MM, e.g. {X: X1, Y: Y1, Z: Z1, B: B1}; empty: the letters of the channel",
     ),
     Option("probe_input", 1, "input of the probe: MEAS=1 or MEAS=2", choices=(1, 2)),
     Option("probe_state", True, "$A_PROBE shows whether the probe is deflected; false: the control's own alarm is trusted"),
@@ -153,7 +161,7 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
     """Up along the tool; before the first one a step: were SUPA or the positions not as believed, that one would go anywhere."""
     if not leg.came:
         name, by = step(job.plan)
-        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER A MOVE GOES WHERE IT IS SENT"
+        yield f"; A STEP OF {number(STEP)} MM SHOWS WHETHER A MOVE GOES WHERE IT IS SENT - IF IT GOES ON PRESS FEED HOLD"
         yield from _at_rest(job)
         yield f"TG_WAY=$AA_IM[{name}]"
         yield f"SUPA D0 G1 MEAS={job.options['probe_input']} {name}=TG_WAY{by:+g} F{number(STEP_FEED)}"
@@ -178,8 +186,9 @@ def index(job: Job, leg: Leg) -> Iterator[str]:
         if name in leg.target:
             word, angle = _angle(job, name, leg.target[name])
             yield from common.unclamped(job, name, f"SUPA D0 G0 {name}={word}({angle})")
+            yield f"G4 F{SETTLES}"
             yield "STOPRE"
-            yield f"TG_TURN=ABS({options['rotary_position']}[{name}]-{_signed(angle)})"
+            yield f"TG_TURN=ABS({_stands(job, name)}-{_signed(angle)})"
             yield "TG_TURN=ABS(TG_TURN-360.*TRUNC(TG_TURN/360.+0.5))"
             yield from _stop_if(f"TG_TURN>{number(ARRIVED)}", TURNED)
 
@@ -202,7 +211,7 @@ def _measured(job: Job, leg: Leg) -> Iterator[str]:
     yield _measure(job, place, job.plan.strategy.approach.feed)
     yield "STOPRE"
     for name in common.axes(job.machine):
-        yield f"TG_{name}={'$AA_MM' if name in 'XYZ' else job.options['rotary_position']}[{name}]"
+        yield f"TG_{name}={f'$AA_MM[{_named(job, name)}]' if name in 'XYZ' else _stands(job, name)}"
     yield f"TG_SHORT={_distance(place)}"
     yield f"TG_WAY=SQRT({'+'.join(f'POT(TG_{name}-{_signed(value)})' for name, value in start.items())})"
     yield f"TG_LAG={'+'.join(f'ABS(TG_{name}-$AA_IM[{name}])' for name in 'XYZ')}"
@@ -266,6 +275,7 @@ def end(job: Job) -> Iterator[str]:
             yield f'EXTCLOSE(TG_CLOSED,"{job.options["output"]}")'
         number = '<<" ERROR "<<TG_ERROR' if which == UNWRITTEN and text == STOPS[which - 1] else ""
         yield f'MSG("TANGO {common.unproven(job) if which == UNTOUCHED else text}"{number})'
+        yield "STOPRE"  # the text is shown before the alarm ends the program
         if job.options["alarm"]:
             yield f"SETAL({job.options['alarm'] + which - 1})"
         yield "M0"
@@ -281,15 +291,31 @@ def _may_stop(job: Job, which: int) -> bool:
 def _unframed(job: Job) -> Iterator[str]:
     """Nothing is left that SUPA would have to take away, and the control's own units are mm: asked before anything moves."""
     if job.options["metric_check"]:
-        yield from _stop_if("$MN_SCALING_SYSTEM_IS_METRIC==0", INCHES)
+        yield from _stop_if("$MN_SCALING_SYSTEM_IS_METRIC<>1", INCHES)
     if job.options["frame_check"]:
         yield from _stop_if("$P_TRAFO<>0", FRAMED)
     for name in "XYZ" if job.options["frame_check"] else "":
-        yield f"TG_WAY={'+'.join(f'ABS($P_ACTFRAME[{name},{part}]{less})' for part, less in FRAME)}"
+        yield f"TG_WAY={'+'.join(f'ABS($P_ACTFRAME[{name},{part}]{less})' for part, less in FRAME)}+ABS($AC_DRF[{name}])"
         yield from _stop_if(f"(TG_WAY>{number(LEFT, 4)}) OR ($P_ACTFRAME[{name},MI]<>0)", FRAMED)
+    if job.options["frame_check"] and job.machine.rotary:
+        shifts = "+".join(f"ABS($P_ACTFRAME[{name},{part}])" for name in job.machine.rotary for part in ("TR", "FI"))
+        yield from _stop_if(f"{shifts}>{number(LEFT, 4)}", FRAMED)
     yield "STOPRE"
-    for name in job.machine.rotary:  # a control that does not take the name says so here
-        yield f"TG_TURN={job.options['rotary_position']}[{name}]"
+    for name in "XYZ":  # a control that does not take a name of these says so here, before anything moves
+        yield f"TG_{name}=$AA_MM[{_named(job, name)}]"
+    for name in job.machine.rotary:
+        yield f"TG_{name}={_stands(job, name)}"
+
+
+def _named(job: Job, name: str) -> str:
+    """axis letter → its name as a machine axis."""
+    return str(job.options["machine_axes"].get(name, name))
+
+
+def _stands(job: Job, name: str) -> str:
+    """rotary axis → the variable that says where it stands."""
+    which = job.options["rotary_position"]
+    return f"{which}[{_named(job, name) if which == '$VA_IM' else name}]"
 
 
 def _at_rest(job: Job) -> Iterator[str]:
@@ -345,6 +371,12 @@ def _spindle(leg: Leg) -> str:
     return f"{rolled(degrees(leg.to['S']), 4):.4f}"
 
 
+def alarms(options: Mapping[str, Any]) -> dict[str, str]:
+    """options → {number of a SETAL alarm: what it says}: the text may not be on the screen any more."""
+    first = options["alarm"]
+    return {str(first + i): text for i, text in enumerate(STOPS)} if first else {}
+
+
 def _check(job: Job) -> None:
     """Raises InputError for options that do not fit the machine or the plan."""
     options = job.options
@@ -353,6 +385,12 @@ def _check(job: Job) -> None:
     if options["alarm"] and not 65000 <= options["alarm"] <= 65999 - len(STOPS):
         raise InputError(f"controller.alarm: found {options['alarm']}; allowed: 0, or 65000 … {65999 - len(STOPS)}")
     handshake.used(options["handshake"])
+    letters = common.axes(job.machine)
+    for axis, named in options["machine_axes"].items():
+        if axis not in letters or not (isinstance(named, str) and AXIS.fullmatch(named)):
+            raise InputError(
+                f"controller.machine_axes: found {axis!r}: {named!r}; allowed: a name such as X1 for {', '.join(letters)}"
+            )
     common.fits(job)
 
 
@@ -362,6 +400,7 @@ POST = Post(
     language="siemens",
     options=OPTIONS,
     memory=512,
+    alarms=alarms,
     remedies=SIEMENS,
     doubts=DOUBTS,
     further=lambda given: handshake.doubts(given.get("handshake", handshake.NONE)),

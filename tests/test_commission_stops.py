@@ -22,6 +22,7 @@ from postprocessors._base import load
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._proofs import keys_of
+from tango_cnc.commands.commission import _with_text
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission.experiments.records import coarse
 from tango_cnc.commission.timing import expected
@@ -87,6 +88,7 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
     ("LIMIT SWITCH C+", "nearer: true in machine.yaml"),
     ("65006 TANGO RECORD COULD NOT BE WRITTEN", "extdev.ini"),
+    ("12550 NAME NOT DEFINED", "machine_axes"),
     ("PS0035 CAN NOT COMMAND G31", "feed of approach"),
     ("SW0100 PARAMETER WRITE", "list of alarms"),
     ("Z stands at 32.3800 after it was sent to 656.8300: the control has ended the move by itself, and has met nothing", "-t 1"),
@@ -134,6 +136,23 @@ def test_moves_that_took_no_time_prove_no_pace() -> None:
     for speed, verdict in ((1.0, "PASS"), (0.8, "PASS"), (0.0, "OPEN")):
         times = {number: speed * float(at) for number, at in clock.items()}
         assert verdicts(commission.Seen(made, found, True, True, times=times))["pace"] == verdict
+
+
+def test_an_alarm_of_the_program_is_known_by_its_number() -> None:
+    """The text may not be on the screen any more."""
+    for number, belief in (
+        ("65001", "alive"),
+        ("65005", "rotary"),
+        ("65008", "frames"),
+        ("alarm 65009", "frames"),
+        ("65010", "miss"),
+    ):
+        said = _with_text(number, load("siemens"), {})
+        found = verdicts(commission.Seen(air(), {}, True, False, said=said))
+        assert [name for name, verdict in found.items() if verdict == "FAIL"] in ([belief], []), (number, said, found)
+        assert number in said and len(said) > 20
+    assert _with_text("65108", load("siemens"), {"alarm": 65101}).startswith("65108: A TRANSFORMATION")
+    assert _with_text("65001", load("fanuc"), {}) == "65001" and _with_text("nothing", load("siemens"), {}) == "nothing"
 
 
 def test_an_end_mark_behind_records_that_were_not_believed_is_an_end_mark() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 from support.gates import ran as gated
 
+from postprocessors._base import load
+from postprocessors._base import settings as settings_of
 from sim_controller.languages import siemens
 from sim_controller.languages.siemens.expressions import Reader
 from tango_cnc.link._client import Ended
@@ -138,7 +141,17 @@ def test_a_transformation_that_is_not_switched_off_is_noticed_before_anything_mo
 LOW = {"Z": -401.0}  # mm of a basic frame: without SUPA the first move, up, goes down by it
 
 
-@pytest.mark.parametrize("profile", [{"basic": LOW}, {"basic": {"X": 0.5}}, {"inches": True}, {"inches": True, "basic": LOW}])
+LEFT = [
+    {"basic": LOW},
+    {"basic": {"X": 0.5}},
+    {"basic": {"C": 30.0}},
+    {"drf": LOW},
+    {"inches": True},
+    {"inches": True, "basic": LOW},
+]
+
+
+@pytest.mark.parametrize("profile", LEFT, ids=str)
 @pytest.mark.parametrize("supa", [True, False])
 def test_a_frame_that_is_left_and_inches_are_noticed_before_anything_moves(made: Plan, profile: dict[str, Any], supa: bool) -> None:
     """A dead probe would not stop what goes down by a frame."""
@@ -155,10 +168,21 @@ def test_where_a_basic_frame_has_to_stay_supa_takes_it_away(made: Plan) -> None:
 
 @pytest.mark.parametrize("off", [-401.0, -20.0, 5.0, 0.1])
 def test_what_no_frame_shows_and_supa_should_take_away_is_noticed_by_the_step(made: Plan, off: float) -> None:
-    """DRF of a handwheel: the step is slow, and a dead probe goes as far as the handwheel has gone."""
+    """The step is slow, and a dead probe goes as far as what nobody sees: whoever stands there presses feed hold."""
     ran = run(lines_of(made), made, supa_with_meas=False, overlaid={"Z": off})
     moves = [data for event, data in ran.events if event == "block" and "MEAS=" in data["text"]]
     assert not ran.flags(made) and (ran.alarm is not None) and len(moves) == 1 and "F60." in moves[0]["text"]
+
+
+def test_a_control_that_wants_names_of_machine_axes_says_so_before_anything_moves(made: Plan) -> None:
+    named = {"X": "X1", "Y": "Y1", "Z": "Z1", "B": "MB", "C": "MC"}
+    refused = run(lines_of(made), made, machine_axes=named)
+    assert still(refused) and "12550" in str(refused.alarm) and not refused.out
+    assert run(lines_of(made, machine_axes=named), made, machine_axes=named).alarm is None
+    with pytest.raises(InputError, match="machine_axes: found 'Q'"):
+        lines_of(made, machine_axes={"Q": "X1"})
+    with pytest.raises(InputError, match="machine_axes: found 'X': 'x 1'"):
+        lines_of(made, machine_axes={"X": "x 1"})
 
 
 def test_a_clamped_axis_is_noticed_by_its_encoder_and_not_by_where_it_was_sent(made: Plan) -> None:
@@ -342,3 +366,9 @@ def test_where_supa_is_nothing_beside_meas_every_touch_is_where_it_is_planned(
     left = {"supa_with_meas": holds, "mirrored": mirrored, "g54": {"X": -250.0, "Y": -200.0, "Z": -500.0}}
     ran = run(lines_of(made), made, **left)
     assert not ran.why and ran.flags(made) == [1] * len(made.touches)
+
+
+def test_the_page_of_the_control_has_every_alarm_of_the_program() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "controls" / "siemens.md").read_text()
+    for number, text in load("siemens").alarms(settings_of(load("siemens"), {})).items():
+        assert f"| {number} | {text}" in page

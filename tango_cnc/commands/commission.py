@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -156,7 +156,7 @@ def command(
     if not seen.ended and not said and not seen.said and someone:
         said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
     if not seen.ended:
-        seen = replace(seen, said=said or seen.said)
+        seen = replace(seen, said=_with_text(said or seen.said, post, options))
     if someone and _unclear(seen):
         seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
@@ -209,6 +209,15 @@ def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]
     places = np.abs([touch.end for touch in whole.touches if touch.indexation < own])
     largest = max(float(places[:, linear].max()), math.degrees(float(places[:, rotary].max(initial=0.0))))
     return commission.air(whole, most, own), largest
+
+
+def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:
+    """what stood on the screen, post, options → the same with the text of an alarm of the program that is there by its number."""
+    from postprocessors import _base as posts
+
+    own = post.alarms(posts.settings(post, options))
+    found = next((own[number] for number in re.findall(r"\d+", said) if number in own), "")
+    return f"{said}: {found}" if found and found not in said.upper() else said
 
 
 def _file_of(address: str, post: Any) -> str | None:

@@ -288,7 +288,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         settings, today = read_nightly(folder), now.astimezone().strftime("%Y-%m-%d")
         alarms, decisions = unclosed(history, machine, today)
         events = recorded(history, machine)
-        found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, events)
+        too_old = nights_old(measured_on(record, before), today, settings.answers_for)
+        found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, events, too_old)
         waits, has = answered(found, record)
         lately = history.nights(machine, last=LATELY)
         complete = next((x for x in lately if x.status == "complete"), None)
@@ -303,7 +304,7 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         told = Nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
-            old=nights_old(measured_on(record, before), today, settings.answers_for),
+            old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
             former=said_cut_off(cut_off(folder)),

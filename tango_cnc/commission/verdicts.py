@@ -20,8 +20,9 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
     ),
     (
-        re.compile(r"VA_IM"),
-        "the control does not take $VA_IM with the name of that axis: state rotary_position: $AA_IM under controller:",
+        re.compile(r"VA_IM|AA_MM|\b(12550|17020)\b"),
+        "a SINUMERIK that does not take $VA_IM or $AA_MM with the letter of an axis wants the name of its machine axis: state "
+        "machine_axes under controller:, e.g. {X: X1, Y: Y1, Z: Z1, B: B1}, or rotary_position: $AA_IM",
     ),
     (
         re.compile(r"COULD NOT BE WRITTEN"),

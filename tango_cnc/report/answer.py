@@ -22,7 +22,7 @@ CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with whic
 CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
-LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "look", "wait": "look"}
+LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
 
 
@@ -128,6 +128,13 @@ def said_cut_off(stamps: Sequence[str]) -> tuple[Said, ...]:
 def is_cut_off(former: Sequence[str]) -> bool:
     """what pages say of a cell beside its nights → whether a night of it was cut off."""
     return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
+
+
+def dates_cut_off(former: Sequence[str]) -> list[str]:
+    """what pages say of a cell beside its nights → dates of the nights that were cut off, newest first; the history has none of
+    them until the next night.
+    """
+    return sorted((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key == CUT_OFF), reverse=True)
 
 
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:

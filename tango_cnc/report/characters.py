@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 BLOCKS = "▁▂▃▄▅▆▇█"
-SIGNS = {"good": "✓", "look": "▲", "stop": "✕"}
-TONES = {"good": "32", "look": "33", "stop": "31"}
+SIGNS = {"good": "✓", "look": "▲", "stop": "✕", "unknown": "?"}
+TONES = {"good": "32", "look": "33", "stop": "31", "unknown": "35"}
 NARROW = 40
 
 

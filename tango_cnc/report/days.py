@@ -33,11 +33,14 @@ def ended(utc: object, t: Texts, now: datetime | None = None) -> str:
         return ""
     moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
     told = t("date.ended", time=clock(moment))
-    if now is None or now < moment:
-        return told
-    hours = (now - moment).total_seconds() / 3600
+    return told if now is None or now < moment else f"{told}, {ago(moment, t, now)}"
+
+
+def ago(moment: datetime, t: Texts, now: datetime) -> str:
+    """moment, texts, now → 4 h ago."""
+    hours = max((now - moment).total_seconds() / 3600, 0.0)
     key, count = ("minutes", hours * 60) if hours < 1 else ("hours", hours) if hours < 48 else ("days_ago", hours // 24)
-    return f"{told}, {t(f'date.{key}', count=f'{count:.0f}')}"
+    return t(f"date.{key}", count=f"{count:.0f}")
 
 
 def at(utc: object, t: Texts) -> str:

@@ -41,10 +41,12 @@ def faults(
     before: Mapping[str, Any] | None = None,
     today: str = "",
     events: Sequence[Any] = (),
+    old: int = 0,
 ) -> list[dict[str, Any]]:
-    """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations → what
-    is wrong, by what it does to a part, whether or not somebody has it; what is no error of a part comes after that, what somebody
-    ignores after that, what is closed last. One order a machine: what was done is not told again.
+    """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations, nights
+    since the machine was measured, where these are too many (then nobody knows what still stands) → what is wrong, by what it does
+    to a part, whether or not somebody has it; what is no error of a part comes after that, what somebody ignores after that, what
+    is closed last. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     standing = {str(a.get("id")): a for a in known.get("standing") or ()}
@@ -73,8 +75,8 @@ def faults(
         one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
         told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
-    causes = together(list(told.values()), u, t, machine, events, repaired, str(known.get("night") or ""))
-    found = [x | {"whole": _whole_error(x, known, u, t, machine, events)} for x in causes]
+    causes = together(list(told.values()), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
+    found = [x | {"whole": "" if old else _whole_error(x, known, u, t, machine, events)} for x in causes]
     for a in record.get("behind") or ():
         a = as_loaded({**a, "utc": record.get("start_utc")}, events)
         sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]

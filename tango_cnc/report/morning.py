@@ -103,11 +103,9 @@ def context(
     asked = {**record, "owner": record.get("owner") or owner}
     today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
-    found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events)
-    waits, has = answered(found, record)
     stale = int(record.get("stale_nights") or 0) if old is None else old
-    if stale:  # how large it is today, nobody knows
-        found = [a | {"whole": ""} for a in found]
+    found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events, stale)
+    waits, has = answered(found, record)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
     closed = settled(found)
     told = answer(record, u, t, waits, before, machine, late, has, coming, closed, stale, all_of_probe(found))
@@ -164,6 +162,7 @@ def context(
         "nobody": found[0]["nobody"] if found else not asked["owner"],
         "busy": busy,
         "old": stale,
+        "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
         "headline": sentence(t.of(as_decided(record, decisions)), u),

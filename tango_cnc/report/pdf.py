@@ -15,7 +15,7 @@ from .page import context
 from .template import environment, rendered
 from .texts import texts_of
 
-TONES = {"good": "#00694c", "look": "#9a5b00", "stop": "#b3261e", "none": "#52606d"}
+TONES = {"good": "#00694c", "look": "#9a5b00", "stop": "#b3261e", "unknown": "#5b3f95", "none": "#52606d"}
 
 
 def available() -> bool:

@@ -34,9 +34,11 @@ def together(
     events: Sequence[Any],
     repaired: Sequence[str],
     known_of: str,
+    old: bool = False,
 ) -> list[dict[str, Any]]:
-    """alarms, what happened to compensations, moments of repairs, date of the last night that measured → one for each parameter,
-    with all that has come together since the oldest of them; what a compensation has settled is apart from what came after it.
+    """alarms, what happened to compensations, moments of repairs, date of the last night that measured, whether that one is too
+    long ago to say what still stands → one for each parameter, with all that has come together since the oldest of them; what a
+    compensation has settled is apart from what came after it.
     """
     groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
     for a in alarms:
@@ -64,18 +66,20 @@ def together(
             own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
         ):
             goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
-            first |= _whole(first, own, every, drifts, 1 if goes_on else len(same), u, t, machine)
+            first |= _whole(first, own, every, drifts and not old, 1 if goes_on else len(same), u, t, machine)
             first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
             first |= {"todo": same[-1]["todo"]} if knocks_told and str(known_of) <= str(same[-1]["first"]) else {}
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
         elif len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
             first["text"] = f"{first['text']} {t('morning.twice')}"
-        elif first["older"] and first.get("now"):
+        elif first["older"] and first.get("now") and not old:
             now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
             first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
         elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
             first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
+        if old and known_of and first["id"] and not closed(first):
+            first["text"] = f"{first['text']} {t('morning.unknown_now', date=day(known_of, t))}"
         unanswered = next((a for a in same if a["decision"] is None), None)
         found.append(
             first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Level = Literal["good", "look", "stop"]
+Level = Literal["good", "look", "stop", "unknown"]  # unknown: of an answer, never of a check
 ORDER: tuple[Level, ...] = ("good", "look", "stop")
 RATIO = (1.5, 4.0)  # scatter of a touch over what the probe repeats to: above these, look and stop
 PREDICTED = (1.4, 3.0)  # held-out touches over what was promised

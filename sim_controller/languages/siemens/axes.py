@@ -33,7 +33,9 @@ class Profile:
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1
     mirrored: tuple[str, ...] = ()  # axes that a MIRROR before has left mirrored, until TRANS; SUPA suppresses that too
     basic: Mapping[str, float] = field(default_factory=dict)  # mm, basic frame: G500 and TRANS leave it, SUPA suppresses it
-    overlaid: Mapping[str, float] = field(default_factory=dict)  # mm, DRF and the like: no part of $P_ACTFRAME, suppressed by SUPA
+    drf: Mapping[str, float] = field(default_factory=dict)  # mm, of the handwheel: $AC_DRF shows it, SUPA suppresses it
+    machine_axes: Mapping[str, str] = field(default_factory=dict)  # name of a machine axis that $VA_IM and $AA_MM want
+    overlaid: Mapping[str, float] = field(default_factory=dict)  # mm, what no variable shows, suppressed by SUPA
     inches: bool = False  # the control's own units are inches, and positions come in them whatever G710 says
     supa_with_meas: bool = True  # SUPA acts in a block with MEAS; else that block moves in the work frame
     transformation: bool = False  # TRAORI is active from the start: SUPA does not undo it
@@ -103,8 +105,13 @@ class Axes:
 
     def variable(self, name: str, axis: str) -> float:
         """$AA_IM (of a rotary axis where it was sent), $AA_IW, $AA_MM, $AA_MW, $VA_IM of an axis. Raises Alarm for any other."""
+        named = self._profile.machine_axes
+        if named and name in ("$VA_IM", "$AA_MM"):
+            axis = next((letter for letter, own in named.items() if own == axis), "")
         if axis not in self._profile.axes:
             raise alarm("12550", f"{name}[{axis}]")
+        if name == "$AC_DRF":
+            return self._profile.drf.get(axis, 0.0)
         frame = self._frame(axis)
         table = {
             "$AA_IM": self._sent.get(axis, self._known[axis]),
@@ -164,7 +171,13 @@ class Axes:
 
     def _frame(self, name: str) -> float:
         settable = self._profile.g54.get(name, 0.0) if self.settable else 0.0
-        return settable + self._profile.basic.get(name, 0.0) + self._profile.overlaid.get(name, 0.0) + self._length(name)
+        return (
+            settable
+            + self._profile.basic.get(name, 0.0)
+            + self._profile.overlaid.get(name, 0.0)
+            + self._profile.drf.get(name, 0.0)
+            + self._length(name)
+        )
 
     def _length(self, name: str) -> float:
         """Tool length, and under a transformation the point of the tool: here a shift that nobody expects."""

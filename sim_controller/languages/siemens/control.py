@@ -17,7 +17,26 @@ from .program import Block, block_of, jumped_to, partners_of
 
 __all__ = ["Control", "Profile", "default_profile"]
 
-G_CODES = {"G0", "G1", "G4", "G17", "G18", "G19", "G40", "G53", "G54", "G500", "G60", "G64", "G71", "G90", "G91", "G94", "G710"}
+G_CODES = {
+    "G0",
+    "G1",
+    "G4",
+    "G17",
+    "G18",
+    "G19",
+    "G40",
+    "G53",
+    "G54",
+    "G500",
+    "G60",
+    "G601",
+    "G64",
+    "G71",
+    "G90",
+    "G91",
+    "G94",
+    "G710",
+}
 WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
 CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
 TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}
@@ -187,7 +206,7 @@ class Control:
                 return TRAORI if self._axes.transformation else 0
         elif name in self._profile.user:
             return self.parameters.get(self._parameter(name, index), 0.0)
-        elif name.startswith(("$AA_", "$VA_")) and isinstance(index, str):
+        elif (name.startswith(("$AA_", "$VA_")) or name == "$AC_DRF") and isinstance(index, str):
             return self._axes.variable(name, index)
         elif name == "$P_ACTFRAME" and isinstance(index, str) and "," in index:
             return self._axes.frame(*index.split(",", 1))

@@ -44,8 +44,9 @@ EXPERIMENT = Experiment(
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
-        r"position|contact|contact_frame|machine_frame|frame_check|metric_check|programmed_position) =|differ by constants|"
-        r"machine coordinates|millimetres|machine positions?|positions of the axes|#24301|work positions|work coordinates|"
+        r"position|contact|contact_frame|machine_frame|frame_check|metric_check|programmed_position|machine_axes) =|"
+        r"differ by constants|machine coordinates|millimetres|machine positions?|positions of the axes|#24301|"
+        r"work positions|work coordinates|"
         r"those of Fanuc|text of TCH PROBE 4|^cycles 7 8 10 11|SUPA and MEAS|where the axes (are|stand)"
     ),
     rests=(
@@ -68,5 +69,6 @@ EXPERIMENT = Experiment(
         "machine_frame",
         "frame_check",
         "metric_check",
+        "machine_axes",
     ),
 )

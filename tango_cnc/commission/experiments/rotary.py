@@ -50,6 +50,7 @@ EXPERIMENT = Experiment(
         "rollover",
         "rotary",
         "rotary_position",
+        "machine_axes",
         "shortest",
         "wrapped",
         "unclamp",

@@ -34,20 +34,28 @@ FILE = re.compile(r'WRITE\(TG_ERROR,"_N_[A-Z0-9_]+",([^<]+)\)')  # a file of the
 OPEN = re.compile(r'EXTOPEN\(TG_ERROR,"[^"]+","SYN","EXCL"\)')
 CLOSE = re.compile(r'EXTCLOSE\(TG_CLOSED,"[^"]+"\)')
 TEXT = re.compile(r'TG_TEXT=SPRINT\("P(\d+) H%D((?: [A-Z]%\.4F)+) S(-?\d+\.\d*) K%\.4F",(.+)\)')
+SETTLES = re.compile(r"G4 F0\.\d")  # s, too short for a hand
 START = re.compile(r'"TANGO START ([0-9A-F]{12}) (\d+)"')
 END = re.compile(r'"TANGO END ([0-9A-F]{12}) (\d+)"')
 SHOWN = re.compile(r'MSG\((?:"[A-Z0-9 .-]+")?\)')
-STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0')
+STOPS = re.compile(r'MSG\("[A-Z0-9 .]+"(?:<<" ERROR "<<TG_ERROR)?\)|SETAL\(\d+\)|M0|STOPRE')
 SPELT = [("<>", " NE "), (">=", " GE "), ("<=", " LE "), ("==", " EQ "), (">", " GT "), ("<", " LT ")]
 SPELT += [("(", "["), (")", "]"), ("TRUNC", "FIX")]
 SYSTEM = re.compile(r"\$([AV][ACX]?_[A-Z]+|P_ACTFRAME)\[([A-Z1-9])(?:,([A-Z]{2}))?\]")
+OWN = re.compile(r"\$(VA_IM|AA_MM)\[([A-Z][A-Z0-9_]*)\]")  # with the name of a machine axis
 ASKED = {  # what the control says of itself → name here, its value where all is well, and what is wrong where it is another
     "$MN_SCALING_SYSTEM_IS_METRIC": ("METRIC", 1.0, "the control's own units are inches"),
     "$P_TRAFO": ("TRAFO", 0.0, "a transformation is on"),
 }
+PARTS = re.compile(r"\$(?:P_ACTFRAME|AC_DRF)\[([A-Z])(?:,([A-Z]{2}))?\]")
 FRAME = {"TR": 0.0, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": 0.0}  # component of a frame → its value where there is none
 END_POINT = "65535"
-SAME_AS = {"G60": "G61", "G71": "G21", "G710": "G21"}  # what is millimetres here; G710 for feeds and system variables too
+SAME_AS = {
+    "G60": "G61",
+    "G601": "G61",
+    "G71": "G21",
+    "G710": "G21",
+}  # what is millimetres here; G710 for feeds and system variables too
 MADE_SURE = ("G49", "G80")  # D0 stands in every move; the control has no modal drilling but what G0 and G1 end
 
 
@@ -90,7 +98,13 @@ class _Program:
 
     def __init__(self, plan: Plan, options: Mapping[str, Any], stops: set[str]) -> None:
         self._machine = Rehearsal(plan, options, self._read, latches=True, framed=True)
-        self._unasked = {"METRIC": "metric_check", "TRAFO": "frame_check", **dict.fromkeys("XYZ", "frame_check")}
+        parts = [f"{axis} {part}" for axis in "XYZ" for part in (*FRAME, "DRF")]
+        parts += [f"{axis} {part}" for axis in plan.machine.rotary for part in ("TR", "FI")]
+        self._unasked = {"METRIC": "metric_check", "TRAFO": "frame_check", **dict.fromkeys(parts, "frame_check")}
+        given = options.get("machine_axes") or {}
+        self._own = {
+            str(given.get(axis.name, axis.name)): axis.name for axis in plan.machine.axes
+        }  # name of a machine axis → letter
         self._words = stated_words(options) | {"D0"}
         self._words |= {"TRAFOOF", "CYCLE800()", "G500", "TRANS"}
         self._head = {word for option, word in (("trafoof", "TRAFOOF"), ("cycle800", "CYCLE800()")) if options.get(option)}
@@ -99,7 +113,7 @@ class _Program:
         self._stops, self._options = stops, options
         self._text: tuple[str, str, dict[str, str]] | None = None  # of the record that is next
         self._shown: list[str] = []  # what its text shows, as expressions
-        self._moving, self._asked, self._within = True, False, False
+        self._moving, self._asked, self._within, self._settled = True, False, False, True
         self._opened = self._closed = self.over = False
         self._mark = ""
         name = str(options.get("handshake", "none"))
@@ -112,6 +126,7 @@ class _Program:
 
     def line(self, line: str) -> None:
         """One line of the file. Raises InputError when it must not reach a machine."""
+        line = self._lettered(line)
         if (asked := INPUT.search(line)) and asked[1] != self._input:
             raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
@@ -134,6 +149,8 @@ class _Program:
             raise InputError("no line that an IF may have")
         elif match := REST.fullmatch(line):
             self._machine.rests(float(match[1]))
+        elif SETTLES.fullmatch(line):
+            self._settled = True
         elif SHOWN.fullmatch(line):
             pass
         elif line == "STOPRE":
@@ -148,7 +165,7 @@ class _Program:
             self.over = True
         elif match := TURN.fullmatch(line):
             self._machine.turns(match[1], float(match[2]), True)
-            self._moving, self._asked = True, False
+            self._moving, self._asked, self._settled = True, False, False
         elif match := ORIENT.fullmatch(line):
             self._machine.turns("S", float(match[1]), False)
         elif match := FEED.fullmatch(line):
@@ -163,13 +180,22 @@ class _Program:
             self._print(line)
 
     def _frame(self, text: str) -> None:
-        """An expression that asks for the frame of an axis: beside the machine there are others where something is left of it."""
-        for axis in sorted(set(re.findall(r"\$P_ACTFRAME\[([XYZ]),", text))):
-            self._unasked.pop(axis, None)
-            for part, none in FRAME.items():
-                twin = self._machine.base.twin("stop", f"a frame is left: {part} of {axis}")
-                twin.shared[f"P_ACTFRAME__{axis}{part}"] = none + 1.0
-                self._machine.doubts([twin])
+        """An expression that asks for parts of a frame: beside the machine there are others where this part of it is left."""
+        for axis, part in PARTS.findall(text):
+            twin = self._machine.base.twin("stop", f"a frame is left: {part or 'DRF'} of {axis}")
+            twin.shared[f"P_ACTFRAME__{axis}{part}" if part else f"AC_DRF__{axis}"] = FRAME.get(part, 0.0) + 1.0
+            self._machine.doubts([twin])
+            self._unasked.pop(f"{axis} {part or 'DRF'}", None)
+
+    def _lettered(self, line: str) -> str:
+        """line with names of machine axes → the same with letters. Raises InputError for a name that the profile does not state."""
+
+        def letter(match: re.Match[str]) -> str:
+            if match[2] not in self._own:
+                raise InputError(f"found {match[0]}; allowed: the names {', '.join(self._own)}, see controller.machine_axes")
+            return f"${match[1]}[{self._own[match[2]]}]"
+
+        return OWN.sub(letter, line)
 
     def _free(self, words: list[str], feed: float) -> None:
         self._machine.off({name: _spelt(word[1:].removeprefix("=")) for name, word in _once(words).items()}, feed)
@@ -197,6 +223,7 @@ class _Program:
     def _jump(self, condition: str, label: str) -> None:
         if label not in self._stops or self._within:
             raise InputError(f"{label} is no place where this program stops for good")
+        self._frame(condition)
         if "$A_PROBE" in condition:
             self._asked = True
             twin = self._machine.base.twin("stop", "the probe is deflected")
@@ -322,6 +349,8 @@ class _Program:
         if name in ("AA_IM", "AA_MM", "VA_IM") and axis in twin.position:
             if self._moving:
                 raise InputError(f"${name}[{axis}] is read before anything has waited for the axes to stand (STOPRE)")
+            if name == "VA_IM" and not self._settled:
+                raise InputError(f"$VA_IM[{axis}] is read before its axis has come to rest (G4 F0.2)")
             if name == "AA_MM" and not twin.hit:
                 return SPOILT  # what was met before
             if name == "AA_IM" and axis not in "XYZ" and self._options.get("rotary_position") == "$VA_IM":
@@ -329,6 +358,8 @@ class _Program:
             return twin.shown(axis, (twin.skip if name == "AA_MM" else twin.position)[axis])
         if name == "P_ACTFRAME":
             return twin.shared.get(str(key), FRAME.get(axis[1:], 0.0))
+        if name == "AC_DRF":
+            return twin.shared.get(str(key), 0.0)
         for known, well, _ in ASKED.values():
             if name == known:
                 return twin.shared.get(name, well)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any
 
 from starlette.requests import Request
@@ -13,14 +13,15 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, size_of, whole_sentence
-from ...report.answer import Answer, answer, measuring, renamed
-from ...report.days import day, spoken_days
+from ...report.answer import Answer, answer, dates_cut_off, is_cut_off, measuring, renamed
+from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
 from ...report.orders import orders, orders_of_cut_off
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.repeated import of_shop
+from ...report.texts import Texts
 from ...report.units import Units
 from ..app import State, needs, page, state_of
 from ..places import Row
@@ -63,10 +64,11 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     ran = ran_of(request, row.machine) if told is None else ""
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
-    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
+    cut = [(date, "partial", "") for date in dates_cut_off(row.machine.former)] if row.nights else []
+    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
     old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
     label = between(signs[::-1], t, old) if signs else ""
-    drawn = state.places.kept(f"strip {_stamp(row)} {old}", lambda: strip(signs, label, t, old), LONG)
+    drawn = state.places.kept(f"strip {_stamp(row)} {old} {len(cut)}", lambda: strip(signs, label, t, old), LONG)
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,
@@ -86,12 +88,37 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "who": who_of(told, {"owner": owner, **_named(row.record)}, found, t),
         "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
         "fault": found[0]["text"] if found else "",
+        "brief": brief(told, found, row.machine.former, said, t),
+        "age": _age(row, t),
         "open": len(still_open(found)),
         "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
         "strip": drawn if signs else "",
     }
+
+
+def brief(told: Answer | None, found: Sequence[Mapping[str, Any]], former: Sequence[str], said: str, t: Texts) -> tuple[str, str]:
+    """answer, what is wrong, what is said of the cell beside its nights, headline, texts → the one thing to do, and its cause: the
+    first sentence of it; ("", "") where nothing is to be done.
+    """
+    if told is None or told.may in ("yes", "wait"):
+        return "", ""
+    key = "no" if told.may == "no" else "measure" if told.old else "look" if is_cut_off(former) else "first"
+    cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and key != "no" else said)
+    cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
+    cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
+    return t(f"may.brief_{key}"), whole_sentence(cause[:1].upper() + cause[1:])
+
+
+def _age(row: Row, t: Texts) -> str:
+    """row of the fleet, texts → how long ago the last night that measured has ended; '' where none has."""
+    known = row.before or row.record or {}
+    try:
+        moment = datetime.fromisoformat(str(known.get("end_utc")))
+    except ValueError:
+        return ""
+    return ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC))
 
 
 def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Answer | None:
@@ -173,7 +200,8 @@ def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
     alarms, decisions = unclosed(history, name, today)
     asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
     axes, events = state.places.geometry(row.machine), happened_to(state, row.machine)
-    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events)
+    old = state.places.old(row.machine, measured_on(record, row.before))
+    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events, old)
 
 
 ROUTES = [Route("/", fleet, name="fleet")]
