@@ -154,3 +154,15 @@ def test_nothing_is_planned_or_simulated_into_a_folder_where_a_run_is_at_work(tm
     assert result.code == 3
     assert "'tango run'" in result.err and "at work in this folder" in result.err
     assert {file: file.read_bytes() for file in (tmp_path / "cell").rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="the state of a process is asked of /proc")
+def test_a_killed_process_that_nobody_has_asked_for_yet_is_at_work_no_more() -> None:
+    """Right after a kill its number is still taken (state Z)."""
+    killed = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    assert lock._alive(killed.pid)
+    killed.kill()
+    os.waitid(os.P_PID, killed.pid, os.WEXITED | os.WNOWAIT)  # has ended, and is not asked for
+    os.kill(killed.pid, 0)
+    assert not lock._alive(killed.pid)
+    killed.wait()

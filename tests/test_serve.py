@@ -794,3 +794,21 @@ def test_cells_of_one_name_have_their_folders_and_a_night_that_was_cut_off_is_to
         machines = [site.get(f"/machine/{slug}").text for slug in dict.fromkeys(slugs)]
     assert page.count(f">{one}</span>") == page.count(f">{other}</span>") == 1
     assert page.count("Look at the machine first") == 1 and sum("Look at the machine first" in m for m in machines) == 1
+    assert (
+        sum("The next night puts it on record." in m for m in machines) == 1
+    )  # it is in the list of nights and in the row of signs
+    assert page.count("<title>Mon 23 Nov 2026: Stopped early") == sum("<title>Mon 23 Nov 2026: S" in m for m in machines) == 1
+
+
+def test_a_machine_that_nobody_has_measured_lately_is_not_called_steady(tmp_path: Path) -> None:
+    """Nights of October, read a year later: what stood then is unknown since; the list says so in a line."""
+    records = [night("HU40T-like", day) for day in range(5)]
+    records[-1] |= {"verdict": "changed", "alarms": [knock("2026-10-27")]}
+    place = cell(tmp_path / "one", records=records)
+    (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 1\n", encoding="utf-8")
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        fleet, machine, trend = (site.get(path).text for path in ("/", "/machine/HU40T-like", "/machine/HU40T-like/trend"))
+    assert '<li class="unknown worst">' in fleet and "<b>Have it measured.</b> Not measured for " in fleet
+    for text in (machine, trend):
+        assert "Unknown since Wed 28 Oct 2026" in text and "nobody knows: unknown since Wed 28 Oct 2026" in text
+        assert "Steady" not in text and "Within its limit" not in text and "till there: " not in text

@@ -189,7 +189,9 @@ def _still(file: Path, handle: int) -> bool:
 
 
 def _alive(pid: int) -> bool:
-    """process number → whether there is one on this computer; where nobody can say, there is."""
+    """process number → whether there is one on this computer; where nobody can say, there is. One that was killed and whose parent
+    has not asked for its end yet (state Z) does nothing any more.
+    """
     if os.name != "posix":
         return True
     try:
@@ -198,7 +200,11 @@ def _alive(pid: int) -> bool:
         return False
     except OSError:
         return True
-    return True
+    try:
+        state = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[:1]
+    except OSError:  # no Linux
+        return True
+    return state not in ([b"Z"], [b"X"])
 
 
 def _released(file: Path, handle: int) -> None:

@@ -130,6 +130,13 @@ def is_cut_off(former: Sequence[str]) -> bool:
     return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
 
 
+def dates_cut_off(former: Sequence[str]) -> list[str]:
+    """what pages say of a cell beside its nights → dates of the nights that were cut off, newest first; the history has none of
+    them until the next night.
+    """
+    return sorted((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key == CUT_OFF), reverse=True)
+
+
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     """answer, what the cell has under other names or with a date in the future, texts → the same; an alarm that is open there is
     open here, and no plain yes.

@@ -13,7 +13,7 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, size_of, whole_sentence
-from ...report.answer import Answer, answer, is_cut_off, measuring, renamed
+from ...report.answer import Answer, answer, dates_cut_off, is_cut_off, measuring, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -64,10 +64,11 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     ran = ran_of(request, row.machine) if told is None else ""
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
-    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)]
+    cut = [(date, "partial", "") for date in dates_cut_off(row.machine.former)] if row.nights else []
+    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
     old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
     label = between(signs[::-1], t, old) if signs else ""
-    drawn = state.places.kept(f"strip {_stamp(row)} {old}", lambda: strip(signs, label, t, old), LONG)
+    drawn = state.places.kept(f"strip {_stamp(row)} {old} {len(cut)}", lambda: strip(signs, label, t, old), LONG)
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,

@@ -16,6 +16,7 @@ from starlette.routing import Route
 from ...history import Compensation, Night, compensations
 from ...report.age import measured_on
 from ...report.alarm import sentence
+from ...report.answer import dates_cut_off
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
@@ -48,13 +49,15 @@ def machine(request: Request) -> Response:
     values["silent"] = None if run is None else quiet(run, time.time())
     values["busy"] = busy_of(request, found)
     owner = state.places.owner(found)
+    values["cut"] = dates_cut_off(found.former)
     values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
     values["ran"] = "" if nights else ran_of(request, found)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
     values["reported"] = file_of_cell(found) is not None
     if nights and found.history is not None:
         entry, allowed = nights[0].entry, limits_of(request, found)
-        signs = [(n.night, told(n, allowed)) for n in nights]
+        cut = [(date, "partial") for date in dates_cut_off(found.former)]
+        signs = (cut + [(n.night, told(n, allowed)) for n in nights])[:STRIP]
         values |= morning_of(request, found, values["busy"])
         values["known"], values["judged"] = True, bool(allowed)
         values["entry"] = entry
@@ -294,6 +297,7 @@ def nights(request: Request) -> Response:
         nights=shown,
         headlines=said,
         listed=len(every),
+        cut=[] if number else dates_cut_off(found.former),
         number=number,
         older=more,
         judged=bool(limits_of(request, found)),
