@@ -14,6 +14,7 @@ from support.compensated import closed, example, first
 
 from sim_controller.compensation import targets as simulated
 from tango_cnc.compensate import propose, targets
+from tango_cnc.compensate.loop import store
 from tango_cnc.records import InputError
 
 
@@ -80,6 +81,15 @@ def test_the_zero_of_a_dynamic_fixture_offset_takes_away_what_the_center_of_the_
     if not more:
         vectors = dict(re.findall(r"N(\d+) R(\S+)", (tmp_path / "vectors.nc").read_text()))
         assert [float(vectors[number]) for number in ("19700", "19701")] == pytest.approx(center, abs=1e-4)
+
+
+def test_steps_name_only_what_is_written_and_the_trial_has_its_settings(tmp_path: Path) -> None:
+    settings = ("fixture_offset=G54", "vectors=no", "tables=no")
+    made = propose(first("split"), "fanuc", settings, tcp=True)
+    kept = store(tmp_path, made, "2026-11-29T06:00:00Z", None, ())
+    steps = "\n".join(kept.record["steps"])
+    assert "compensation.txt" not in steps and "vectors.nc" not in steps and "fixture.nc" in steps
+    assert all(f"--set {one}" in steps for one in settings)
 
 
 @pytest.mark.parametrize("name", ["trunnion", "hu40t", "fork_head", "three_axis_calibrated"])

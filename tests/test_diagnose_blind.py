@@ -5,9 +5,14 @@ The campaign prints its confusion matrix and the table of docs/diagnose.md.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from scipy import special
 from support import blind
+
+from sim_controller.simulate import simulate
+from tango_cnc.diagnose import Diagnosis, diagnose
 
 SAMPLE = [("step", 41), ("moving_mass", 42), ("rotary_tilt", 43), ("scale_drift", 44)]
 
@@ -81,6 +86,33 @@ def test_three_causes_are_named_as_far_as_touches_tell_them(causes: tuple[str, .
     assert o is not None
     assert blind.tellable(o), o.calls
     assert set(causes) - {"stylus_knock"} <= set(o.found)
+
+
+def wavy(b: blind.Bench, amplitude: float, phase: float, seed: int) -> Diagnosis:
+    """bench, amplitude mm, phase deg, seed → diagnosis of readings with a wave of Y every 40 mm."""
+    wave = {"cause": "cyclic_error", "axis": "Y", "period": 40.0, "amplitude": amplitude, "phase": phase}
+    world = replace(b.world, effects=(wave,), noise=blind.NOISE)
+    return diagnose(
+        b.cell.machine, b.cell.artefact, simulate(b.cell.machine, b.cell.artefact, b.cell.strategy, world, seed), b.cell.terms
+    )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("phase", "seed"), [(250.0, 2), (100.0, 3)])
+def test_a_wave_between_two_of_the_catalogue_is_not_lost_to_its_alias(
+    bench: tuple[blind.Bench, blind.Eyes], phase: float, seed: int
+) -> None:
+    d = wavy(bench[0], 0.005, phase, seed)
+    assert (d.verdict, blind.names(d)) == ("explained", ["cyclic_error"])
+    assert abs(d.findings[0].setting["period"] - 40.0) < 0.2
+
+
+@pytest.mark.long
+def test_a_period_that_an_alias_of_it_equals_is_listed(bench: tuple[blind.Bench, blind.Eyes]) -> None:
+    """The noise of this run puts one of 36.9 mm ahead by less than 1."""
+    d = wavy(bench[0], 0.004, 100.0, 3)
+    periods = [d.findings[0].setting["period"], *(float(s["period"]) for s, _ in d.findings[0].aliases)]
+    assert min(abs(p - 40.0) for p in periods) < 0.2
 
 
 @pytest.mark.campaign

@@ -10,6 +10,7 @@ from ..compensate import targets
 from ..compensate.fit import Fit
 from ..compensate.proposal import Proposal
 from ..compensate.trial import Verdict
+from ..identify.words import summary
 from ..records import InputError, Machine
 from ._common import table
 
@@ -107,6 +108,7 @@ def text(proposal: Proposal) -> str:
         "",
         f"direction of the tool: {best.direction_before:.1f} µrad now, {best.direction_after:.1f} µrad after (rms)",
         f"rounding to the increment costs {best.rounding:.2f} µm",
+        *(f"in none of these numbers: {said}" for said in summary(proposal.not_identifiable)),
     ]
     if proposal.unseen:
         lines += [

@@ -107,9 +107,11 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
     """folder of a cell, proposal → what a person does, in order; for a sign trial without the step that asks for one."""
     most = max(zip(proposal.held, proposal.fit.change, strict=True), key=lambda pair: abs(float(pair[1])))[0]
     place = most.table if most.at is not None else most.place
+    given = [(name, value) for name, value in proposal.request.options.items() if value != proposal.module.OPTIONS[name].default]
     said = (
         "No source that was read states the signs, so do the sign trial first: "
         f"tango compensate -C {shlex.quote(str(cell))} --target {proposal.target} --sign-trial {shlex.quote(place)}"
+        + "".join(f" --set {shlex.quote(f'{name}={value}')}" for name, value in given)
     )
     steps = [said if text == SIGN_TRIAL else text for text in proposal.module.steps(proposal.request)]
     return [text for text in steps if text != said] if trial else steps

@@ -39,6 +39,7 @@ class Proposal:
     over: str
     uncorrected: Mapping[str, float]  # by place: what a control that corrects nothing stores where tool center point control acts
     unseen: float  # µm rms over the volume that the control takes away and the readings do not contain
+    not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
 
     @property
     def held(self) -> tuple[Held, ...]:
@@ -105,7 +106,8 @@ def propose(
     }
     given, size = present is not None, rms(holds.space @ unseen)
     said = over if not volume else "as given"
-    return Proposal(target, module, request, best, numbers, now, given, said, before, size)
+    not_shown = tuple(c.text for c in result.selection.unseen)
+    return Proposal(target, module, request, best, numbers, now, given, said, before, size, not_shown)
 
 
 def _some(places: set[str]) -> str:
@@ -187,6 +189,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "over": proposal.over,
         "present_given": proposal.given,
         "unseen_um": round(proposal.unseen, 4),
+        "not_identifiable": list(proposal.not_identifiable),
         "promise": {
             "rms_before_um": figure(best.rms_before),
             "rms_after_um": figure(best.rms_after),

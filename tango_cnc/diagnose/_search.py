@@ -28,20 +28,34 @@ from ._space import Space, below, best_noise, scan
 TOLD = 0.05  # of a steady pattern that a wandering noise would explain as well, where patterns are preferred
 MOST = 30  # candidates selected, single outliers included
 MOST_NAMED = 6
+PEAKS = 4  # waves of a cause that are refined before they are compared
 TOP = 8  # variants of a cause that are looked at when the best one has an impossible size
 UNDECIDED = 3.0  # score by which a rival must beat what is expected of every machine
 FEW = 20  # rows of a cause that might be a few outliers instead
 CLOSE = 12.0  # causes whose scores are no further apart are refined before they are compared
 
 
-def ranked(
-    place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array
-) -> tuple[list[tuple[float, int]], float]:
-    """chosen so far → (score, block) of the best significant block of every cause, best first; the base log likelihood."""
+def scored(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> tuple[Array, tuple[float, ...], float]:
+    """chosen so far → (blocks,) score of everything beside them, their noise, the base log likelihood."""
     selected = columns_of(place, chosen)
     ratios, _ = best_noise(place, selected)
     ratio, base = scan(place, cat.library, selected, below(ratios))
-    score = 2 * ratio[:, 0] - cat.price
+    return 2 * ratio[:, 0] - cat.price, ratios, float(base[0])
+
+
+def ranked(
+    place: Space,
+    cat: Catalogue,
+    chosen: Sequence[Chosen],
+    limits: Limits,
+    usual: Array,
+    scores: tuple[Array, tuple[float, ...], float] | None = None,
+) -> tuple[list[tuple[float, int]], float]:
+    """chosen so far, what `scored` says → (score, block) of the best significant block of every cause, best first; the base
+    log likelihood.
+    """
+    selected = columns_of(place, chosen)
+    score, ratios, base = scores or scored(place, cat, chosen)
     found = []
     for i, cause in enumerate(cat.causes):
         if not (cause or cat.nameless):
@@ -56,21 +70,51 @@ def ranked(
             if cat.plausible(cat.candidates[block], values):
                 found.append((float(score[block]), int(block)))
                 break
-    return sorted(found, reverse=True), float(base[0])
+    return sorted(found, reverse=True), base
+
+
+def peaks(cat: Catalogue, score: Array, block: int) -> list[int]:
+    """catalogue, scores (blocks,), the best block of a cause → it, and the tops of its other waves that come near, best first.
+
+    Between two waves of the catalogue the score of the one that is there falls so far that an alias of it may stand higher.
+    """
+    cause = cat.candidates[block].cause
+    name = next((n for n, way in cat.refine.get(cause, {}).items() if way == "wave"), None)
+    if name is None:
+        return [block]
+    courses: dict[str, list[tuple[float, int]]] = {}
+    for other in map(int, np.flatnonzero(cat.group == cat.causes.index(cause))):
+        setting = cat.candidates[other].setting
+        courses.setdefault(str({k: v for k, v in setting.items() if k != name}), []).append((float(setting[name]), other))
+    tops = []
+    for course in courses.values():
+        own = [other for _, other in sorted(course)]
+        height = np.concatenate([[-np.inf], score[own], [-np.inf]])
+        tops += [o for o, before, at, after in zip(own, height, height[1:], height[2:], strict=False) if before <= at >= after]
+    near = score[block] - nearness(float(score[block]))
+    return [block, *sorted((o for o in tops if o != block and score[o] > near), key=lambda o: -score[o])[: PEAKS - 1]]
+
+
+def nearness(score: float) -> float:
+    """the best score → by how much less another may have and still be refined before they are compared."""
+    return max(CLOSE, 0.35 * abs(score))
 
 
 def best_addition(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array) -> Chosen | None:
     """chosen so far → the candidate that explains most of the rest, refined; None when nothing is significant."""
-    found, _ = ranked(place, cat, chosen, limits, usual)
+    scores = scored(place, cat, chosen)
+    found, _ = ranked(place, cat, chosen, limits, usual, scores)
     if not found:
         return None
     selected = columns_of(place, chosen)
-    settings = below(best_noise(place, selected)[0])
-    near = [block for score, block in found if score > found[0][0] - max(CLOSE, 0.35 * abs(found[0][0]))][:6]
+    settings = below(scores[1])
+    near = [block for score, block in found if score > found[0][0] - nearness(found[0][0])][:6]
     others = [c.candidate for c in chosen]
     options = []
-    for block in near:
+    for block in (b for first in near for b in peaks(cat, scores[0], first)):
         start = cat.candidates[block]
+        if not cat.compatible(start, others):
+            continue
         one = refined(place, cat, start, selected, settings)
         if not cat.compatible(one.candidate, others):  # its shape has run into that of one of them
             one = Chosen(start, place.project(start.columns), float(cat.price[block]))

@@ -186,7 +186,7 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
         first += [s for s in own if s.kind == "missing_touches" and s not in first]
         rest = [less(s) for s in rest]
-    named = {(s.kind, s.touches) for s in rest}
+    named = {(s.kind, s.touches) for s in (*first[:1], *rest)}
     return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
 
 

@@ -47,9 +47,10 @@ def columns(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
         if not wrong.size:
             continue
         part = slice(int(wrong[0]), int(wrong[-1]) + 1)
-        still = np.ptp(own[part.start :]) < ALIKE and np.ptp(meant[part]) > np.radians(TURNED)
+        still = bool(np.ptp(own[part.start :]) < ALIKE and np.ptp(meant[part]) > np.radians(TURNED))
+        still |= name == "S" and not own[part.start :].any()  # what a control writes that knows no position of its spindle
         shifted = np.ptp(off[part]) < np.radians(TURNED) and len(off[part]) == len(wrong) and part.start >= FIRST
-        if len(wrong) < FEWEST or not (still or shifted) or not np.ptp(index[wrong]):  # of one indexation: that was turned
+        if not still and (len(wrong) < FEWEST or not shifted or not np.ptp(index[wrong])):  # of one indexation: that was turned
             return None
         value = float(own[wrong[0]]) if still else None
         found.append(Column(name, rows[wrong], meant[wrong], value, float(np.median(off[wrong]))))

@@ -32,12 +32,12 @@ def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | Non
         return
     numbers = [int(t) for t in readings.touch[rows[wrong.any(axis=1)]]]
     own = [name for name, there in zip(names, wrong.T, strict=True) if there.any()]
-    if not facets and len(own) == 1 and _is_one(touches, place[wrong.any(axis=1)], off[wrong]):
-        yield _one_indexation(own[0], numbers, float(np.degrees(np.median(off[wrong]))))
-        return
     lost = columns(cell, readings, run)
     if lost is not None:
         yield from (wrong_column(readings, column) for column in lost)
+        return
+    if not facets and len(own) == 1 and _is_one(touches, place[wrong.any(axis=1)], off[wrong]):
+        yield _one_indexation(own[0], numbers, float(np.degrees(np.median(off[wrong]))))
         return
     mirrored = np.abs(turned(made, -meant)) > np.radians(TURNED)
     counted = [n for n, here, other in zip(names, wrong.T, mirrored.T, strict=True) if here.any() and not other.any()]

@@ -13,13 +13,14 @@ from . import Cause, Coefficient, Setting, Shape
 from ._cause import Variants, fraction, label, moved_axes, need, times, wave
 
 RESOLVED = 1.0  # waves over the way of an axis by which two periods differ, or they are one
+FINE = 0.2  # waves over the way between two periods that are tried: at half of it little is lost of the one that is there
 SHORTEST, LONGEST = 5.0, 80.0  # mm
 
 
 def variants(touches: Touches) -> Variants:
     """touches → periods between 5 and 80 mm on every linear axis, so close that none falls between two."""
     for axis in moved_axes(touches, touches.machine.linear, 2 * LONGEST):
-        step = 0.4 / float(np.ptp(touches.axis(axis)))
+        step = FINE / float(np.ptp(touches.axis(axis)))
         for frequency in np.arange(1 / LONGEST, 1 / SHORTEST + step / 2, step):
             yield {"axis": axis, "period": float(1 / frequency)}
 
