@@ -65,7 +65,6 @@ POSTS_MAY = (
     "tango_cnc.records",
     "tango_cnc.nearest",
     "tango_cnc.gate",
-    "tango_cnc.plan.digest",
     "tango_cnc.commission",
     "postprocessors",
 )
@@ -183,6 +182,7 @@ def test_every_import_is_in_the_table(root: Path) -> None:
         ("sim_controller.world", "postprocessors"),
         ("tango_cnc.estimate", "sim_controller.world"),
         ("postprocessors.fanuc", "tango_cnc.plan.build"),
+        ("postprocessors.fanuc", "tango_cnc.plan.digest"),
         ("tango_cnc.link.protocols.grbl", "serial"),
         ("tango_cnc.link.protocols.dnc", "time"),
         ("tango_cnc.model", "random"),

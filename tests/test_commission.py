@@ -233,7 +233,10 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
         number = next(j.verdict.value for j in commission.judge(what) if j.experiment.belief == case.fails)
         after, events = seen(name, case, restated=partial(restated, case, number or 0.0))
     else:  # a setting of the control, which its post names
-        assert own, f"{name}: nothing says what of the control mends {case.fails}"
+        assert own, (
+            f"postprocessors/{name}.py: nothing says what of the control mends {case.fails}: state remedies=… in POST, "
+            f"with a row for {case.fails!r} (MACRO_B of _remedies.py is one to begin with; docs/dialects.md, Writing one)"
+        )
         after, events = seen(name, ALL_RIGHT, stated=case.stated)
     assert set(verdicts(after, "PASS")) == IN_THE_AIR, commission.judge(after)
     assert not set(NEAR) & set(events)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.controls import Ran, golden
-from support.dialects import EVERY
+from support.dialects import EVERY, klartext
 from support.gates import NEAR, ran
 from support.randomplans import example, random_plans
 from support.readback import renumbered
@@ -62,7 +62,7 @@ def test_what_a_dead_probe_does_where_nobody_asks_for_a_finger_is_said_before(na
 
 def counted(name: str, lines: list[str]) -> list[str]:
     """dialect, changed program → the same with its blocks counted anew, so that it is not refused for their numbers."""
-    return renumbered([line.partition(" ")[2] for line in lines]) if name == "heidenhain" else lines
+    return renumbered([line.partition(" ")[2] for line in lines]) if klartext(name) else lines
 
 
 def refused(name: str, made: Plan, lines: list[str]) -> bool:
@@ -266,11 +266,11 @@ def test_okuma_and_heidenhain_stop_with_the_text_before_the_slow_move(name: str,
     """Their comments move off the screen, or stand in the block before the one that is carried out."""
     post, made, given = load(name), golden(), {"show": "stop"}
     texts = list(program(post, made, given, plan_hash(made))[2]())
-    blocks = [line.partition(" ")[2] for line in texts] if name == "heidenhain" else texts
+    blocks = [line.partition(" ")[2] for line in texts] if klartext(name) else texts
     at, options = blocks.index(shown), settings_of(post, given)
 
     def read(lines: list[str], stated: Mapping[str, Any] = options) -> None:
-        numbered = [f"{i} {line}" for i, line in enumerate(lines)] if name == "heidenhain" else lines
+        numbered = [f"{i} {line}" for i, line in enumerate(lines)] if klartext(name) else lines
         readback.check(lambda: iter(numbered), made, stated, companions(post, made, given), written_in=post.language)
 
     read(blocks)

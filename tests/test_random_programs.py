@@ -4,7 +4,7 @@ Machines and tables are those of the examples; indexations, facets, stand-offs a
 twice, in two of five there is a box or a cylinder that the planner and the machine know, in two of five probe and spindle nose are
 longer, thicker or thinner than in the example, and of every other one the profile says something: words of clamps, called macros,
 another form of angles or numbers, cycle 444. Each program runs on the simulated control of its dialect, with a work offset active;
-a tool length is active where `OWN` in support/dialects.py says so (Fagor, Heidenhain, Okuma, Siemens), in the others none is. The
+a tool length is active where `LANGUAGES` (support/dialects.py) says so (Fagor, Heidenhain, Okuma, Siemens), else none is. The
 machine stops at a collision of ball, stylus, probe body or spindle nose with table, facet, ball or obstacle, and at a limit; it
 touches the facets that are meant and nothing else; besides, the probe and what carries it are looked at all along every turn of a
 rotary axis, by the simulator's transforms and without anything of the planner: their true distance from every body has to be 20 mm.

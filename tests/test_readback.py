@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 from support.blockcell import NORMALS, block, cell, machine
-from support.readback import GOLDEN, bare, changed, golden, lines_of, read_back, refused, renumbered
+from support.readback import GOLDEN, bare, changed, counted, golden, lines_of, read_back, refused, renumbered
 
-from postprocessors._base import names
+from postprocessors._base import load, names
 from tango_cnc.cli import guarded, tango
 from tango_cnc.plan import part, plan
 from tango_cnc.readback import check
@@ -382,7 +382,7 @@ def test_a_dead_probe_stops_nothing_where_the_count_of_misses_is_forgotten_betwe
     forgetful, times = re.subn(f"^({behind})$", rf"\1\n{reset}", text, flags=re.MULTILINE)
     assert times
     lines = forgetful.split("\n")
-    told = refused(renumbered(lines) if post == "heidenhain" else lines, post, **options)
+    told = refused(counted(post, lines), post, **options)
     assert "although no touch finds anything any more" in told, told
 
 
@@ -403,12 +403,12 @@ SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720"
     ],
 )
 def test_the_words_of_the_profile_stand_where_they_belong(post: str, old: str, new: str, words: str) -> None:
-    if post == "fagor" and old == "M721\n":  # the first ones stand in its stops
+    if load(post).language == "fagor" and old == "M721\n":  # the first ones stand in its stops
         old, new = "$ENDIF\nM721\n", "$ENDIF\n"
-    if post == "linuxcnc" and old == "M721\n":
+    if load(post).language == "rs274" and old == "M721\n":
         old, new = "\nM721\n(LOG,", "\n(LOG,"
     lines = changed(bare(post, golden(), **SWITCHES), old, new)
-    assert words in refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
+    assert words in refused(counted(post, lines), post, **SWITCHES)
 
 
 @pytest.mark.parametrize("post", ["centroid", "fagor", "heidenhain", "linuxcnc", "okuma", "siemens"])
@@ -418,7 +418,7 @@ def test_no_stop_leaves_the_probe_on(post: str) -> None:
     at = [i for i, line in enumerate(lines) if line == "M721"]
     assert len(at) > 4, "the end of the program, and its stops"
     del lines[at[0] if post in ("fagor", "linuxcnc") else at[-1]]
-    assert refused(renumbered(lines) if post == "heidenhain" else lines, post, **SWITCHES)
+    assert refused(counted(post, lines), post, **SWITCHES)
 
 
 @pytest.mark.parametrize(
@@ -449,7 +449,7 @@ def test_nothing_moves_before_the_spindle_has_been_told_to_stand(post: str, inst
     blocks = bare(post, golden())
     at, block = next((i, block) for i, block in enumerate(blocks) if re.search(r"\bM5$", block))
     lines = [*blocks[:at], block.removesuffix("M5") + instead, *blocks[at + 1 :]]
-    told = refused(renumbered(lines) if post == "heidenhain" else lines, post)
+    told = refused(counted(post, lines), post)
     assert re.search(r"before M5 is stated|without M5|M3|no (line|block)|outside of start mark", told), told
 
 
@@ -536,12 +536,12 @@ def _said_again(lines: list[str], at: int) -> bool:
     ],
 )
 def test_no_line_that_moves_asks_stops_or_records_may_be_missing(post: str, every: int) -> None:
-    lines, number = bare(post, golden()), renumbered if post == "heidenhain" else list
+    lines = bare(post, golden())
     passed, first = set(), 0
     if post == "siemens":  # the probe is asked twice before anything moves
         first = next(i for i, line in enumerate(lines) if line.startswith("SUPA"))
     for at in [i for i, line in enumerate(lines) if i >= first and CODE.match(line)][::every]:
-        if not refused(number([*lines[:at], *lines[at + 1 :]]), post) and not _said_again(lines, at):
+        if not refused(counted(post, [*lines[:at], *lines[at + 1 :]]), post) and not _said_again(lines, at):
             passed.add(lines[at])
     assert passed <= MAY_BE_MISSING
 

@@ -13,12 +13,13 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import pytest
 from support.dialects import SPOKEN
 from support.programmutants import mutant
-from support.readback import GOLDEN, MACRO_B, bare, read_back, refused, renumbered
+from support.readback import GOLDEN, MACRO_B, bare, counted, read_back, refused
 from support.rehearsed import Endless, Trace, carried_out, compared, short, worlds
 
 from postprocessors._base import names
@@ -71,7 +72,7 @@ def judged(case: Case, count: int, seed: int = 7) -> tuple[Counter[str], Counter
     """
     rng, options, made = random.Random(seed), dict(case.options), plan_of(case)
     lines = bare(case.post, made, **options)
-    number = renumbered if case.post == "heidenhain" else list
+    number = partial(counted, case.post)
     originals = [carried_out(case.post, number(lines), world) for world in worlds()]
     dangers: Counter[str] = Counter()
     caught: Counter[str] = Counter()
@@ -124,7 +125,7 @@ def test_the_judge_finds_the_right_program_harmless(case: Case) -> None:
     """And the control runs it to its end, so that a mutant has something to differ from."""
     made = plan_of(case)
     lines = bare(case.post, made, **dict(case.options))
-    lines = renumbered(lines) if case.post == "heidenhain" else lines
+    lines = counted(case.post, lines)
     originals = [carried_out(case.post, lines, world) for world in worlds()]
     assert not danger(case.post, originals, lines)
     assert re.search(r"TANGO END \w+ 3", " ".join(" ".join(originals[0][1]).split()))

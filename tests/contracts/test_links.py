@@ -1,7 +1,7 @@
 """What every protocol client must do, whatever its protocol; the conversations are the files of tests/transcripts/<protocol>/.
 
 `->` the client sends exactly this, `<-` it receives this, `..` seconds pass, `!!` the line is gone, `^C` the user
-wants an end, `=>` what it made of it.
+wants an end, `=>` what it made of it. `~~` stands where the control speaks before the client has sent all of its program.
 """
 
 import os
@@ -84,11 +84,13 @@ def escaped(data):
 def replay(protocol, file, pieces):
     """Plays a transcript; `pieces(data)` cuts what is received. → (events seen, what the transcript expects of them)
 
-    All that the client has to send until the page ends stands on the page.
+    All that the client has to send stands on the page, before the control speaks again and until the page ends.
     """
     one = client(protocol, options(file))
-    events, expected = [], []
+    events, expected, before = [], [], ""
     for mark, text in lines(file):
+        if mark == "<-" and before != "~~":
+            nothing_left(one, file, f" before\n<- {text}")
         if mark == "->":
             wanted, sent = unescaped(text), b""
             while len(sent) < len(wanted) and (piece := one.bytes_to_send(len(wanted) - len(sent))):
@@ -105,11 +107,19 @@ def replay(protocol, file, pieces):
             one.stop()
         elif mark == "=>":
             expected.append(text)
+        elif mark == "~~":
+            assert one.sent[0] < one.sent[1], f"{file}: ~~ stands where the client has sent its whole program; take it away"
         else:
             assert mark in ("# ", "#"), f"{file}: {mark!r} is no mark of a transcript"
-    left = one.bytes_to_send(1 << 20)
-    assert not left, f"{file}: the client sends what the page lacks: {WRITE} writes the line\n-> {escaped(left)}"
+        before = mark
+    nothing_left(one, file, "")
     return events, expected
+
+
+def nothing_left(one, file, where):
+    """Raises AssertionError when the client has something to send that its page lacks."""
+    left = one.bytes_to_send(1 << 20)
+    assert not left, f"{file}: the client sends what the page lacks: {WRITE} writes the line\n-> {escaped(left)}{where}"
 
 
 def rewritten(protocol, file):
@@ -120,13 +130,19 @@ def rewritten(protocol, file):
         "..": lambda text: one.elapsed(float(text)),
         "!!": lambda _: one.closed(),
     }
-    acts |= {"->": lambda text: one.bytes_to_send(len(unescaped(text))) and [], "^C": lambda _: one.stop() or []}
+    acts |= {"->": lambda text: one.bytes_to_send(len(unescaped(text))) and [], "^C": lambda _: [one.stop()][:0]}
     page = []
+
+    def unsent():
+        left = one.bytes_to_send(1 << 20)
+        return [f"-> {escaped(left)}"] if left else []
+
     for line in file.read_text(encoding="utf-8").splitlines():
+        if line[:2] == "<-" and not (page and page[-1].startswith("~~")):
+            page += unsent()
         if line[:2] != "=>":
             page += [line, *(f"=> {shown(event)}" for event in acts.get(line[:2], lambda _: [])(line[3:]))]
-    left = one.bytes_to_send(1 << 20)
-    return "\n".join([*page, *([f"-> {escaped(left)}"] if left else []), ""])
+    return "\n".join([*page, *unsent(), ""])
 
 
 @every_protocol
@@ -138,7 +154,10 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
             first = rewritten(protocol, TRANSCRIPTS / "file" / f"{name}.txt").partition("\n")[2]
             title = f"# {name.replace('_', ' ')}: written from another protocol; make it what this control sends"
             (folder / f"{name}.txt").write_text(f"{title}\n{first}", encoding="utf-8")
-    text = "".join(file.read_text(encoding="utf-8") for file in sorted(folder.glob("*.txt")))
+    files = sorted(folder.glob("*.txt"))
+    for file in files if os.environ.get("TANGO_GOLDEN") == "write" else ():
+        file.write_text(rewritten(protocol, file), encoding="utf-8")
+    text = "".join(file.read_text(encoding="utf-8") for file in files)
     assert text, f"tests/transcripts/{protocol}/ is missing; this writes first pages, for you to correct: {WRITE} -k {protocol}"
     for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):
         assert mark in text, (
@@ -146,6 +165,35 @@ def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(p
             f"{WRITE} -k {protocol} adds what the client makes of it (=>). Where the client speaks first, begin each page with "
             "what it sends (->) and what the control answers (<-)"
         )
+    assert not client(protocol).sent[1] or any(mark == "->" for file in files for mark, _ in lines(file)), (
+        f"tests/transcripts/{protocol}/: the client sends a program, and no page shows it (->). Write on a page what the control "
+        f"says (<-) before it takes the program; {WRITE} -k {protocol} adds what the client then sends"
+    )
+
+
+def page_of(tmp_path, *lines):
+    page = tmp_path / "page.txt"
+    page.write_text("\n".join(["# a page", *lines, ""]), encoding="utf-8")
+    return page
+
+
+def test_a_page_that_lacks_what_is_sent_before_the_control_speaks_is_refused_and_the_line_is_written(tmp_path):
+    """The client is over at the end of this page and sends nothing more: only before the answer can the line be missed."""
+    held = ("-> %\\nO0001 (TANGO", "<- \\x13", "!! closed", "=> Failed")
+    page = page_of(tmp_path, *held)
+    with pytest.raises(AssertionError, match=r"the client sends what the page lacks(.|\n)*before\s+<- "):
+        replay("dnc", page, lambda data: [data])
+    page.write_text(rewritten("dnc", page), encoding="utf-8")
+    assert [text for mark, text in lines(page) if mark == "->"] == [held[0][3:], " 5AFE0001)\\nG31 X25. F180\\nM30\\n%\\n"]
+    replay("dnc", page, lambda data: [data])
+
+
+def test_a_control_may_speak_before_all_is_sent_where_the_page_says_so_and_only_there(tmp_path):
+    first = "-> %\\nO0001 (TANGO"
+    replay("dnc", page_of(tmp_path, first, "~~", "<- \\x13", "!! closed"), lambda data: [data])
+    rest = "->  5AFE0001)\\nG31 X25. F180\\nM30\\n%\\n"
+    with pytest.raises(AssertionError, match="~~ stands where the client has sent its whole program"):
+        replay("dnc", page_of(tmp_path, first, rest, "~~", "<- \\x13", "!! closed"), lambda data: [data])
 
 
 @pytest.mark.few(24)
@@ -159,6 +207,13 @@ def test_the_conversation_means_what_its_page_says(protocol, file):
         name, _, rest = text.partition(" ")
         assert shown(event).startswith(name + " ")
         assert rest in shown(event)
+
+
+@pytest.mark.few(24)
+@every_conversation
+def test_writing_a_page_anew_changes_only_what_the_client_makes_of_it(protocol, file):
+    page, anew = (text.splitlines() for text in (file.read_text(encoding="utf-8"), rewritten(protocol, file)))
+    assert [line for line in anew if line[:2] != "=>"] == [line for line in page if line[:2] != "=>"]
 
 
 @pytest.mark.few(24)

@@ -55,10 +55,23 @@ G31 = Spoken("macro_b", frame=1)
 
 def usual(name: str) -> Spoken:
     """dialect → the control of its language, with nothing of its own."""
-    language = load(name).language
-    return G31 if language == "macro_b" else Spoken(language)
+    spoken = LANGUAGES[load(name).language] if load(name).language in LANGUAGES else Spoken(load(name).language)
+    return replace(spoken, library=beside(name)) if spoken.family in ("mach3", "mach4") else spoken
 
 
+def klartext(name: str) -> bool:
+    """dialect → whether its blocks are numbered, and its tables lie under TNC:\\."""
+    return load(name).language == "klartext"
+
+
+LENGTH = {"tool_lengths": {1: 326.674}}
+LANGUAGES = {  # what all controls of a language have: a relative under another name has it, too
+    "macro_b": G31,
+    "klartext": Spoken("klartext", LENGTH, ("TNC:\\TANGO.A", *mask())),
+    "fagor": Spoken("fagor", LENGTH),
+    "osp": Spoken("osp", LENGTH),
+    "siemens": Spoken("siemens", LENGTH),
+}
 OWN = {  # where a control is more than its language
     "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
     "haas": replace(
@@ -73,12 +86,6 @@ OWN = {  # where a control is more than its language
         },
     ),
     "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
-    "heidenhain": Spoken("klartext", {"tool_lengths": {1: 326.674}}, ("TNC:\\TANGO.A", *mask())),
-    "mach3": Spoken("mach3", library=beside("mach3")),
-    "mach4": Spoken("mach4", library=beside("mach4")),
-    "fagor": Spoken("fagor", {"tool_lengths": {1: 326.674}}),
-    "okuma": Spoken("osp", {"tool_lengths": {1: 326.674}}),
-    "siemens": Spoken("siemens", {"tool_lengths": {1: 326.674}}),
 }
 DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
 QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together

@@ -14,7 +14,7 @@ from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from support.controls import Ran
-from support.dialects import EVERY
+from support.dialects import EVERY, klartext
 from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
@@ -81,7 +81,7 @@ def ran(
         profile,
         punched,
         note,
-        spoken.library if name in ("brother", "heidenhain") else library,
+        spoken.library if name == "brother" or klartext(name) else library,
     )
     found.clock = lambda: motion.time
     if name == "grbl":

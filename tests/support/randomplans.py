@@ -22,7 +22,7 @@ POSES = {1: 0.5, 2: 0.38, 3: 0.12}  # how many, how often
 FACETS = {1: 0.5, 2: 0.3, 3: 0.12, 5: 0.08}  # at a pose
 CLEAR = 0.5  # mm between the search zone and where the second of two touches begins
 WISHES = ("clamps", "called", "angles", "decimals")  # of a profile, besides 444
-CLAMPS = {"linuxcnc": ("M64 P%d", "M65 P%d"), "mach3": ("M81%d", "M82%d"), "okuma": ("M2%d", "M3%d")}
+CLAMPS = {"rs274": ("M64 P%d", "M65 P%d"), "mach3": ("M81%d", "M82%d"), "osp": ("M2%d", "M3%d")}
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,7 @@ def options(name: str, drawn: Drawn) -> dict[str, Any]:
     if drawn.wish == "444" and "cycle" in known:
         return {"cycle": 444}
     if drawn.wish == "clamps" and "unclamp" in known:
-        loose, held = CLAMPS.get(name, ("M1%d", "M3%d"))
+        loose, held = CLAMPS.get(load(name).language, ("M1%d", "M3%d"))
         number = {axis: i for i, axis in enumerate(drawn.plan.machine.rotary, 1)}
         return {"unclamp": {a: loose % i for a, i in number.items()}, "clamp": {a: held % i for a, i in number.items()}}
     if drawn.wish == "called" and "macros" in known:
@@ -182,8 +182,8 @@ def settings(name: str, made: Plan, stated: Mapping[str, Any]) -> dict[str, Any]
     if stated.get("cycle") == 444 and approach.find is not None:
         retreat, radius = approach.find.retreat, made.machine.probe.tip_radius
         return {"probe_table": {"F": approach.feed, "DIST": retreat + approach.search, "SET_UP": retreat, "R": radius}}
-    if name == "grbl":
+    if load(name).language == "grbl":
         return {key: {axis: int(word[1:]) for axis, word in words.items()} for key, words in stated.items()}
-    if name == "centroid" and "clamp" in stated:
+    if load(name).language == "centroid" and "clamp" in stated:
         return {"macros": ("M19", *stated["unclamp"].values(), *stated["clamp"].values())}
     return {}

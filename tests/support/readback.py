@@ -10,6 +10,7 @@ from typing import Any
 
 from postprocessors import heidenhain
 from postprocessors._base import companions, load, names, program, settings
+from support.dialects import klartext
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.readback import check
@@ -60,11 +61,16 @@ def refused(lines: list[str], post: str = "fanuc", made: Plan | None = None, bes
 
 def bare(post: str, made: Plan, **options: Any) -> list[str]:
     """→ the lines of a program without the block numbers that Klartext has."""
-    return [re.sub(r"^\d+ ", "", line) if post == "heidenhain" else line for line in lines_of(post, made, **options)]
+    return [re.sub(r"^\d+ ", "", line) if klartext(post) else line for line in lines_of(post, made, **options)]
 
 
 def renumbered(lines: list[str]) -> list[str]:
     return list(heidenhain.numbered(iter(lines)))
+
+
+def counted(post: str, lines: list[str]) -> list[str]:
+    """dialect, blocks without numbers → the lines of a program, numbered where the language numbers them."""
+    return renumbered(lines) if klartext(post) else lines
 
 
 def changed(lines: list[str], old: str, new: str, times: int = 1) -> list[str]:

@@ -12,7 +12,7 @@ from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from support.controls import GOLDEN, Ran, run_on
-from support.dialects import DRIVEN, EVERY, OFFSETS, driven
+from support.dialects import DRIVEN, EVERY, OFFSETS, driven, klartext
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Failed, Touched
 from tango_cnc.link._trust import Gate, judge
@@ -34,7 +34,7 @@ def ran(made: Plan, name: str, world: World, stuck: bool = False) -> tuple[list[
         return driven_to_its_end(made, family, profile, world, stuck)
     library = spoken.library
     if files := companions(load(name), made, {}):
-        library = tuple(line for file, lines in files.items() for line in (file if name != "heidenhain" else library[0], *lines))
+        library = tuple(line for file, lines in files.items() for line in (library[0] if klartext(name) else file, *lines))
     lines = list(program(load(name), made, {}, plan_hash(made))[2]())
     done = run_on(
         lambda motion, punch, note: family.Control(motion, profile, punch, note, library),

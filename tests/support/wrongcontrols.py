@@ -119,9 +119,9 @@ def elsewhere(text: bytes) -> bytes:
     return b"\n".join(re.sub(rb"([XK])( *-? *\d*\.\d+)", moved, line) if b"H" in line else line for line in text.split(b"\n"))
 
 
-def looks_at(name: str, which: int) -> object:
-    """siemens or fagor, input → the value of probe_state that goes with it."""
-    return True if name == "siemens" else f"V.G.PRBST{which}"
+def looks_at(spoken: str, which: int) -> object:
+    """language siemens or fagor, input → the value of probe_state that goes with it."""
+    return True if spoken == "siemens" else f"V.G.PRBST{which}"
 
 
 def looks(post: Post) -> bool:
@@ -133,6 +133,7 @@ def looks(post: Post) -> bool:
 def cases(name: str) -> dict[str, Case]:
     """dialect → {belief: the control on which it is wrong}."""
     post = load(name)
+    spoken = post.language
     found = {
         "alive": Case("alive", {"probe": "other"}, names="cable"),
         "deflected": Case(None if looks(post) else "deflected"),
@@ -153,18 +154,18 @@ def cases(name: str) -> dict[str, Case]:
         "append": Case("append", {}, {}, {"records_file": "anew"}, "records_file", overwrites=True),
         "rollover": Case("rollover", {"short_way": ("C",)}, names="nearer", restated=nearer),
     }
-    if post.language not in IN_MACHINE:
+    if spoken not in IN_MACHINE:
         found["mirror"] = Case("mirror", {"habits": {"scaled": {"Z": -1.0}}, "stands": {"Z": 700.0}}, names="mirror image")
     word = next((option.default for option in post.options if option.name == "orient"), False)
-    if isinstance(word, str) and name != "grbl":
+    if isinstance(word, str) and spoken != "grbl":
         turns = {"habits": {"orient": "P"}}
         found["orientation"] = Case("orientation", turns, {}, {"orient": "M19 P"}, "orient", person=False, oriented="M19 P")
     habits = EVERY[name].settings
-    if post.language == "macro_b" and habits.get("overflow") != "expanded":  # where fields do not grow
+    if spoken == "macro_b" and habits.get("overflow") != "expanded":  # where fields do not grow
         found["widths"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
-    if post.language == "macro_b":  # they have a variable for the input
+    if spoken == "macro_b":  # they have a variable for the input
         found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
-    if post.language == "macro_b" and not habits.get("lettered"):  # they read positions by number
+    if spoken == "macro_b" and not habits.get("lettered"):  # they read positions by number
         numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
@@ -172,34 +173,34 @@ def cases(name: str) -> dict[str, Case]:
         found["alive"] = Case("alive", {"habits": {"skip_word": "G31 P1"}}, {}, {"skip": "G31 P1"}, "skip")
     if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
-    if name == "okuma":
+    if spoken == "osp":
         found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[1001]"}, "probe_state")
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         offset = {"contact_frame": "work", "g54": {"X": 5.0, "Y": 2.0}}
         found["frames"] = Case("frames", {"habits": offset}, names="contact")
-    if name in ("siemens", "fagor"):
-        found["alive"] = Case("alive", {"habits": {"probe_input": 2}}, {"probe_state": looks_at(name, 1)}, None, "probe_input")
-        found["alive"] = replace(found["alive"], mended={"probe_input": 2, "probe_state": looks_at(name, 2)})
-    if name == "fagor":
+    if spoken in ("siemens", "fagor"):
+        found["alive"] = Case("alive", {"habits": {"probe_input": 2}}, {"probe_state": looks_at(spoken, 1)}, None, "probe_input")
+        found["alive"] = replace(found["alive"], mended={"probe_input": 2, "probe_state": looks_at(spoken, 2)})
+    if spoken == "fagor":
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         found["records"] = Case("records", {"habits": {"identifiers": 4}}, names="output")
-    if name == "heidenhain":
+    if spoken == "klartext":
         found["miss"] = Case("miss", {"habits": {"no_contact": "error"}}, names="parameter")
         found["frames"] = Case("frames", {"habits": {"rotation": {"C": 3.0}}}, names="rotation")
         found["mirror"] = Case("mirror", {"habits": {"axis_scale": {"Z": 2.0}}}, names="scaling")
-    if name == "siemens":
+    if spoken == "siemens":
         found["feed"] = Case("feed", {"skip_obeys": True}, {"feed_override": "ignored"}, {"feed_override": "acts"}, "feed_override")
         found["frames"] = Case("frames", {"habits": {"transformation": True}}, {"trafoof": False}, {"trafoof": True}, "trafoof")
-    if name == "linuxcnc":
+    if spoken == "rs274":
         found["frames"] = Case("frames", {"habits": {"rotation": {"R": 3.0}}}, names="rotation")
         found["rotary"] = Case("rotary", {"slack": {"B": 1.0}, "brake": 64}, {}, {"unclamp": {"B": "M64 P3"}}, "unclamp")
-    if name == "centroid":  # whose M codes are macros of the builder
+    if spoken == "centroid":  # whose M codes are macros of the builder
         found["rotary"] = replace(found["rotary"], wrong={**found["rotary"].wrong, "habits": {"macros": ("M19", "M11")}})
-    if name == "grbl":
+    if spoken == "grbl":
         found["rotary"] = Case("rotary", {"habits": {"unclamp": {"B": 11}}}, {}, {"unclamp": {"B": "M11"}}, "unclamp")
-    if name in ("centroid", "mach3"):
+    if spoken in ("centroid", "mach3"):
         found["frames"] = Case("frames", {"habits": {"inches": True}}, names="position")
-    if name == "grbl":  # its driver writes the records itself
+    if spoken == "grbl":  # its driver writes the records itself
         found["miss"] = Case("miss", {"probe": "chatter"}, names="contact")
         found = {belief: case for belief, case in found.items() if belief not in ("frames", "records", "end", "widths", "append")}
     return found
