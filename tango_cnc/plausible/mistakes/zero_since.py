@@ -18,7 +18,7 @@ MORE = 3.0  # for an end
 SEVERAL = 6.0  # for all axes at once
 NEARLY = 0.9  # of what an axis does to a part of a run is of one indexation: then that was turned
 MOSTLY = 0.5  # and so much of that indexation is in the part
-LEAST = 0.005  # mm, or of a metre: less is a drift
+LEAST, LEAST_TURN = 0.05, math.radians(0.03)  # mm, rad: less is a knock or a drift, nothing that somebody sets
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
@@ -27,7 +27,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     touches = from_readings(machine, case.artefact, case.readings)
     for names in (*((name,) for name in (*machine.linear, *machine.rotary)), tuple(machine.linear)):
         found = zero_changed(case, names)
-        if found is None or np.abs(found.size).max() < LEAST / (1 if names[0] in machine.linear else 1000):
+        if found is None or np.abs(found.size).max() < (LEAST if names[0] in machine.linear else LEAST_TURN):
             continue
         if names[0] in machine.rotary and _is_one(touches, names[0], found.part):
             continue
