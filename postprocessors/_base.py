@@ -107,9 +107,8 @@ class Post:
     companions: Callable[[Job], Mapping[str, Lines]] = field(default=lambda job: {})  # file name → lines that the control needs too
     gate: Step | None = None  # the slow move before the first descent during which somebody touches the stylus
     memory: int = 0  # kB that a program may have where the profile states nothing; 0: it is never split for its size
-    alarms: Callable[[Mapping[str, Any]], Mapping[str, str]] = field(
-        default=lambda options: {}
-    )  # number of its own alarm → its text
+    # options → {number of an alarm that the program itself raises: its text}
+    alarms: Callable[[Mapping[str, Any]], Mapping[str, str]] = field(default=lambda options: {})
     remedies: Remedies = field(default_factory=dict)  # belief of 'tango commission' → what of the control itself mends it
 
     def __post_init__(self) -> None:

@@ -46,8 +46,8 @@ STOPS = (
     "CONTROL SAYS CONTACT WHERE NOTHING WAS MET",
 )
 DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED, FRAMED, INCHES, UNMET = range(1, len(STOPS) + 1)
-FRAME = (("TR", ""), ("FI", ""), ("RT", ""), ("SC", "-1."))  # components of a frame, and how each becomes 0 where there is none
-LEFT = 0.0001  # mm, deg: a frame that is less is none
+FRAME = (("TR", ""), ("FI", ""), ("RT", ""), ("SC", "-1."))  # component of a frame, what makes it 0 where no frame is on
+LEFT = 0.0001  # mm, deg: a smaller frame counts as none
 OUTPUT = "device (/dev/ext/1: LF is written) or file of the control (_N_TANGO_MPF: the control ends the lines) for the records"
 
 AT_THE_PANEL = ("DRY RUN OFF - IT ACTS ON MEAS MOVES AND MAKES THE SLOW ONES FAST",)
@@ -391,6 +391,9 @@ def _check(job: Job) -> None:
             raise InputError(
                 f"controller.machine_axes: found {axis!r}: {named!r}; allowed: a name such as X1 for {', '.join(letters)}"
             )
+    names = [options["machine_axes"].get(letter, letter) for letter in letters]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"controller.machine_axes: found {twice!r} for two axes; allowed: a name of its own for each axis")
     common.fits(job)
 
 

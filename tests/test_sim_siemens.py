@@ -127,7 +127,7 @@ def test_a_file_that_is_full_stops_the_program(made: Plan) -> None:
 
 
 def still(ran: Ran) -> bool:
-    """→ whether no axis was told to move."""
+    """→ whether the program has moved no axis."""
     return not any(event in ("rapid", "feed", "skip", "touch", "miss") for event, _ in ran.events)
 
 
@@ -183,6 +183,8 @@ def test_a_control_that_wants_names_of_machine_axes_says_so_before_anything_move
         lines_of(made, machine_axes={"Q": "X1"})
     with pytest.raises(InputError, match="machine_axes: found 'X': 'x 1'"):
         lines_of(made, machine_axes={"X": "x 1"})
+    with pytest.raises(InputError, match="machine_axes: found 'Y' for two axes"):
+        lines_of(made, machine_axes={"X": "Y"})
 
 
 def test_a_clamped_axis_is_noticed_by_its_encoder_and_not_by_where_it_was_sent(made: Plan) -> None:

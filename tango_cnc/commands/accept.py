@@ -130,7 +130,7 @@ def _doubt(origin: Origin, simulated: bool) -> str:
         return (
             f"origin unknown: there is no {beside} beside {name} that can be read, so nothing says which machine was measured, "
             f"and by which program. Put the {beside} that 'tango run' wrote with these readings there. "
-            "If there is none, measure with 'tango run', and accept by those readings"
+            "If that file is lost, measure with 'tango run' once more and accept those readings"
         )
     if said_of_origin(origin) or simulated:
         return "these are readings of the simulated machine, so nothing says that a machine was measured. Measure with 'tango run'"

@@ -54,7 +54,7 @@ def formula(text: str, values: Mapping[int, float]) -> float:
 
 
 def text_of(source: str, values: Mapping[int, float], texts: Mapping[int, str]) -> str:
-    """`QS1 || QS2` → its text; only DECLARE STRING takes characters. Raises Alarm for what is none, or longer than 255."""
+    """`QS1 || QS2` → its text; only DECLARE STRING takes characters. Raises Alarm for anything else, or beyond 255."""
     found, at = "", 0
     while True:
         match = _PART.match(source, at)

@@ -17,26 +17,7 @@ from .program import Block, block_of, jumped_to, partners_of
 
 __all__ = ["Control", "Profile", "default_profile"]
 
-G_CODES = {
-    "G0",
-    "G1",
-    "G4",
-    "G17",
-    "G18",
-    "G19",
-    "G40",
-    "G53",
-    "G54",
-    "G500",
-    "G60",
-    "G601",
-    "G64",
-    "G71",
-    "G90",
-    "G91",
-    "G94",
-    "G710",
-}
+G_CODES = {f"G{n}" for n in (0, 1, 4, 17, 18, 19, 40, 53, 54, 500, 60, 601, 64, 71, 90, 91, 94, 710)}
 WORDS = {"TRAFOOF", "TRANS", "ROT", "TOROTOF", "STOPRE"}
 CALLS = {"MSG", "SETAL", "WRITE", "EXTOPEN", "EXTCLOSE", "CYCLE800"}
 TYPES: dict[str, Value] = {"INT": 0, "REAL": 0.0, "BOOL": False, "STRING": ""}

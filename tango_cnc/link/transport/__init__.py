@@ -43,7 +43,7 @@ def foreseen(address: Address) -> None:
 
 
 def said_before(address: Address) -> str:
-    """address → what a person has to know of what is there before the run begins; nothing is opened for long, '' for nothing."""
+    """address → what a person has to know of what is there before the run begins; '' for nothing."""
     return ways()[address.scheme].before(address)
 
 

@@ -220,9 +220,7 @@ def _gross(case: Case, columns: list[int]) -> tuple[Part, Array] | None:
     rows, total = slice(part.first, part.end), chosen[choice]
     for _ in range(2):  # a turn is no straight line
         moved = np.array(position)
-        moved[rows, columns[0] : columns[0] + 1] -= total[:1]
-        for j, column in enumerate(columns[1:], 1):
-            moved[rows, column] -= total[j]
+        moved[rows, columns] -= total
         total = total + np.median(_needed(case, moved, columns, away(case, moved))[rows], axis=0)
     return part, total
 

@@ -17,7 +17,7 @@ from ._midway import FEWEST, SEEN, Left, along
 TOWARD = 0.7  # cosine between a normal and an axis of the machine
 MANY = 0.05  # share of all touches that some of all are
 MOST = 0.6
-SINGLE = 1.5  # price of each touch that is said to be late by itself
+SINGLE = 1.5  # price of each single touch that the hypothesis calls late
 OFF = 0.02  # mm, and 20 times the repeatability: what is less is no latch
 ROUNDS = 8
 

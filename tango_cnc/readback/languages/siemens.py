@@ -48,7 +48,7 @@ ASKED = {  # what the control says of itself → name here, its value where all 
     "$P_TRAFO": ("TRAFO", 0.0, "a transformation is on"),
 }
 PARTS = re.compile(r"\$(?:P_ACTFRAME|AC_DRF)\[([A-Z])(?:,([A-Z]{2}))?\]")
-FRAME = {"TR": 0.0, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": 0.0}  # component of a frame → its value where there is none
+FRAME = {"TR": 0.0, "FI": 0.0, "RT": 0.0, "SC": 1.0, "MI": 0.0}  # component of a frame → its value where no frame is on
 END_POINT = "65535"
 SAME_AS = {
     "G60": "G61",

@@ -1,4 +1,4 @@
-"""Twins that a jump has sent ahead to a label: what they leave out until they are there, and what all are told by TCH PROBE 4."""
+"""A jump sends twins ahead to a label: they skip every statement up to it. TCH PROBE 4 gives its results to the others."""
 
 from __future__ import annotations
 
