@@ -104,7 +104,7 @@ def since_told(a: Mapping[str, Any], t: Texts) -> str:
     since, first = a.get("since"), a.get("first")
     if a.get("moves_from"):
         return t("morning.since_drift", good=day(since, t, False), bad=day(first, t, False))
-    if not first or first == since:
+    if not first or first == since or a.get("rate_per_day"):
         return t("morning.since_text", good=day(since, t))
     if days_between(since, first) == 1:
         return t("morning.since_next", bad=day(first, t))
