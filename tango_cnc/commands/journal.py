@@ -1,4 +1,4 @@
-"""`tango journal`: what the journals of a cell hold, whether they are whole, and what can be saved of one that is not."""
+"""`tango journal`: show the journals of the runs, and save what can be saved of a damaged one."""
 
 from __future__ import annotations
 
