@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
@@ -19,12 +20,13 @@ from test_compensate_promise import drawn
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
-from sim_controller.world import Control
+from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
+from tango_cnc import kinematics
 from tango_cnc.cli import tango
 from tango_cnc.commands._compensate import text
 from tango_cnc.commands.check import positioning_feed
 from tango_cnc.commands.design import gate_of
-from tango_cnc.compensate import Proposal, loop, propose
+from tango_cnc.compensate import Proposal, loop, propose, turned
 from tango_cnc.compensate.hidden import Present
 from tango_cnc.compensate.look import Look, look
 from tango_cnc.compensate.outcome import Outcome, outcome
@@ -38,7 +40,7 @@ from tango_cnc.touches import from_readings
 SEEDS = int(os.environ.get("TANGO_SEEDS") or "5")
 FIRST = int(os.environ.get("TANGO_SEED") or "0")
 EXAMPLES = ("trunnion", "hu40t", "split", "fork_head", "huron", "three_axis_calibrated")
-TARGETS = ("siemens", "fanuc", "heidenhain", "linuxcnc", "iso230")
+TARGETS = tuple((os.environ.get("TANGO_TARGETS") or "siemens fanuc heidenhain linuxcnc iso230").split())
 
 
 def run(*arguments: object) -> Result:
@@ -236,3 +238,56 @@ def test_the_center_of_an_axis_that_never_turned_keeps_its_value(target: str) ->
     again = propose(result, target, SETTINGS.get(target, ()), Present(there, {}), tcp=False)
     assert all(again.numbers[place] == there[place] for place in kept)
     assert "keep their present values" in text(made) and kept[0] in text(made)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"), [("split", ("tables=no",)), ("split", ("vectors=no", "tables=no", "fixture_offset=G54"))]
+)
+def test_kinematics_alone_are_judged_by_one_feature_at_two_angles(name: str, settings: tuple[str, ...], tmp_path: Path) -> None:
+    """Program coordinates of a boss at C 0 and C 180, by the true machine of the simulator, with scatter."""
+    cell, true, result = before(name, 3)
+    proposal = propose(result, "fanuc", settings)
+    (tmp_path / "tango.yaml").write_text("tango: 1\n")
+    kept = loop.store(tmp_path, proposal, "2026-01-01T00:00:00Z")
+    asked = Short(kept, Before(result, 1.0), proposal.held, tcp=True, first_tcp=False)
+    fixture = len(settings) > 1
+    expected = turned.turn(asked, "C", np.pi, fixture=fixture)
+    wrong = {h.place: h.number(2 * h.value(proposal.present[h.place]) - h.value(proposal.numbers[h.place])) for h in proposal.held}
+    for numbers, word in ((dict(proposal.numbers), "kept"), (dict(proposal.present), "no help"), (wrong, "no help")):
+        control = read(write(replace(proposal, numbers=numbers), tmp_path / word), cell.machine)
+        for seed in range(5):
+            seen = boss(cell, true, control, fixture=fixture) + np.random.default_rng(seed).normal(size=2) * 1e-3
+            found = turned.judged(asked, expected, seen)
+            assert found.verdict == word, found.text
+
+
+def boss(cell: Cell, world: World, control: Control, *, fixture: bool) -> np.ndarray:
+    """Cell, true machine, its control → (2,) mm by which a boss at C 180 is elsewhere in the program than at C 0."""
+    machine, chain = cell.machine, kinematics.chain(cell.machine)
+    at = np.zeros((2, len(machine.names)))
+    at[1, machine.column("C")] = np.pi
+    at[1] = kinematics.inverse(chain, at[1:], kinematics.tip(chain, at[:1]))[0]
+    still = np.zeros_like(at)
+    true = true_machine(machine, replace(world, stylus={}), control)
+    error = tip_in_table(true, at, still) - tip_in_table(nominal_machine(machine), at, still)
+    away = error[0] - error[1]
+    return (np.linalg.inv(kinematics.affine(chain, at)[2][1]) @ away if fixture else away)[:2]
+
+
+def test_steps_of_kinematics_alone_say_what_to_look_at_by_hand(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "split", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    settings = ("--set", "vectors=no", "--set", "tables=no", "--set", "fixture_offset=G54")
+    assert run("compensate", "-C", cell, "--target", "fanuc", "--simulated", *settings).exit_code == 0
+    kept = loop.one(cell, 1)
+    steps = (kept.folder / "steps.txt").read_text()
+    assert "with G54.2 on, in G54" in steps and "--measured 1 --turned C=180:X=MM,Y=MM" in steps
+    assert run("compensate", "-C", cell, "--written", 1).exit_code == 0
+    found = re.search(r"is X (\S+) Y (\S+) mm where the numbers act, and X (\S+) Y (\S+) mm where", steps)
+    assert found is not None
+    for (x, y), word in (((found[1], found[2]), "kept"), ((found[3], found[4]), "no help")):
+        asked = run("compensate", "-C", cell, "--measured", 1, "--turned", f"C=180:X={x},Y={y}", "--json", "-")
+        assert json.loads(asked.stdout)["verdict"] == word
+    refused = run("compensate", "-C", cell, "--measured", 1, "--turned", "B=90:X=0,Z=0")
+    assert "allowed: a rotary axis of the table (C)" in str(refused.exception)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 from collections.abc import Mapping
 from datetime import datetime
@@ -9,16 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import yaml
 
-from ..compensate import loop, targets
+from ..compensate import Proposal, as_json, loop, targets
+from ..compensate import turned as turn
 from ..compensate.look import Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
 from ..compensate.shares import Before
 from ..compensate.short import FEW, Short, by_part, not_all, short_outcome
 from ..compensate.space import Held
 from ..duration import spoken
-from ..estimate import estimate
+from ..estimate import Estimate, estimate
 from ..files import read_cell, read_readings, strategy_text, write_text
 from ..files.checked import read_text
 from ..files.origin import look_up
@@ -135,6 +138,60 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
     if not write_json(options["json_file"], data):
         click.echo(_text(cell, kept, asked, found, place))
     return 0
+
+
+def turned(cell: Cell, kept: loop.Kept, text: str) -> tuple[Outcome, list[str]]:
+    """cell, compensation, --turned → outcome, places that act with tool center point control only. Raises InputError."""
+    asked = _asked(cell, kept, _days(kept, None), tcp=True)
+    if not turn.alone(asked):
+        raise InputError(
+            f"--turned: found compensation {kept.number}, which changes tables as well; allowed: one of kinematics alone. For the "
+            f"others: 'tango compensate --short-check {kept.number}'"
+        )
+    axis, angle, values = turn.of_text(text)
+    expected = turn.turn(asked, axis, angle, fixture=_fixture(kept.record))
+    if set(values) != set(expected.letters):
+        raise InputError(f"--turned: found {', '.join(values)}; allowed: {' and '.join(expected.letters)}, across the axis {axis}")
+    found = turn.judged(asked, expected, np.array([values[letter] for letter in expected.letters]))
+    return found, switched(kept.record, asked.held)
+
+
+def _fixture(record: Mapping[str, Any]) -> bool:
+    """record → whether a work offset alone holds the center: its axes keep their directions while the table turns (G54.2)."""
+    options = record["options"]
+    return options.get("vectors") == "no" and str(options.get("fixture_offset", "unused")).startswith("G")
+
+
+def by_hand(cell: Cell, proposal: Proposal, result: Estimate, *, tcp: bool) -> list[str]:
+    """cell, proposal, its estimate, --tcp → steps by which a person sees whether kinematics alone act; none where tables change."""
+    record = as_json(proposal)
+    asked = Short(loop.Kept(0, cell.folder, record), Before(result, 0.0), proposal.held, tcp=True, first_tcp=tcp)
+    if not turn.alone(asked):
+        return []
+    fixture = _fixture(record)
+    found = turn.usual(asked, fixture=fixture)
+    if found is None:
+        return [
+            "No touch without tool center point control sees these numbers, and no table turns that could show them by hand: "
+            "run the probing program with it on, and state --tcp with --measured"
+        ]
+    angle, here = f"{np.degrees(found.angle):g}", f"tango compensate -C {shlex.quote(str(cell.folder))}"
+    first, second = (
+        " ".join(f"{a} {v:+.4f}" for a, v in zip(found.letters, at, strict=True)) for at in (found.without, found.within)
+    )
+    mode = (
+        f"with G54.2 on, in {proposal.request.options['fixture_offset']}, a boss or bore that is the zero of the part"
+        if fixture
+        else "with tool center point control on, in coordinates that turn with the table, a boss or bore on the table"
+    )
+    return [
+        "Programs of this project touch without tool center point control: 'tango run' does not see these numbers. "
+        f"Look by hand: {mode}. Find its center by the control's own cycle at {found.axis} 0, and again at {found.axis} {angle}. "
+        f"The second center minus the first is {second} mm where the numbers act, and {first} mm where they do not.",
+        f"Judge it: {here} --measured {loop.NUMBER} --turned {found.axis}={angle}:"
+        + ",".join(f"{letter}=MM" for letter in found.letters)
+        + " (the second minus the first)",
+    ]
 
 
 def _write(cell: Cell, found: Look, place: Path) -> None:

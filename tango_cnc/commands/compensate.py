@@ -69,6 +69,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
 @click.option("--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs.")
+@click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
 @click.option(
@@ -158,7 +159,8 @@ def command(**options: Any) -> int:
     source = current(folder, options["file"])
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
     known = _short_check.made_from(source.read_text(encoding="utf-8-sig"), terms, options["degree"], tcp=options["tcp"] is True)
-    kept = loop.store(folder, proposal, _now(), options["out"], rows(source), simulated=simulated, made_from=known)
+    by_hand = _short_check.by_hand(cell, proposal, result, tcp=options["tcp"] is True)
+    kept = loop.store(folder, proposal, _now(), options["out"], rows(source), simulated=simulated, made_from=known, by_hand=by_hand)
     if options["out"] is None:
         recorded(folder)
     click.echo(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
@@ -211,9 +213,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
     steps = "\n".join(f"  {line}" for line in lines)
     names = ", ".join(proposal.files)
     after = (
-        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n"
-        f"  tango run -C {folder} --readings after.csv\n"
-        f"{_measure(folder, kept)}"
+        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n{_measure(folder, kept)}"
         if counted
         else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
@@ -234,21 +234,35 @@ def _written(folder: Path, number: int) -> int:
     loop.note(folder, kept, _now(), "written")
     recorded(folder)
     click.echo(
-        f"compensation {number} ({kept.record['target']}) is noted as written. Measure again:\n"
-        f"  tango run -C {folder} --readings after.csv\n"
+        f"compensation {number} ({kept.record['target']}) is noted as written. Look whether it has helped:\n"
         f"{_measure(folder, kept)}"
     )
     return 0
 
 
 def _measure(folder: Path, kept: loop.Kept) -> str:
-    """cell, compensation → the command that judges it by the run before, as it stands: programs of this project probe without
-    tool center point control.
+    """cell, compensation → the commands that judge it: by a short check, by the whole strategy, or by hand where touches cannot.
+
+    Programs of this project probe without tool center point control.
     """
-    line = f"  tango compensate -C {folder} --measured {kept.number} --readings after.csv"
-    if not any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"]):
-        return line
-    return f"{line} --no-tcp\n(--tcp in place of --no-tcp where tool center point control was on in that run)"
+    if hand := [text for text in kept.record["steps"] if "--turned" in text]:
+        return f"  the last steps of {kept.folder / loop.STEPS} say how: {hand[0].partition('. ')[2]}"
+    tcp = any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"])
+    how = " --no-tcp" if tcp else ""
+    check, here = folder / loop.FOLDER / f"{loop.CHECK}{kept.number:03d}", f"  tango compensate -C {folder}"
+    short = [
+        f"{here} --short-check {kept.number}",
+        f"  tango run -C {check}",
+        f"{here} --measured {kept.number} --readings {check / 'readings.csv'}{how}",
+        "or with the whole strategy, which says more:",
+    ]
+    lines = [
+        *(short if "made_from" in kept.record else []),
+        f"  tango run -C {folder} --readings after.csv",
+        f"{here} --measured {kept.number} --readings after.csv{how}",
+        *(["(--tcp in place of --no-tcp where tool center point control was on in that run)"] if tcp else []),
+    ]
+    return "\n".join(lines)
 
 
 def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
@@ -274,6 +288,8 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
         )
+    if options["turned"] is not None:
+        return _noted(cell, kept, *_short_check.turned(cell, kept, options["turned"]), tcp=True, json_file=options["json_file"])
     file: Path | None = options["file"]
     if file is None:
         raise InputError(
@@ -286,15 +302,18 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         found, places = _short_check.judged(cell, kept, file, options["tcp"])
     else:
         found, places = _by_itself(cell, kept, options)
+    return _noted(cell, kept, found, places, tcp=bool(options["tcp"]), json_file=options["json_file"])
+
+
+def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
+    """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
-    loop.note(
-        cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": bool(options["tcp"])} if places else {})
-    )
+    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)
-    data = {"format": "tango-compensation-outcome/1", "compensation": number, "verdict": found.verdict, **figures}
+    data = {"format": "tango-compensation-outcome/1", "compensation": kept.number, "verdict": found.verdict, **figures}
     data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
-    if not write_json(options["json_file"], data):
-        click.echo(f"compensation {number}: {found.verdict}: {found.text}")
+    if not write_json(json_file, data):
+        click.echo(f"compensation {kept.number}: {found.verdict}: {found.text}")
     return 0 if found.verdict == "kept" else TangoError.exit_code
 
 

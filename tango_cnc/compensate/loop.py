@@ -28,11 +28,11 @@ from .targets import SIGN_TRIAL, unconfirmed
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 CHECK = "check-"  # with the number: the cell of a short check, beside the compensation
 STEPS, CELL = "steps.txt", "tango.yaml"
+NUMBER = "{N}"
 MADE_FROM = "made-from.csv"  # the readings of the run that a compensation was made from
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
-BY_HAND = ()
 FIGURE = {"value": float, "low?": float, "high?": float}
 EVENT = {
     "utc": str,
@@ -79,11 +79,13 @@ def store(
     simulated: bool = False,
     trial: bool = False,
     made_from: Mapping[str, Any] | None = None,
+    by_hand: Sequence[str] = (),
 ) -> Kept:
     """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history.
 
     `simulated`: the readings come from no machine. Then steps, record and a file beside them say so first. `trial`: it is a sign
     trial itself. `made_from`: text of the readings, terms, degree, whether with TCP; a short check rests on it.
+    `by_hand`: steps by which a person sees whether kinematics act, where touches cannot; `NUMBER` in them becomes its number.
     """
     number = max((k.number for k in found(cell)), default=0) + 1
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
@@ -91,7 +93,7 @@ def store(
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
     asked = _asked(cell, proposal, trial=trial)
     if folder is None and made_from is not None:
-        asked += afterwards(cell, number, proposal)
+        asked += afterwards(cell, number, proposal, [text.replace(NUMBER, str(number)) for text in by_hand])
     steps = [f"{i}. {text}" for i, text in enumerate(asked, 1)]
     first = {"simulated": SIMULATED} if simulated else {}
     record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
@@ -127,13 +129,13 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
     return [text for text in steps if text != said] if trial else steps
 
 
-def afterwards(cell: Path, number: int, proposal: Proposal) -> list[str]:
-    """cell, number, proposal → what a person does once the files are in the control, in order."""
+def afterwards(cell: Path, number: int, proposal: Proposal, by_hand: Sequence[str]) -> list[str]:
+    """cell, number, proposal, steps for kinematics alone → what a person does once the files are in the control, in order."""
     here = f"tango compensate -C {shlex.quote(str(cell))}"
     own = shlex.quote(str(cell / FOLDER / f"{CHECK}{number:03d}"))
     changed = [h for h in proposal.held if proposal.numbers[h.place] != proposal.present[h.place]]
-    if not any(not h.tcp for h in changed):
-        return [f"Note it: {here} --written {number}", *BY_HAND]
+    if by_hand:
+        return [f"Note it: {here} --written {number}", *by_hand]
     how = " --no-tcp" if any(h.tcp for h in changed) else ""
     return [
         f"Note it: {here} --written {number}",

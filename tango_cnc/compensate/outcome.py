@@ -90,7 +90,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     if helped is None and run.told.any():
         text = (
             "a run without tool center point control sees too little of what was changed to decide anything. Measure again "
-            "with it on, and state --tcp"
+            "with it on, and state --tcp; or where kinematics alone were changed, by hand, as steps.txt says (--turned)"
         )
     elif helped is None or spans(helped):
         why = "these touches see too little of what was changed" if helped is None else share

@@ -75,7 +75,7 @@ def short_outcome(asked: Short, touches: Touches) -> Outcome:
     if not parts:
         text = (
             "nothing that these touches could see was changed: kinematics act with tool center point control only. Measure with it "
-            "on, and state --tcp"
+            "on, and state --tcp, or by hand, as steps.txt says (--turned)"
         )
         return Outcome(before, promised, before, "undecided", text)
     found = shares(asked.before, touches, parts, asked.shifted(touches))
