@@ -224,7 +224,7 @@ def _file_of(address: str, post: Any) -> str | None:
     """port, post → what the control writes its records into: '' where it is not on this computer, None for a line."""
     from ..link._address import written_into
 
-    return None if post.link == "grbl" else written_into(address)
+    return written_into(address) if post.filed else None
 
 
 def _kept(address: str, post: Any, begun: bool) -> bool | None:
@@ -260,7 +260,7 @@ def _tried(
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
     from ..link import entries
-    from ..link._measure import Wanted, measure
+    from ..link._measure import Wanted, measure, protocol_of
     from ..link.journal import read_journal
     from ..link.lock import holding
 
@@ -299,9 +299,9 @@ def _tried(
                 seconds = times[found[0]] = entry.time_s
             else:
                 refused.append(entry.record)
-    speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
+    explains = protocol_of(address, post.link)[0].Client.explains
     own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
-    said = why if speaks and (begun or own) else ""
+    said = why if explains and (begun or own) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, marked=marked, times=times), control
 
 
