@@ -66,6 +66,7 @@ class Cause(Family):
     frame: str  # in which it acts: machine, table, spindle, axis, probe, log
     mistaken: tuple[str, ...]  # names of the causes that it is taken for
     plainer: tuple[str, ...] = ()  # of these, what is more usual and has fewer settings: named first where it comes near
+    parted: Mapping[str, str] = field(default_factory=dict)  # another cause → what to do so that touches tell the two apart
     in_place_of: str = ""  # a cause that is searched for; this one is tried only where that one was found, in its place
     says: str  # the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
     meaning: str  # what it does to parts, for a person at the machine
@@ -83,6 +84,8 @@ class Cause(Family):
     units: Mapping[str, str] = field(default_factory=dict)  # of settings, where a reader sees them: {"period": "s"}
     words: Callable[[Setting], Mapping[str, str]] = lambda setting: {}  # words of `says` that only this cause has
     over: str = ""  # what its picture is drawn over: time, probe (angle around the stylus); "": the axis that its setting names
+    follows: str = ""  # the covariate of its pattern, such as d{axis}; "": that of its picture, or the axis that its setting names
+    both_ways: bool = False  # a machine may have it for one direction of an axis only
     scatters: str = ""  # a spread: what has a scatter of its own: indexation, facet, or all (every touch alike: the noise)
     once: bool = False  # a machine has it once an axis; a second one only follows curves
     expected: bool = False  # every machine has it: it is also tested alone, not only as one of hundreds
