@@ -79,7 +79,7 @@ USED_BY = {
 
 # Third-party libraries beyond numpy and scipy, and the only modules that may import them.
 LIBRARIES = {
-    "yaml": ("tango_cnc.files", "tango_cnc.link._layout", "tango_cnc.commands", "tango_cnc.reproduce"),
+    "yaml": ("tango_cnc.files", "tango_cnc.link.layout", "tango_cnc.commands", "tango_cnc.reproduce"),
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "trimesh": ("tango_cnc.files.hull",),
@@ -110,7 +110,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_follow", "_layout", "_nodes", "_secrets", "_sensors"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "measure", "follow", "layout", "nodes", "secrets", "sensors"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

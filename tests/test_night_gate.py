@@ -13,8 +13,8 @@ import pytest
 from support.controls import GOLDEN, golden
 from support.gates import ran
 
-from postprocessors import _base as posts
-from postprocessors._base import load, program
+import postprocessors as posts
+from postprocessors import load, program
 from sim_controller.simulate import simulate
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango

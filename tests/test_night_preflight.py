@@ -24,7 +24,7 @@ from tango_cnc.commands._night_world import RealControl
 from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.history import opened
-from tango_cnc.link._layout import read_layout
+from tango_cnc.link.layout import read_layout
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, InputError, LinkError, Obstacle, Plan, World
 

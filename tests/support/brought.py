@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 import click
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from sim_controller.languages import Alarm, Silence
 from sim_controller.probing import Rig, rig
 from sim_controller.session import Session, Setup, tape
