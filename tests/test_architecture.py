@@ -315,3 +315,21 @@ def test_a_word_of_the_glossary_is_one_class(root: Path) -> None:
     wrong = {word: names for word, names in held.items() if len(set(names) - ANOTHER_OF_THE_NAME.keys()) > 1}
     assert not wrong, f"one of them needs another name: {wrong}"
     assert not ANOTHER_OF_THE_NAME.keys() - twice, "ANOTHER_OF_THE_NAME: no longer needed"
+
+
+PRIVATE = 147  # statements; tests of several files get what they need through `tests/support/`. This number only falls.
+
+
+def test_tests_ask_for_what_is_public(root: Path) -> None:
+    """Statements of tests that import a module or name with `_` in front. What is asked through a public function stays asked."""
+    found = []
+    for file in sorted((root / "tests").rglob("*.py")):
+        for node in import_statements(file):
+            if not isinstance(node, ast.ImportFrom) or not str(node.module).startswith(
+                ("tango_cnc", "postprocessors", "sim_contr")
+            ):
+                continue
+            if any(re.search(r"\._[a-z]|\._[A-Z]", f"{node.module}.{alias.name}") for alias in node.names):
+                found.append(str(file.relative_to(root)))
+    assert len(found) <= PRIVATE, f"{len(found)} private imports; the most in {sorted(found, key=found.count)[-1]}"
+    assert len(found) > PRIVATE - 10, f"PRIVATE is {len(found)} now"

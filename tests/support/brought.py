@@ -27,9 +27,9 @@ from support.dialects import OWN, usual
 from support.linkparts import MARK, job
 from support.mutants import Reader
 from support.nights import knock, night
+from support.nights_parts import machine_of, settings_of
 from support.remembered import remembered
 from support.shopfiles import whole
-from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.commands.capability import _merge
 from tango_cnc.commands.history import restore
 from tango_cnc.history import _database, opened

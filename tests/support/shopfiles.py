@@ -14,8 +14,8 @@ from typing import Any
 import postprocessors as posts
 from support.histories import knowledge, record
 from support.mutants import Reader, spoilt
+from support.nights_parts import RealDisk
 from support.remembered import remembered
-from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.commands._trusted import digest, parts
 from tango_cnc.files import read_cell
 from tango_cnc.link.lock import NAME, Holder, holding
