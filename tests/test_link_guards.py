@@ -28,7 +28,7 @@ from sim_controller.protocols.modbus import (
     Registers,
 )
 from tango_cnc.link import measure as measuring
-from tango_cnc.link import rest as resting
+from tango_cnc.link import rest
 from tango_cnc.link._dialogue import Stop
 from tango_cnc.link.client import Begun, Identified, Touched
 from tango_cnc.link.measure import Wanted, measure
@@ -334,7 +334,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     """run=program: the control has what was brought last; it is said which file, before the question whether to go on."""
     clock, ledger, order = FakeClock(), Ledger(), []
     cell, made, rig = scene()
-    halves = [resting.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
+    halves = [rest.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
     parts = [replace(post(half)[0], file=f"O870{i}.nc") for i, half in enumerate(halves)]
     at_the_control, turns = [], Turns()
     motion = Motion(rig, ledger.note)
