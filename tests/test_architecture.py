@@ -45,7 +45,7 @@ INTERNAL: dict[str, str | None] = {
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
-    "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded",
+    "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded state.frame plan duration design.order",
     "history": "records texts files state nearest",
     "nightly": f"{NUMERIC} files history state loaded "
     "report.age report.days report.compensated report.units report.look report.repeated report.texts report.tonight report.words",

@@ -21,6 +21,9 @@ MOST = 2000  # parts of a block
 STRETCH = np.pi / 6  # rad that a rotary axis turns at most between two looks at a line
 
 
+NAMED = 12  # lines that an answer names
+
+
 @dataclass
 class Account:
     """What was done; deviations of the tip in µm, largest and sums for the mean square."""
@@ -41,6 +44,8 @@ class Account:
     worst_block: int = 0
     assumed: set[str] = field(default_factory=set)  # rotary axes that are taken to be at 0, while something is cut
     unknown: dict[str, int] = field(default_factory=dict)  # M functions that may do anything: the line where each stands first
+    turning: int = 0  # rapids that turn a rotary axis: only their ends are corrected
+    turning_lines: list[int] = field(default_factory=list)  # of the first of them
     changes: list[tuple[str, list[str]]] = field(default_factory=list)
 
 
@@ -126,6 +131,11 @@ def _batch(
             account.unknown.setdefault(name, m.block.number)
     rotary = set(setup.machine.rotary) if settings.rotary else set()
     chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
+    for m in chosen:
+        if m.block.kind == "rapid" and m.known and not m.block.target.keys().isdisjoint(setup.machine.rotary):
+            account.turning += 1
+            if len(account.turning_lines) < NAMED:
+                account.turning_lines.append(m.block.number)
     written: dict[int, list[Array]] = {}
     for length in {m.length for m in chosen}:
         if length not in machinery:

@@ -54,6 +54,7 @@ def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name:
     assert module.frame and module.advice and module.meaning and module.says
     assert set(module.mistaken) <= set(CAUSES), "mistaken for something that is not in the catalogue"
     assert set(module.plainer) <= set(module.mistaken), "plainer than it, and not mistaken for it"
+    assert set(module.parted) <= set(module.mistaken), "to be parted from it, and not mistaken for it"
     assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), "variants or a spread, never both"
 
 
