@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from support import blind
 from support.diagnosis_parts import (
+    LEGENDRE,
     Candidate,
+    Factor,
     Field,
     Finding,
+    Form,
     Kernel,
     Picked,
     Remainder,
@@ -27,7 +30,6 @@ from support.diagnosis_parts import (
 from tango_cnc.diagnose import _seen
 from tango_cnc.diagnose._remaining import _undecided
 from tango_cnc.diagnose.sentences import nearly, unexplained
-from tango_cnc.terms._shape import LEGENDRE, Factor, Form
 from tango_cnc.touches import from_readings
 
 

@@ -7,11 +7,26 @@ from functools import cache
 import numpy as np
 import pytest
 from support import blind
-from support.diagnosis_parts import Candidate, Chosen, Field, Kernel, Outcome, Rows, akin, candidate, foreign, rows, scaled
+from support.diagnosis_parts import (
+    LEGENDRE,
+    SIDE,
+    Candidate,
+    Chosen,
+    Factor,
+    Field,
+    Form,
+    Kernel,
+    Outcome,
+    Rows,
+    akin,
+    candidate,
+    foreign,
+    rows,
+    scaled,
+)
 
 from tango_cnc.diagnose import _suited
 from tango_cnc.records import Array
-from tango_cnc.terms._shape import LEGENDRE, SIDE, Factor, Form
 from tango_cnc.touches import from_readings
 
 

@@ -22,16 +22,24 @@ from tango_cnc.diagnose._smooth import Kernel, forms, scaled
 from tango_cnc.diagnose._space import Beside, best_noise, level, space
 from tango_cnc.diagnose._together import together
 from tango_cnc.diagnose._variances import left
+from tango_cnc.terms._shape import BEYOND, EVEN, LEGENDRE, SIDE, WAVES, Factor, Form, form_of, weights
 
 __all__ = [
     "ALONE",
+    "BEYOND",
+    "EVEN",
+    "LEGENDRE",
     "MARGIN",
+    "SIDE",
     "SURE",
+    "WAVES",
     "Beside",
     "Candidate",
     "Chosen",
+    "Factor",
     "Field",
     "Finding",
+    "Form",
     "Kernel",
     "Outcome",
     "Picked",
@@ -48,6 +56,7 @@ __all__ = [
     "candidate",
     "contest",
     "foreign",
+    "form_of",
     "forms",
     "grown",
     "held_out",
@@ -73,4 +82,5 @@ __all__ = [
     "uneven",
     "unsteady",
     "values",
+    "weights",
 ]
