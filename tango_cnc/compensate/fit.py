@@ -267,7 +267,7 @@ def anchored(held: Sequence[Held]) -> Array:
     reference point of most machines; a table that does not reach it is zero at the end that is nearer.
     """
     gauge = np.eye(len(held))
-    if not any(h.tcp and h.kind == "length" for h in held):
+    if not any(h.kind == "length" and (h.tcp or (h.at is None and h.slot is not None and h.slot.stage == "inter")) for h in held):
         return gauge
     tables: dict[tuple[str, int], list[int]] = {}
     for j, h in enumerate(held):
