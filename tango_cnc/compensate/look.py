@@ -18,7 +18,7 @@ from ..records import Array, Cell, InputError, Plan
 from ..touches import of_facets
 from .fit import posed, rms
 from .promise import Figure
-from .shares import System, system
+from .shares import System, apart, system
 from .short import Short, asked_for, levers_of
 from .space import Poses
 
@@ -185,7 +185,7 @@ class _Draft:
     @property
     def worst(self) -> float:
         """→ largest standard deviation of a share that matters."""
-        return float(np.sqrt(np.einsum("kq,qr,kr->k", self.aim, self.covariance, self.aim).max()))
+        return float(stds(self.aim @ self.covariance @ self.aim.T).max())
 
     def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, _Draft, float] | None:
         """touches of one place, costs, s of coming there, s that are left → gain a second, draft with them, s; None: no time."""
@@ -215,7 +215,12 @@ class _Draft:
 def _std(ready: System, sigma: float, chosen: Count, wanted: Array) -> Array:
     rows = np.repeat(ready.rows, chosen, axis=0) @ ready.root / sigma
     inner = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
-    return np.asarray(np.sqrt(np.einsum("pq,qr,pr->p", wanted @ ready.root, inner, wanted @ ready.root)))
+    return stds(wanted @ ready.root @ inner @ (wanted @ ready.root).T)
+
+
+def stds(covariance: Array) -> Array:
+    """(k + 1, k + 1) covariance of shares and of all together → (k + 1,) with which each is told from none."""
+    return np.append(apart(covariance[:-1, :-1]), covariance[-1, -1] ** 0.5)
 
 
 def _with(cell: Cell, made: Plan, chosen: Count) -> Cell:

@@ -15,7 +15,7 @@ from .hidden import of_record, unseen
 from .loop import Kept
 from .outcome import HELPED, TRY_KINEMATICS, Outcome, judged, less, promises, rolled_back, said_share, spans
 from .promise import DRAWS, Figure
-from .shares import Before, Part, Shares, parts_of, shares
+from .shares import Before, Part, Shares, acting, parts_of, shares
 from .space import Held, Poses, sample
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
@@ -141,13 +141,17 @@ class Sorted:
         `faint`: standard deviations from all of it by which a part that hardly matters is missing.
         """
         result = cls([], [], [], [])
-        for name, share, std, size in zip(found.names, found.share, found.std, sizes, strict=True):
-            small = not asked_for(size, before, sigma)
+        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
+        acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
+        for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
+            small = i not in acts
             lacks = abs(share - 1)
             if lacks > max((faint if small else MISSING) * std, NEAR) and lacks * size > TOLD * 1e3 * sigma:
                 result.missing.append(f"{name} ({_how(share, std)})")
-            elif share > max(WITHIN * std, HELPED):
+            elif acts.get(i, share > max(WITHIN * std, HELPED)):
                 result.within.append(name)
+            elif acts.get(i) is False:
+                result.missing.append(name)
             else:
                 (result.small if small else result.unsure).append(name)
         return result
