@@ -85,7 +85,7 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
 
 def _written(cell: Cell) -> str | None:
     """cell → language of its dialect; empty for a post of the user's own, which only runs where it is asked for; None: none."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     if cell.controller is None:
         return None

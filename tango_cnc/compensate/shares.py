@@ -12,6 +12,7 @@ A table that is not loaded has s = 0, one with the wrong sign −1, one that was
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -26,6 +27,7 @@ from ..touches import Touches
 from .fit import posed
 from .space import Held, Poses
 
+TOGETHER = 8  # parts whose states are compared together, the least known ones
 CERTAIN = 0.01  # standard deviation of a share that is taken for known
 SHARE, SPREAD = 0.5, 1.0  # of what is in the control, before a touch: not at all and whole are as likely
 LEAST_DAYS, MOST_DAYS = 4.0, 30.0  # that a machine wanders: as far as in four at least, as warmth moves it within one
@@ -97,6 +99,12 @@ class Shares:
     def std(self) -> Array:
         """→ (g,) standard deviations of the shares."""
         return np.sqrt(np.sum(self.root[-len(self.names) :] ** 2, axis=1))
+
+    @property
+    def covariance(self) -> Array:
+        """→ (g, g) of the shares."""
+        own = self.root[-len(self.names) :]
+        return np.asarray(own @ own.T)
 
     def draws(self, count: int, seed: int = 1) -> tuple[Array, Array]:
         """n → (p, n) deviations of the unknowns, (g, n) shares."""
@@ -219,3 +227,36 @@ def expected(ready: System, sigma: float) -> Array:
     inner = linalg.cholesky(np.eye(white.shape[1]) + white.T @ white, lower=True)
     half = ready.root @ linalg.solve_triangular(inner, np.eye(len(inner)), lower=True).T
     return np.asarray(half @ half.T)
+
+
+def acting(share: Array, covariance: Array, margin: float) -> list[bool | None]:
+    """(k,) shares, (k, k) covariance, least difference of squared distances → of each part whether it acts; None: not decided.
+
+    A part is in the control whole, not at all, or with the wrong sign; all such states of all parts together are compared. Two
+    parts that touches can hardly separate may still not be missing, neither alone nor both.
+    """
+    result: list[bool | None] = [None] * len(share)
+    most = np.argsort(-np.diag(covariance))[:TOGETHER]
+    precision = np.linalg.inv(covariance[np.ix_(most, most)])
+    states = np.array(list(itertools.product((1.0, 0.0, -1.0) if len(most) < 5 else (1.0, 0.0), repeat=len(most))))
+    off = share[most] - states
+    distance = np.einsum("nk,kl,nl->n", off, precision, off)
+    for column, part in enumerate(most):
+        there = distance[states[:, column] == 1.0].min() - distance[states[:, column] != 1.0].min()
+        result[int(part)] = None if abs(there) <= margin else bool(there < 0)
+    for part in set(range(len(share))) - set(most.tolist()):
+        away, near = (float((share[part] - at) ** 2 / covariance[part, part]) for at in (0.0, 1.0))
+        result[part] = None if abs(away - near) <= margin else away > near
+    return result
+
+
+def apart(covariance: Array) -> Array:
+    """(k, k) covariance of shares → (k,) standard deviation with which each is told from none, alone or with others missing."""
+    result = np.sqrt(np.diag(covariance))
+    most = np.argsort(-np.diag(covariance))[:TOGETHER]
+    precision = np.linalg.inv(covariance[np.ix_(most, most)])
+    missing = np.array(list(itertools.product((0.0, 1.0), repeat=len(most))))[1:]
+    size = np.einsum("nk,kl,nl->n", missing, precision, missing)
+    for column, part in enumerate(most):
+        result[part] = size[missing[:, column] == 1.0].min() ** -0.5
+    return np.asarray(result)

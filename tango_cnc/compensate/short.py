@@ -15,7 +15,7 @@ from .hidden import of_record, unseen
 from .loop import Kept
 from .outcome import HELPED, TRY_KINEMATICS, Outcome, judged, less, promises, rolled_back, said_share, spans
 from .promise import DRAWS, Figure
-from .shares import Before, Part, Shares, parts_of, shares
+from .shares import Before, Part, Shares, acting, parts_of, shares
 from .space import Held, Poses, sample
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
@@ -23,7 +23,6 @@ MATTERS = 0.1  # of the error before: a part that takes less away is not asked f
 SEEN = 2.0  # … nor one that takes less away than this many standard deviations of a touch
 TOLD = 0.5  # standard deviations of a touch: less than that is not said to be missing
 WITHIN, MISSING, FAINT = 2.5, 3.0, 4.0  # standard deviations from none; from all of it; the same of a part that hardly matters
-ODDS = 4.6  # twice the natural logarithm of ten to one: none of a part acts rather than all of it
 NEAR = 0.2  # of a part: as much may be missing of one that is in the control
 MISFIT = 1e-3  # p-value of touches that no share of the parts explains
 
@@ -134,7 +133,6 @@ class Sorted:
     missing: list[str]
     unsure: list[str]
     small: list[str]  # takes too little away to be asked for
-    doubted: list[str]  # of those that are unsure: rather none of it acts
 
     @classmethod
     def of(cls, found: Shares, sizes: Sequence[float], before: Figure, sigma: float, faint: float = FAINT) -> Sorted:
@@ -142,20 +140,20 @@ class Sorted:
 
         `faint`: standard deviations from all of it by which a part that hardly matters is missing.
         """
-        result = cls([], [], [], [], [])
-        for name, share, std, size in zip(found.names, found.share, found.std, sizes, strict=True):
-            small = not asked_for(size, before, sigma)
+        result = cls([], [], [], [])
+        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
+        acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
+        for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
+            small = i not in acts
             lacks = abs(share - 1)
             if lacks > max((faint if small else MISSING) * std, NEAR) and lacks * size > TOLD * 1e3 * sigma:
                 result.missing.append(f"{name} ({_how(share, std)})")
-            elif share > max(WITHIN * std, HELPED):
+            elif acts.get(i, share > max(WITHIN * std, HELPED)):
                 result.within.append(name)
-            elif small:
-                result.small.append(name)
+            elif acts.get(i) is False:
+                result.missing.append(name)
             else:
-                result.unsure.append(name)
-                if 1 - 2 * share > ODDS * std**2:
-                    result.doubted.append(f"{name} ({_how(share, std)})")
+                (result.small if small else result.unsure).append(name)
         return result
 
 
@@ -169,7 +167,7 @@ def _how(share: float, std: float) -> str:
 def by_part(asked: Short, touches: Touches) -> Sorted | None:
     """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them.
 
-    By table and group first; where all of these may act, by single numbers: a reversal value of one axis was lost among those of all.
+    By table and group first; where all of these may act, by single numbers: a reversal value of one axis was lost among all.
     """
     at, before = asked.poses, promises(asked.kept.record)[0]
     result = None
@@ -188,19 +186,12 @@ def by_part(asked: Short, touches: Touches) -> Sorted | None:
 
 
 def not_all(found: Outcome, parts: Sorted | None, kept: Kept) -> Outcome:
-    """outcome of a run that determines everything, its parts, compensation → the same; not as promised where one does not act,
-    undecided where one rather does not.
+    """outcome of a run that determines everything, its parts, compensation → the same; not as promised where one does not act.
 
     What centers take away may hide what a table leaves.
     """
-    if found.verdict != "kept" or parts is None or not (parts.missing or parts.doubted):
+    if found.verdict != "kept" or parts is None or not parts.missing:
         return found
-    if not parts.missing:
-        text = (
-            f"{found.text}. But these touches say rather that this does not act: {_some(parts.doubted)}. Look whether its file was "
-            "loaded, and measure once more"
-        )
-        return replace(found, verdict="undecided", text=text)
     text = (
         f"{found.measured.value:.2f} µm ({found.measured.low:.2f} to {found.measured.high:.2f}) are left of "
         f"{found.before.value:.2f} µm, which is near the promise; but not everything acts as it was written: "

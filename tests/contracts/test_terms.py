@@ -16,12 +16,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
+from support.diagnosis_parts import candidate, pattern
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import sentences
-from tango_cnc.diagnose._candidates import candidate, pattern
 from tango_cnc.estimate import estimate
 from tango_cnc.records import InputError
 from tango_cnc.touches import Touches

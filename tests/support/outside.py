@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_controller.effects import History, lever
-from sim_controller.effects._history import unit
+from support.effect_parts import unit
 
 Array = NDArray[np.float64]
 Kind = Callable[[History, np.random.Generator], Array]
