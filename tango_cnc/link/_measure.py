@@ -31,6 +31,7 @@ from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from ._address import Address, linked, parse, spoken
 from ._client import Job
+from ._process import boot
 from ._readings import missing, provenance, readings_of
 from ._rest import durations, repeatable, rest_of
 from ._secrets import shown
@@ -137,7 +138,7 @@ def measure(
                             clock=_clock,
                             transcript=wanted.transcript,
                             stop=stop,
-                            boot=_boot(),
+                            boot=boot(),
                             hidden=address.hidden,
                             sensors=sensors.values,
                         )
@@ -173,13 +174,6 @@ def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:
     if end is None or (isinstance(end, End) and end.stands):
         return 0.0
     return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if wanted.timeout is None else wanted.timeout)
-
-
-def _boot() -> str:
-    """→ which start of this computer its clock counts from, where the system says it."""
-    with contextlib.suppress(OSError):
-        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    return ""
 
 
 def _clock() -> float:
