@@ -120,7 +120,7 @@ def _helped(
     """→ what the record says of a repair that has put back what the alarm had named; some or all of an older alarm, too."""
     then, now, std = m.along()
     then = then if before is None else before
-    told, short = went_back(wrong["cause"], wrong["parameter"], m, then)
+    told, short = went_back(wrong, m, then)
     key = "helped" if older is None else "helped_part" if m.apart() else "helped_more"
     more = {} if older is None else {"since": str(older["since"])}
     text = say(f"night.repaired.{key}", owner=d.owner, date=d.utc[:10], what=told, **more)
@@ -144,6 +144,7 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
     effect, on_part, _ = effect_of(k, wrong["cause"], wrong["parameter"], size, m.unit, m.what.directions @ m.now, since)
     return {
         **{"id": "", "since": since, "rate_per_day": None, "instead": list(wrong.get("instead") or ())},
+        **({"alike": wrong["alike"]} if wrong.get("alike") else {}),
         **{"cause": wrong["cause"], "parameter": wrong["parameter"], "text": say(f"night.repaired.{way}", **told)},
         **{"size": size, "std": spread, "unit": m.unit, "sigmas": abs(now) / max(std, 1e-15)},
         **{"on_part_um": effect, "on_part": on_part, "do": say("night.repaired.do", owner=d.owner)},
