@@ -263,7 +263,7 @@ class History:
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""
         rows = self._rows(asked.DECISIONS, {"machine": self._machine(machine)})
-        return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine) for r in rows)
+        return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine, r.entry_id) for r in rows)
 
     def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
         """moment, hours after which a machine is late → how every machine is doing, those that need somebody first."""

@@ -30,12 +30,26 @@ BY_SIZE = ("noise_level", "temperature")  # causes whose alarm finds the whole o
 
 
 def repaired(past: Past, machine: str) -> tuple[Decision, ...]:
-    """history, machine → repairs since the last night with a result, the last answer to each alarm; oldest first."""
-    before = past.latest_knowledge(machine)
-    if before is None:
+    """history, machine → repairs since the last night with a result, the last answer to each alarm; oldest first.
+
+    The clock of who answers may be behind: what came into the history after that night is since it. One that came while it measured
+    counts unless that night has judged it.
+    """
+    known = past.latest_knowledge(machine)
+    if known is None:
         return ()
-    last = {d.alarm: d for d in past.decisions(machine)}
-    return tuple(d for d in last.values() if d.action == "repaired" and d.utc >= before[0].end_utc)
+    before, last = known[0], {d.alarm: d for d in past.decisions(machine)}
+    done = [d for d in last.values() if d.action == "repaired"]
+    late = [d for d in done if d.utc >= before.end_utc or d.entry > before.entry]
+    meanwhile = [d for d in done if d not in late and d.utc >= before.start_utc]
+    judged = _judged(past.records_of([before.entry])[before.entry]) if meanwhile else set()
+    return tuple(d for d in done if d in late or (d in meanwhile and d.alarm not in judged))
+
+
+def _judged(record: Mapping[str, Any]) -> set[str]:
+    """record of a night → alarms whose repair it has measured."""
+    helped = {str(one["alarm"]) for one in record.get("repaired") or ()}
+    return helped | {str(alarm["repair"]["alarm"]) for alarm in record["alarms"] if alarm.get("repair")}
 
 
 # Repairs ------------------------------------------------------------------------------------------------------------
