@@ -101,6 +101,7 @@ class Post:
     language: str = ""  # that the program is written in: one of tango_cnc/readback/languages; empty: by what it looks like
     summed: bool = True  # whether every record ends with K, the sum of its coordinates; one without it is refused then
     link: str = "dnc"  # how the program gets to the control: a protocol of tango_cnc.link
+    filed: bool = True  # whether the control can write its records into a file; else they only answer over the line
     record_letters: Callable[[Machine], tuple[str, ...]] = field(default=lambda machine: machine.names)
     finish: Callable[[Iterator[str]], Iterator[str]] = iter  # what is done to the lines as a whole: block numbers
     further: Callable[[Mapping[str, Any]], tuple[str, ...]] = field(default=lambda given: ())  # doubts that an option brings
@@ -113,7 +114,7 @@ class Post:
 
     def __post_init__(self) -> None:
         further = ((GATE,) if self.gate is not None else ()) + ((memory(self.memory),) if self.memory else ())
-        further += (OBEYS, *((KEPT,) if self.link != "grbl" else ()))
+        further += (OBEYS, *((KEPT,) if self.filed else ()))
         has = {option.name for option in self.options}
         object.__setattr__(self, "options", (*self.options, *(option for option in further if option.name not in has)))
 

@@ -35,7 +35,7 @@ from ._base import Job, Leg, Option, comment, is_endless, number
 from ._macro_b_text import FLAG, FRAME, MISSES, Words
 
 AXIS_NUMBERS = "number of each axis in #5021 #5041 #5061, e.g. {X: 1, Y: 2, Z: 3, B: 4, C: 5}; empty: in the order X Y Z A B C"
-LENGTH = "#4008 is 49 while no tool length is on, else the program ends at once: G49 alone may move Z by it; false: it is not asked"
+LENGTH = "the program stops if a tool length is on (#4008 is not 49), before it moves: G49 alone may move Z; false: no test"
 MUST_BE_OFF = (
     "#40nn and the G code in it that ends the program at once: scaling, polar coordinates, mirror image; {}: nothing is asked"
 )

@@ -165,4 +165,5 @@ POST = Post(
     stem=lambda job: "tango",
     **steps(globals()),
     link="grbl",
+    filed=False,
 )

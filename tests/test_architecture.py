@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -229,3 +230,88 @@ def test_the_page_on_the_architecture_names_every_stage_and_fits_on_two_pages(ro
     missing = [p.name for p in places if p.name not in SMALL and f"tango_cnc/{p.name}{'/' if p.is_dir() else ''}`" not in page]
     assert not missing, f"docs/architecture.md: add a row for {', '.join(missing)}"
     assert len(page.splitlines()) <= 82 and len(page.split()) <= 900  # two pages of A4, 9.5 pt
+
+
+# Folders of plug-ins of which nobody but their own file may know one by name.
+PLUG_INS = (
+    "postprocessors",
+    "tango_cnc/readback/languages",
+    "tango_cnc/nc/languages",
+    "tango_cnc/link/protocols",
+    "tango_cnc/compensate/targets",
+    "tango_cnc/terms",
+    "sim_controller/languages",
+    "sim_controller/protocols",
+)
+WORDS = {"backlash", "file", "iso230", "learned", "remote", "step"}  # these are words of the trade first: a constant says nothing
+# Who names a plug-in all the same, and why. A plug-in may name others of its kind: the causes that it is taken for, its language.
+KNOWN_BY_NAME = {
+    "sim_controller.__main__": ("macro_b dnc", "what the simulated control is where nothing is asked"),
+    "sim_controller.session": ("macro_b", "what the simulated control is where nothing is asked"),
+    "postprocessors._base": ("dnc", "what a post has that states nothing"),
+    "tango_cnc.commands.link_test": ("dnc", "what is spoken where a cell has no post"),
+    "tango_cnc.commands._export_isg": ("etalon", "the former name of a target, for files that call it so"),
+    "tango_cnc.commands._budget": ("indexation_seating", "a source of uncertainty.yaml, not the cause"),
+    "tango_cnc.capability.analysis": ("probe_lobing surface_form", "writes entries of world.yaml"),
+    "tango_cnc.reproduce._setting": ("thermal_drift probe_lobing surface_form", "the disturbances that the thesis states"),
+    "tango_cnc.reproduce.unexplained": ("thermal_drift probe_lobing surface_form", "the disturbances that the thesis states"),
+    "tango_cnc.plausible.groups": ("chip", "a remark of that kind, which no cause is asked for"),
+    "tango_cnc.nc.blocks": ("klartext macro_b rs274 siemens", "tells languages apart by their text"),
+    "tango_cnc.link._grbl_control": ("grbl", "how the control greets"),
+    "tango_cnc.link.transport._lsv2": ("lsv2", "the scheme of its addresses, and the extra to install"),
+    "tango_cnc.link.transport._opcua": ("opcua", "the scheme of its addresses, and the extra to install"),
+    "tango_cnc.state.changes": ("axis_location noise_level", "causes of alarms on record"),
+    "tango_cnc.nightly.alarms": ("axis_location noise_level", "causes of alarms on record"),
+    "tango_cnc.nightly.answered": ("noise_level", "causes of alarms on record"),
+}
+
+
+def by_name(root: Path) -> Iterator[tuple[str, str, int]]:
+    """→ module, plug-in that a constant of it names, line."""
+    places = [place for folder in PLUG_INS for place in (root / folder).iterdir()]
+    found = {place.stem for place in places if not place.name.startswith("_") and (place.is_dir() or place.suffix == ".py")}
+    quoted = re.compile(f'"({"|".join(sorted(found - WORDS))})"')
+    plug_ins = [root / folder for folder in PLUG_INS]
+    for name, file in modules(root).items():
+        text = file.read_text(encoding="utf-8")
+        own = not file.name.startswith("_") and any(folder in file.parents for folder in plug_ins)
+        names = set() if own else set(quoted.findall(text)) - set(name.split("."))
+        for node in ast.walk(tree(file)) if names else ():
+            if isinstance(node, ast.Constant) and node.value in names:
+                yield name, str(node.value), node.lineno
+
+
+def test_no_plug_in_is_known_by_name_outside_its_own_file(root: Path) -> None:
+    """What is special about one is a field of the record that its file fills: `filed` of a post, `both_ways` of a cause."""
+    once = list(by_name(root))
+    allowed = {(module, plug_in) for module, (names, _) in KNOWN_BY_NAME.items() for plug_in in names.split()}
+    wrong = [f"{name}:{line}: {plug_in!r}" for name, plug_in, line in once if (name, plug_in) not in allowed]
+    assert not wrong, "state it in a field of the plug-in's record, or list it in KNOWN_BY_NAME with a reason:\n" + "\n".join(wrong)
+    needless = allowed - {(name, plug_in) for name, plug_in, _ in once}
+    assert not needless, f"KNOWN_BY_NAME: no longer needed: {sorted(needless)}"
+
+
+# Classes that have a word of the glossary for something else, and whose it is. This list gets shorter.
+ANOTHER_OF_THE_NAME = {
+    "tango_cnc.web.places": "Machine: one of the list of `tango serve`",
+    "tango_cnc.web.live": "Run: one as its journal has it at this moment",
+    "tango_cnc.compensate.outcome": "Run: what it finds over its volume",
+    "tango_cnc.compensate.trial": "Verdict: of the sign of a compensation",
+    "tango_cnc.commission.experiment": "Verdict: PASS, FAIL or OPEN of a belief",
+    "tango_cnc.nightly.ports": "Finding: a point of a preflight",
+}
+
+
+def test_a_word_of_the_glossary_is_one_class(root: Path) -> None:
+    """The simulated control has words of its own; a client of a link is one class a protocol."""
+    page = (root / "docs" / "glossary.md").read_text(encoding="utf-8")
+    words = {word.title() for word in re.findall(r"^\| (\w+) \|", page, re.MULTILINE)} - {"Client"}
+    held: dict[str, list[str]] = {}
+    for name, file in modules(root).items():
+        for found in re.findall(r"^class (\w+)", file.read_text(encoding="utf-8"), re.MULTILINE):
+            if found in words and not name.startswith("sim_controller"):
+                held.setdefault(found, []).append(name)
+    twice = {name for names in held.values() if len(names) > 1 for name in names}
+    wrong = {word: names for word, names in held.items() if len(set(names) - ANOTHER_OF_THE_NAME.keys()) > 1}
+    assert not wrong, f"one of them needs another name: {wrong}"
+    assert not ANOTHER_OF_THE_NAME.keys() - twice, "ANOTHER_OF_THE_NAME: no longer needed"

@@ -102,7 +102,7 @@ def test_a_rough_facet_is_called_rough(root: Path, seed: int) -> None:
 def test_where_both_do_as_well_touches_that_would_tell_are_named(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a margin that no touches reach, every facet that scatters may be either."""
     monkeypatch.setattr("tango_cnc.diagnose._loose.MARGIN", 1e3)
-    monkeypatch.setattr("tango_cnc.diagnose.ALONE", 1e3)
+    monkeypatch.setattr("tango_cnc.diagnose._remaining.ALONE", 1e3)
     told = rough(root, 3)
     assert told.verdict == "unexplained" and [r.shape for r in told.unexplained] == ["near"]
     item = as_json(told)["findings"][0]

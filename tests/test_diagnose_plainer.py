@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from support import blind
 
-from tango_cnc.diagnose import _seen, _undecided
+from tango_cnc.diagnose import _seen
 from tango_cnc.diagnose._candidates import Candidate
 from tango_cnc.diagnose._changing import over
 from tango_cnc.diagnose._field import Field, Picked, grown
 from tango_cnc.diagnose._names import akin
 from tango_cnc.diagnose._plainer import plainer
 from tango_cnc.diagnose._records import Finding, Remainder
+from tango_cnc.diagnose._remaining import _undecided
 from tango_cnc.diagnose._rows import Rows, rows
 from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.sentences import nearly, unexplained

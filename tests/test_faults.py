@@ -249,7 +249,7 @@ def test_what_was_done_is_not_ordered_again() -> None:
         events = [Compensation(0, f"{written}T12:00:00Z", 1, "table", "written", "", None, None, None)] if written else []
         first, second = faults(night("M", 4, standing=[*drift, other]), (), {}, Units(), texts(), events=events)
         assert ("Enter no new location" in first["todo"]) is wanted and ("written on" in first["todo"]) is not wanted
-        assert second["todo"].startswith("End the drift first (C axis off in Y). Then: ")
+        assert second["todo"].startswith("End the drift first (C axis). Then: ")
     stopped = night("M", 1, status="partial", touches=58, planned=84, why="the door was opened")
     for kind, wanted in (("check", False), ("full", True)):
         page = render(stopped | {"next": {"kind": kind, "why": ""}}).partition("For the engineer")[0]

@@ -20,7 +20,7 @@ from support.runs import cell as cell  # a fixture
 from tango_cnc.link._client import Touched
 from tango_cnc.link._secrets import shown
 from tango_cnc.link._sensors import read_sensors
-from tango_cnc.link._trust import Distrust, Gate, judge
+from tango_cnc.link._trust import Distrust, Leeway, judge
 from tango_cnc.link._words import record
 from tango_cnc.link.protocols import dnc, modbus, remote
 from tango_cnc.link.transport import open_port, parse
@@ -344,4 +344,4 @@ def test_a_place_where_no_machine_can_be_is_no_reading_although_its_sum_is_right
     said = record(f"P1 H{flag} {text}", ("X", "Y", "Z", "B", "C", "K"))
     assert isinstance(said, Touched)
     with pytest.raises(Distrust, match=f"{letter} is 1e\\+20 mm"):
-        judge(said, plan().touches[0], machine(), Gate())
+        judge(said, plan().touches[0], machine(), Leeway())

@@ -31,7 +31,7 @@ from tango_cnc.link import _measure, _rest
 from tango_cnc.link._client import Begun, Identified, Touched
 from tango_cnc.link._dialogue import Stop
 from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link._trust import Distrust, Gate, judge
+from tango_cnc.link._trust import Distrust, Leeway, judge
 from tango_cnc.link.protocols import dnc, modbus
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
@@ -259,7 +259,7 @@ def test_lines_behind_the_nuls_of_a_file_wait_for_what_the_nuls_stand_for(tmp_pa
 
 def contact(flag, **changed):
     planned = {"X": 20.0, "Y": 0.0, "Z": 50.0, "B": 0.0, "C": 0.0}
-    return judge(Touched(1, flag, {**planned, **changed}, ""), FIRST, machine(), Gate())
+    return judge(Touched(1, flag, {**planned, **changed}, ""), FIRST, machine(), Leeway())
 
 
 def test_a_contact_whose_flag_was_turned_into_a_0_is_no_miss():

@@ -14,7 +14,7 @@ from support.sessions import GOOD, Run, after_the_program, printed
 from sim_controller.languages.grbl import switched_on
 from sim_controller.motion import Motion
 from sim_controller.protocols.modbus import COUNT_OF, ECHO, FLAG, MARK, POINT, POSITION, RECORD, STATUS, Registers
-from tango_cnc.link._client import Failed, Job, Refused, Touched
+from tango_cnc.link._client import Failed, Refused, Task, Touched
 from tango_cnc.link.journal import Journal, read_journal
 from tango_cnc.link.protocols import dnc, grbl, modbus
 from tango_cnc.link.session import Session, listen
@@ -50,7 +50,7 @@ def interrupted(tmp_path, protocol, wishes):
     _, made, truth = scene(turning=False)
     motion, clock, remarks = Motion(truth), FakeClock(), []
     numbers = tuple(touch.number for touch in made.touches)
-    task = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers, summed=False)
+    task = Task(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers, summed=False)
     client = {"grbl": grbl, "modbus": modbus}[protocol].Client(task, {})
     line = Board(motion, clock) if protocol == "grbl" else Bus(Registers(motion, clock=clock), clock, random.Random(0), {})
     journal = Journal(tmp_path / "run.journal")
@@ -134,7 +134,7 @@ def test_a_touch_whose_registers_never_come_to_rest_is_no_reading():
     """Half old and half new, at each look another place: the touch is refused, and the next one is made."""
     _, made, truth = scene(turning=False)
     numbers = tuple(touch.number for touch in made.touches)
-    client = modbus.Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {})
+    client = modbus.Client(Task(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {})
     device, events, looks = Registers(Motion(truth)), [], []
     bus = Bus(device, FakeClock(), random.Random(0), {})
     while sum(isinstance(event, Touched | Refused) for event in events) < 2:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from support.linkparts import machine, plan
 
 from tango_cnc.link._client import Begun, Ended, Refused, Touched
-from tango_cnc.link._trust import Distrust, Gate, judge, next_in_order
+from tango_cnc.link._trust import Distrust, Leeway, judge, next_in_order
 from tango_cnc.link._words import record, words
 
 FIRST, SECOND, THIRD = plan().touches
@@ -19,7 +19,7 @@ LETTERS = ("X", "Y", "Z", "B", "C")
 def judged(touch, flag=1, **position):
     degrees = [math.degrees(v) if i > 2 else v for i, v in enumerate(touch.contact)]
     planned = dict(zip("XYZBC", degrees, strict=False))
-    return judge(Touched(touch.number, flag, {**planned, **position}, ""), touch, machine(), Gate())
+    return judge(Touched(touch.number, flag, {**planned, **position}, ""), touch, machine(), Leeway())
 
 
 def test_contact_where_it_should_be():
@@ -157,7 +157,7 @@ def test_most_single_wrong_digits_are_caught_and_the_rest_stay_on_the_measuring_
         if line == good or not isinstance(event, Touched) or event.number != 1 or event.flag != 1:
             continue
         try:
-            verdict = judge(event, FIRST, machine(), Gate())
+            verdict = judge(event, FIRST, machine(), Leeway())
         except Distrust:
             continue
         if verdict.status == "ok":

@@ -169,18 +169,18 @@ def test_what_leaves_the_path_alone_is_taken() -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "suffix", "post", "said"),
+    ("head", "suffix", "written", "said"),
     [
-        ('; CAM "X99" Ä\nN1 G71 G90\n', ".mpf", "fanuc", "siemens"),
-        ('; CAM "X99" Ä\nN1 G71 G90\n', ".nc", "fanuc", "siemens"),
-        ("N1 G71 G90 ; millimeters\n", "", "fanuc", "siemens"),
+        ('; CAM "X99" Ä\nN1 G71 G90\n', ".mpf", "macro_b", "siemens"),
+        ('; CAM "X99" Ä\nN1 G71 G90\n', ".nc", "macro_b", "siemens"),
+        ("N1 G71 G90 ; millimeters\n", "", "macro_b", "siemens"),
         ("G71 G90\n", ".SPF", None, "siemens"),
-        ("%\nO1 (A; B)\nG21 G90;\nG0 X1.;\n", ".nc", "fanuc", "macro_b"),
-        ("; part\nG21 G90\n", ".nc", "linuxcnc", "rs274"),
+        ("%\nO1 (A; B)\nG21 G90;\nG0 X1.;\n", ".nc", "macro_b", "macro_b"),
+        ("; part\nG21 G90\n", ".nc", "rs274", "rs274"),
         ("; part\nG21 G90\n", ".nc", None, "rs274"),
-        ("; part\nG21 G90\n", ".ngc", "fanuc", "rs274"),
-        ("0 BEGIN PGM A MM ; X\n", ".nc", "fanuc", "klartext"),
+        ("; part\nG21 G90\n", ".ngc", "macro_b", "rs274"),
+        ("0 BEGIN PGM A MM ; X\n", ".nc", "macro_b", "klartext"),
     ],
 )
-def test_a_language_is_guessed_by_text_name_and_cell(head: str, suffix: str, post: str | None, said: str) -> None:
-    assert guessed(head.splitlines(keepends=True), post, suffix) == said
+def test_a_language_is_guessed_by_text_name_and_cell(head: str, suffix: str, written: str | None, said: str) -> None:
+    assert guessed(head.splitlines(keepends=True), written, suffix) == said

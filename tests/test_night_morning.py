@@ -92,7 +92,7 @@ def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_h
     for later in records[2:4]:  # what a full night has found again is not to be measured once more, on no later morning
         told = message(later, (), ())[1]
         assert "Run the full measurement" not in told
-        assert "Ask who was at the machine: the full measurement has found it again." in told
+        assert "Ask who was at the machine: two measurements show the change." in told
     assert "Run the full measurement" in message(records[1], (), ())[1]
     alarm = records[1]["alarms"][0]
     assert alarm["on_part_um"] == pytest.approx(40, abs=2)  # a part that was set up at C 0 and is turned to C 180

@@ -75,7 +75,7 @@ def test_what_stands_behind_a_crossed_limit_is_the_cause_on_every_page_and_is_no
     seen = pages(cell(tmp_path / "one", records=records))
     for path, text in seen.items():
         first = text.index("Most of it comes from C axis off in X: −93 µm, which does 124 µm of it.")
-        assert "Call Ann: asked on Mon 26 Oct 2026, not answered for" in text[max(first - 300, 0) : first + 300], path
+        assert "Call Ann: asked on Mon 26 Oct 2026, not answered for" in text[max(first - 300, 0) : first + 400], path
         assert "C axis off in X has moved" not in text[:first], path
     assert "Open alarms: 1" in seen[f"/machine/{NAME}"] and "Open alarms: 1. Without an answer: 1." in seen["/alarms"]
 

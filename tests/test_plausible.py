@@ -83,7 +83,7 @@ def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[s
     shown = called(capsys, "estimate", "-C", cell, "--readings", readings_of(cell))[1]
     assert shown.splitlines()[-1] == "trustworthy: nothing was found that speaks against these numbers"
     doubted = Judgement("trustworthy", untrusted=("EX0C",))
-    assert sound_words(doubted).startswith("trustworthy but for EX0C:")
+    assert sound_words(doubted).startswith("trustworthy, except EX0C:")
 
 
 @pytest.mark.long

@@ -39,7 +39,7 @@ def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     """Gains were trusted, and off by nine of their standard deviations with a step of 8 µm."""
     off, judgement, _ = trusted("fork_head", step)
     assert judgement.verdict == "trustworthy" and {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
-    assert "cannot show a step of X: if it stood 3 µm elsewhere" in " ".join(map(str, judgement.remarks))
+    assert "cannot show a step of X: a step of 3 µm at" in " ".join(map(str, judgement.remarks))
     assert max(abs(v) for v in off.values()) < 4
 
 

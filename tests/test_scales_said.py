@@ -43,8 +43,8 @@ def test_scales_say_at_what_temperature_they_hold(cell: Path, words: tuple[str, 
     """A steel bar (11.5 µm/m/K) at 23 °C is 34.5 µm/m too long. Aluminium at 23 °C shrinks by 69.0, of which 34.5 are wanted."""
     warm = cell / "temperature.yaml"
     warm.unlink(missing_ok=True)
-    assert "as warm as it was then" in said(cell, words) and "longer by 11.5 µm/m" in said(cell, words)
+    assert "temperature that it had during the run" in said(cell, words) and "is 11.5 µm/m too long" in said(cell, words)
     warm.write_text("bar: [23.0, 0.1]\nmachine: [25.0, 0.3]\nbar_expansion: [11.5, 0.6]\nmachine_expansion: [10.5, 1.0]\n")
     line = said(cell, words)
-    assert "the scale bar at 23 °C" in line and "34.5 ± 4.3 µm/m (k = 2) longer" in line  # 2 √((11.5·0.1)² + (0.6·3)² + …)
-    assert "aluminium at 23 °C is shorter by 34.5 µm/m" in line and re.search(r"adds 10.5 µm/m", line)
+    assert "the scale bar at 23 °C" in line and "34.5 ± 4.3 µm/m (k = 2) farther" in line  # 2 √((11.5·0.1)² + (0.6·3)² + …)
+    assert "An aluminium part cut at 23 °C is 34.5 µm/m too short" in line and re.search(r"adds 10.5 µm/m", line)

@@ -161,4 +161,4 @@ def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
 
 def test_a_square_is_a_night_that_is_not_believed_as_well(tmp_path: Path) -> None:
     with TestClient(create(Settings((struck(tmp_path / "one"),))), base_url=HOST) as site:
-        assert "■ beyond a limit or not to be believed" in site.get("/").text
+        assert "■ beyond a limit or in doubt" in site.get("/").text

@@ -158,7 +158,7 @@ def test_a_night_that_was_cut_off_is_in_the_answer_and_in_what_to_do_on_every_pa
     sent.write_text("{}", encoding="utf-8")
     for path in ("", "/trend", "/nights"):
         text = shown(place, f"/machine/{M}{path}")
-        assert "Last night was cut off: the control may still execute the program. See to that, then" in text
+        assert "Look at the machine first: last night was cut off, and the control may still execute the program. Then" in text
         assert "What changed Nothing." not in text
         assert "The night of Mon 23 Nov 2026 was cut off" in text and "2026-11-23T" not in text
         assert re.search("What to do:? Look at the machine first: its control may still execute the program.", text), path

@@ -25,6 +25,7 @@ from ..nc.follow import Setup, zero_of
 from ..nc.predict import Way, touched_of
 from ..nc.program import Account, Settings, compensated, made_with, mark_text
 from ..records import Cell, InputError
+from ._common import dialect
 
 path = click.Path(path_type=Path)
 
@@ -79,7 +80,16 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
         return blocks.language(given)
     with opened(file) as text:
         head = list(islice(text, blocks.HEAD))
-    return blocks.language(blocks.guessed(head, cell.controller.post if cell.controller else None, file.suffix))
+    return blocks.language(blocks.guessed(head, _written(cell), file.suffix))
+
+
+def _written(cell: Cell) -> str | None:
+    """cell → language of its dialect; empty for a post of the user's own, which only runs where it is asked for; None: none."""
+    from postprocessors import _base as posts
+
+    if cell.controller is None:
+        return None
+    return "" if posts.is_own(cell.controller.post) else dialect(cell).language
 
 
 @contextmanager

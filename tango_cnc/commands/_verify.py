@@ -156,9 +156,13 @@ class Verification:
         if len(own.groups) <= 6:
             self.lines += ["held out: " + held_out.in_words(self.readings, self.cell.machine, g) for g in own.groups]
         if own.unpredictable:
-            self.lines.append(f"not predictable, touched at held-out indexations only: facets {', '.join(own.unpredictable)}")
+            self.lines.append(
+                f"cannot be predicted, because all their touches are in one held-out group: facets {', '.join(own.unpredictable)}"
+            )
         always = {c.text for c in self.result.selection.unseen}
-        self.lines += [f"without some of the indexations cannot be seen: {text}" for text in own.unseen if text not in always]
+        self.lines += [
+            f"with some indexations held out, the rest cannot determine: {text}" for text in own.unseen if text not in always
+        ]
         if self.pictures:
             names = {int(i): held_out.in_words(self.readings, self.cell.machine, [i]) for i in np.unique(own.indexation)}
             self.drawn["held_out"] = pictures.held_out(own.indexation, own.residual, own.expected, names)

@@ -1,4 +1,4 @@
-"""`tango capability`: measure what a touch is worth on this machine."""
+"""`tango capability`: measure how well the probe of this machine repeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`tango check`: is the cell sound, can the machine do it, what will it tell, how long does it take?"""
+"""`tango check`: check the cell before it runs: reach, collisions, what the touches determine, time."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ NAMED_FIGURES = 12
 def command(
     folder: Path, terms: str | None, degree: int, obstructed: str | None, picture: Path | None, json_file: str | None
 ) -> int:
-    """Validates the cell, plans it, and says what the touches of the program would and would not determine.
+    """Checks the files of the cell, plans the touches, and lists which parameters they determine.
 
-    What 'tango plan' would refuse is refused here too: the whole program is made and read back, and nothing is written. Exit
-    status 1 when something that the terms ask for cannot be seen, or 'tango plan' refuses touches of the strategy; what is said
-    then is without these.
+    Nothing is written and nothing moves. The program is made and read back as 'tango plan' does it, so what 'tango plan'
+    rejects is rejected here. Exit status 1 when the touches do not determine a parameter of the terms, or when touches of the
+    strategy are rejected; the result is then without these touches.
     """
     if picture is not None and picture.suffix.lower() != ".svg":
         raise InputError(f"--picture: found {picture}; allowed: a file that ends in .svg")
@@ -273,7 +273,7 @@ def _figures(data: dict[str, Any]) -> list[str]:
     given, withheld = data["figures"], data["not_identifiable_figures"]
     lines = ["", f"ISO figures: these touches decide {len(given)} of {len(given) + len(withheld)} ('tango iso230')"]
     if withheld:
-        lines.append(f"  withheld, whatever is measured: {_first(withheld)}")
+        lines.append(f"  not determined, however well the touches repeat: {_first(withheld)}")
     if (one := data.get("one_stylus")) is None:
         if second := data.get("second_stylus"):
             gain = _first(second["more"]) or "nothing; first add touches in other places"

@@ -1,4 +1,4 @@
-"""`tango commission`: what is believed of the control, tried on it high above the table, and written into the cell."""
+"""`tango commission`: test how the control behaves, with moves in the air, and write it into the cell."""
 
 from __future__ import annotations
 
@@ -46,18 +46,16 @@ PLACE = "Measure 10"  # in the list of commands
 @click.option(
     "--held/--no-held",
     default=None,
-    help="Try a probe that is held aside too: a program of one move of 0.5 mm is started and has to stop. Default: at a terminal.",
+    help="Also test with the stylus held aside: a program of one move of 0.5 mm has to stop at once. Default: at a terminal.",
 )
 @click.option(
     "--dial/--no-dial",
     default=None,
-    help="Try the feed override and the file of the records too: a second program with the dial at 25 %. Default: at a terminal.",
+    help="Also test feed override and file of records: a second program, with the override at 25 %. Default: at a terminal.",
 )
-@click.option(
-    "--touch", is_flag=True, help="Touch the table: a few facets at two angles and two feeds, for what no move in the air shows."
-)
+@click.option("--touch", is_flag=True, help="Test on the table: touch a few facets at two angles and two feeds.")
 @click.option("--yes", is_flag=True, help="With --touch: do not ask before the machine moves.")
-@click.option("--again", is_flag=True, help="Try everything, also what is proven already.")
+@click.option("--again", is_flag=True, help="Test everything again, also what has passed.")
 @click.option(
     "--answers",
     type=click.Choice(["ask", "yes", "none"]),
@@ -66,7 +64,7 @@ PLACE = "Measure 10"  # in the list of commands
     help="Questions that a person has to answer: ask at the terminal, take yes for each, or leave them open.",
 )
 @click.option("--said", metavar="TEXT", default="", help="What stands on the screen of the control where the program stopped.")
-@click.option("--timeout", type=float, metavar="S", help="Silence after which the program is taken to have stopped.")
+@click.option("--timeout", type=float, metavar="S", help="Seconds without an answer after which the program counts as stopped.")
 @json_option
 def command(
     folder: Path,
@@ -82,11 +80,11 @@ def command(
     timeout: float | None,
     json_file: str | None,
 ) -> None:
-    """Tries what is believed of the control, high above the table, with a finger at the probe.
+    """Tests how the control behaves before the first real run: short moves in the air, high above the table.
 
-    The program makes moves in the air at a few indexations and records misses. PASS or FAIL of every belief go into
-    commissioning.yaml of the cell, with date, hash of the program and what the control calls itself. What is proven is not tried
-    again, as long as what it depends on (profile, axes of machine.yaml, port) is the same.
+    You stand at the machine, with a hand on feed hold, and touch the stylus with a finger when the program asks for it. PASS or
+    FAIL of every point goes into commissioning.yaml of the cell, with date, program and control. What has passed is not tested
+    again until the profile, the axes of machine.yaml or the port change.
     """
     from .. import commission
     from ..plan import by_stylus
@@ -224,7 +222,7 @@ def _file_of(address: str, post: Any) -> str | None:
     """port, post → what the control writes its records into: '' where it is not on this computer, None for a line."""
     from ..link._address import written_into
 
-    return None if post.link == "grbl" else written_into(address)
+    return written_into(address) if post.filed else None
 
 
 def _kept(address: str, post: Any, begun: bool) -> bool | None:
@@ -260,7 +258,7 @@ def _tried(
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
     from ..link import entries
-    from ..link._measure import Wanted, measure
+    from ..link._measure import Wanted, measure, protocol_of
     from ..link.journal import read_journal
     from ..link.lock import holding
 
@@ -299,9 +297,9 @@ def _tried(
                 seconds = times[found[0]] = entry.time_s
             else:
                 refused.append(entry.record)
-    speaks = post.link == "grbl" or "linuxcnc" in address  # these say why they have stopped
+    explains = protocol_of(address, post.link)[0].Client.explains
     own = any(words in why.upper() for words in ("PROBE", "THE CONTROL SAYS"))  # of the control, not of the line to it
-    said = why if speaks and (begun or own) else ""
+    said = why if explains and (begun or own) else ""
     return commission.Seen(made, records, begun, ended, tuple(refused), said, seconds, marked=marked, times=times), control
 
 

@@ -1,4 +1,4 @@
-"""`tango compensate`: write what the control can hold, and check that it helped."""
+"""`tango compensate`: write compensation files for the control, and check that they helped."""
 
 from __future__ import annotations
 

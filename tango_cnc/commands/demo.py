@@ -1,4 +1,4 @@
-"""`tango demo`: the whole job on the example cell, against a simulated controller."""
+"""`tango demo`: run all steps on the example cell, with a simulated controller."""
 
 from __future__ import annotations
 

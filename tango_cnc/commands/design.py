@@ -1,4 +1,4 @@
-"""`tango design`: which touches are worth making."""
+"""`tango design`: choose the touches for a goal and a time."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def command(
     despite: bool,
     json_file: str | None,
 ) -> int:
-    """Chooses touches for a goal: a strategy, and a bound on what any plan of that time could reach.
+    """Chooses the touches for a goal and a time, and says how close they come to the best that is possible.
 
     The file of -o is a strategy as 'check', 'plan' and 'run' take it: name it in tango.yaml. Time is that of this machine, by its
     rapids, accelerations and clamps and the positioning feed of its post. With --separate: indexations to append to the strategy

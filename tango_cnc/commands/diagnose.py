@@ -77,10 +77,10 @@ def command(
     despite: bool,
     json_file: str | None,
 ) -> int:
-    """Shows what the model gets wrong, names the cause, extends the model and measures the gain.
+    """Finds what the model leaves over, names the cause, adds it to the model and measures what that gains.
 
-    A cause is named when noise alone would hardly ever do as well anywhere in the catalogue, and when touches that were not
-    fitted gain from it. Where nothing in the catalogue fits, the covariate is named and no cause.
+    A cause is named when noise alone would hardly ever look like it, and when touches that were not fitted are predicted better
+    with it. If no known cause fits, the report says what the rest depends on, such as time or an axis.
     """
     for option, target in (("--html", html), ("--world", world_file), ("--json", json_file)):
         if target is not None and str(target) != "-":

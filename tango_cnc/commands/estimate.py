@@ -62,7 +62,7 @@ def command(
 ) -> int:
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
-    Only rows with status ok are used. Touches that do not fit are flagged and kept, unless --exclude-outliers is given. Exit
+    Only rows with status ok are used. Outliers are listed and kept, unless --exclude-outliers is given. Exit
     status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the mistake that explains it
     best is named.
     """
@@ -115,7 +115,7 @@ def command(
 def sound_words(judgement: Judgement) -> str:
     """judgement of trustworthy numbers → what ends the output, without those that are not to be trusted."""
     if judgement.untrusted:
-        return f"trustworthy but for {', '.join(judgement.untrusted)}: the notes above say why and what to do"
+        return f"trustworthy, except {', '.join(judgement.untrusted)}: the notes above say why and what to do"
     return "trustworthy: nothing was found that speaks against these numbers"
 
 

@@ -1,4 +1,4 @@
-"""`tango fleet`: how the machines of a fleet are doing, who is late, who alarms."""
+"""`tango fleet`: list all machines: answers, alarms, overdue measurements."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""`tango journal`: what the journals of a cell hold, whether they are whole, and what can be saved of one that is not."""
+"""`tango journal`: show the journals of the runs, and save what can be saved of a damaged one."""
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import click
 from ..files import read_cell, readings_text, write_text
 from ..files.readjson import read_json
 from ..records import InputError
+from ..report.days import ended_at
 from ._common import Output, cell_option, json_option, table, write_json
 from ._plan import obstructed_option
 
@@ -37,9 +39,11 @@ def list_(folder: Path, json_file: str | None) -> None:
     rows = [_row(file) for file in files]
     if write_json(json_file, {"format": "tango-journals/1", "journals": rows}):
         return
-    shown = [["journal", "begun (UTC)", "segments", "ok", "miss", "early", "end", "state"]]
+    zone = datetime.now().astimezone().strftime("%Z")
+    shown = [["journal", f"begun ({zone})", "segments", "ok", "miss", "early", "end", "state"]]
     for row in rows:
-        begun = (row["begun_utc"] or "")[:16].replace("T", " ")
+        moment = ended_at(row["begun_utc"])
+        begun = "" if moment is None else moment.astimezone().strftime("%Y-%m-%d %H:%M")
         shown.append([row["file"], begun, *(str(row[n]) for n in ("segments", "ok", "miss", "early")), row["end"], row["state"]])
     click.echo(table(shown, "<<>>>><<"))
 

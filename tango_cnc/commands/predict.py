@@ -1,4 +1,4 @@
-"""`tango predict`: what the machine will do to a part, before the first chip."""
+"""`tango predict`: predict the errors of a part before it is cut."""
 
 from __future__ import annotations
 

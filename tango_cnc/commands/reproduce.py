@@ -1,4 +1,4 @@
-"""`tango reproduce`: put the thesis' tables beside this program's numbers."""
+"""`tango reproduce`: compare the tables of the thesis with the numbers of this program."""
 
 from __future__ import annotations
 

@@ -164,5 +164,5 @@ def command(
     if not write_json(json_file, result):
         bad = f", {counts['miss']} missed, {counts['early']} early" if counts["ok"] < len(readings) else ""
         held = "" if compensation is None else f" with {compensation} in the control, tool center point control {tcp}"
-        way = f"in {readings.time[-1] / 60:.0f} min straight from touch to touch (the program takes longer: 'tango check')"
+        way = f"in {readings.time[-1] / 60:.0f} min, without safety moves (the real program takes longer: 'tango check')"
         click.echo(f"{len(readings)} touches{bad} {way}{held} → {target}")

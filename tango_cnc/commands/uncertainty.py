@@ -1,4 +1,4 @@
-"""`tango uncertainty`: give the parameters intervals, by GUM and by Monte Carlo."""
+"""`tango uncertainty`: compute the uncertainty of the parameters, by GUM and by Monte Carlo."""
 
 from __future__ import annotations
 

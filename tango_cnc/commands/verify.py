@@ -1,4 +1,4 @@
-"""`tango verify`: does the estimate predict what it has not seen?"""
+"""`tango verify`: test the estimate with touches that it has not used."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ path = click.Path(path_type=Path)
 @despite_option
 @json_option
 def command(**given: Any) -> int:
-    """Checks the estimate against what it has not seen: held-out indexations, a CMM, a sphere, the whole working volume.
+    """Tests the estimate with measurements that it has not used: held-out indexations, a CMM, a sphere, the working volume.
 
-    Without a choice, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded, or
-    when the estimate is implausible.
+    Without options, each indexation is predicted from all others. Exit status 1 when --limit-um is exceeded, or when the
+    estimate is implausible.
     """
     options = Options(**given)
     folder = options.folder

@@ -16,51 +16,31 @@ from typing import Any, Literal
 import numpy as np
 
 from ..estimate import Estimate, estimate, tips, without
-from ..model import known, linearise
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from ..terms._shape import spec
 from ..touches import Misnamed, from_readings, misnamed
-from . import (
-    _aliases,
-    _explain,
-    _gain,
-    _loose,
-    _moments,
-    _nested,
-    _rest,
-    _rows,
-    _scatter,
-    _seen,
-    _shapes,
-    _spread,
-    _stable,
-    _suited,
-    _together,
-)
-from ._candidates import candidate
-from ._catalogue import APART, Chosen, columns_of
-from ._changing import over, unsteady
-from ._contest import ALONE, SURE, Outcome, contest, largest
+from . import _gain, _moments, _rows, _scatter, _seen
+from ._catalogue import columns_of
+from ._contest import Outcome
 from ._explain import Explanation
-from ._field import Field
-from ._look import explained, kernels, tried
+from ._findings import dropped, findings
+from ._grounds import grounds, outliers, rows_of
+from ._look import Searched, explained, kernels, tried
 from ._moments import Moment
-from ._names import akin, foreign
 from ._plainer import plainer
-from ._records import Dropped, Finding, Remainder, Why
-from ._refused import refused, shift_of
+from ._records import FREE, Dropped, Finding, Remainder
+from ._remaining import remaining
 from ._richer import Richer, richer
 from ._rows import Rows
 from ._scatter import Scatter
 from ._seen import Test
-from ._size import size
+from ._standing import standing
 from ._volume import Volume, volume
 
-__all__ = ["Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as_term", "diagnose", "kernels"]
+__all__ = ["FREE", "Diagnosis", "Dropped", "Finding", "Moment", "Remainder", "Test", "as_term", "diagnose", "kernels"]
 Verdict = Literal["adequate", "explained", "unexplained"]
 EVENTS = 3  # searches, each with what the one before found to belong to one moment set aside
 ROUNDING = 1e-6  # mm: positions are written with six decimals
-FREE = 40  # touches beyond the unknowns: with fewer, nobody can tell one cause from another (docs/diagnose.md)
 SLIPS = 0.05  # of the touches: so many records may be of another facet before it is no slip of single ones
 
 
@@ -119,6 +99,17 @@ def _value(v: object) -> str:
     return f"{v:.6g}" if isinstance(v, float) else str(v)
 
 
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of a diagnosis beside the readings, and what was set aside before it."""
+
+    excluded: Collection[str]  # causes that are not tried
+    seed: int
+    moments: tuple[Moment, ...]
+    days: Mapping[str, str | None]  # by name of a learned shape, when it was learned
+    degree: int  # the highest of the polynomials of S4
+
+
 def diagnose(
     machine: Machine,
     artefact: Artefact,
@@ -152,17 +143,17 @@ def diagnose(
             f"searching causes and shapes in {len(means.seen)} rows"
             + (f", again without {len(moments)} moments" if moments else "")
         )
-        found, weight, rough, scatter, field, outcome = explained(before, means, every_cause, excluded, seed, moments)
-        new = [m for m in _moments.moments(means, found, outcome, weight) if m.item not in [o.item for o in moments]]
+        search = explained(before, means, every_cause, excluded, seed, moments)
+        once = _moments.moments(means, search.found, search.outcome, search.weight)
+        new = [m for m in once if m.item not in [o.item for o in moments]]
         if not new:
             break
         moments = (*moments, *new)
     say("asking touches that were not fitted")
     days = {str(shape["name"]): shape.get("learned") for shape in learned}
-    what = found, weight, rough, scatter, excluded, seed, moments, field, outcome, days, degree
-    told = _told(before, means, readings, terms, *what)
-    findings = tuple(_remembered(f, learned) for f in told.findings)
-    return replace(told, findings=findings, misnamed=elsewhere, aside=len(readings) < every)
+    found = _concluded(before, means, readings, terms, search, _Asked(excluded, seed, moments, days, degree))
+    named = tuple(_remembered(f, learned) for f in found.findings)
+    return replace(found, findings=named, misnamed=elsewhere, aside=len(readings) < every)
 
 
 def _remembered(f: Finding, learned: Sequence[Mapping[str, Any]]) -> Finding:
@@ -195,237 +186,52 @@ def as_term(r: Remainder) -> dict[str, Any]:
     return {**spec(r.form), "values": [float(f"{w:.9g}") for w in values]}
 
 
-def _told(
-    before: Estimate,
-    means: Rows,
-    readings: Readings,
-    terms: Sequence[TermItem],
-    found: Explanation,
-    weight: Array,
-    rough: list[_explain.Rough],
-    scatter: Scatter,
-    excluded: Collection[str],
-    seed: int,
-    moments: Sequence[Moment],
-    field: Field,
-    outcome: Outcome,
-    days: Mapping[str, str | None],
-    degree: int,
+def _concluded(
+    before: Estimate, means: Rows, readings: Readings, terms: Sequence[TermItem], search: Searched, about: _Asked
 ) -> Diagnosis:
-    touches, seen = means.whole, means.seen
-    n = len(seen)
-    lonely = [c for c in found.chosen if c.candidate.cause == "outlier"]
-    single = [int(c.candidate.setting["touch"]) for c in lonely]
-    keep = ~np.isin(np.arange(n), single)
-    schemes = {
-        "indexations": seen.indexation,
-        "facets": _gain.groups_of(seen.facet),
-        "time": _gain.blocks(n),
-        "scattered": _gain.scattered(n),
-    }
-    gaps, jacobian = (means.of(x) for x in linearise(before.model, before.values))
-    distances, rows, uncertainty = known(before.model, before.values)
-    data = np.concatenate([gaps, distances * before.sigma / uncertainty])
-    base = np.vstack([jacobian, rows * (before.sigma / uncertainty)[:, None]])
-    base = np.hstack([base, *(np.pad(means.of(m.columns), ((0, len(base) - n), (0, 0))) for m in moments)])
-    raw = {id(c): c.candidate.columns / weight[:, None] for c in found.chosen}
-
-    def padded(columns: Array) -> Array:
-        return np.vstack([columns, np.zeros((len(base) - n, columns.shape[1]))])
-
-    whole = found
-    sizes = size(whole, means, weight)
-    # What stands is judged without what did not.
-    stand = [c for c in whole.chosen if not c.candidate.named or any(c is o for o in outcome.named)]
-    stand = [c for c in stand if c.candidate.cause] if outcome.named else stand
-    if outcome.named and len(stand) < len(whole.chosen):
-        found = replace(whole, chosen=tuple(stand), named=outcome.named)
-        sizes |= size(found, means, weight)
-
-    def among(c: Chosen) -> Explanation:
-        return found if any(c is o for o in found.chosen) else whole
-
-    gains: dict[int, _gain.Gain] = {}
-    for c in whole.chosen:
-        if c.candidate.cause == "outlier":
-            continue
-        others = [padded(raw[id(o)]) for o in among(c).chosen if o is not c]
-        rng = np.random.default_rng([seed, n])
-        gains[id(c)] = _gain.measure(np.hstack([base, *others]), data, raw[id(c)], schemes, keep, rng)
-    certain = np.concatenate([weight, np.ones(len(base) - n)])
-    back = _stable.stability(found, field, outcome, seen, weight, data * certain, base * certain[:, None])
-    folds = _nested.Folds(found, weight, base, data)
-    inside = {id(c): folds.nested(c, schemes, keep) for c in outcome.named}
-    gains |= {key: _gain.nested(gains[key], one.schemes) for key, one in inside.items()}
-    back = {key: _stable.worse(once, inside[key].selected) for key, once in back.items()}
-    few = found.place.m < FREE
-    alone = [c for c in found.chosen if c.candidate.cause == "outlier"]
-
-    def tested(names: Sequence[Chosen]) -> tuple[Test, ...]:
-        return _seen.tests(np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *names))]), data, seen, keep, certain)
-
-    def resting(names: Sequence[Chosen], o: Outcome, anything: bool = True) -> list[Remainder]:
-        """names that stay, what stands → what the rest follows all the same."""
-        if o.shapes or o.events:
-            return []
-        left = _seen.left_over(tested(names), anything, {over(c.candidate) for c in names}) if not o.picked else []
-        return left or _rest.rest(field, o, found.place.y, [*alone, *names], anything, seed)
-
-    why: dict[int, Why | None] = {
-        id(c): refused(c, sizes[id(c)], gains[id(c)], back[id(c)], inside[id(c)].gains, few) for c in outcome.named
-    }
-    accepted = [c for c in outcome.named if why[id(c)] is None]
-    if len(accepted) < len(outcome.named):  # what they explained is there all the same
-        lost = outcome.resembled
-        outcome = contest(field.plain(), found.place.y, alone, accepted)
-        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
-        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
-    weak = [c for c in accepted if outcome.above.get(id(c), np.inf) < SURE and not c.candidate.learned]
-    left = [p.kernel.covariate for p in outcome.shapes]
-    if weak and len(accepted) > 1:  # one of them may follow what another one leaves; of one alone, the verdict tells
-        left = left or [r.covariate for r in resting(accepted, outcome)]
-    weak = [c for c in weak if any(akin(c.candidate, covariate) for covariate in left)]
-    if weak:
-        why |= {id(c): "rest" for c in weak}
-        lost = outcome.resembled
-        outcome = contest(field, found.place.y, alone, [c for c in accepted if c not in weak])
-        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
-        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
-    suited = _suited.suited(field, found.place.y, alone, accepted, outcome)
-    beaten = next((one for one in suited if one.lost), None)
-    if beaten is not None:
-        why |= {id(c): "shape" for c in beaten.names}
-        lost = outcome.resembled
-        still = [c for c in accepted if not any(c is o for o in beaten.names)]
-        outcome = contest(field.plain().more(beaten.kernels), found.place.y, alone, still)
-        outcome = replace(outcome, resembled=(*lost, *outcome.resembled))
-        accepted = [c for c in accepted if any(c is o for o in outcome.named)]
-    noises_beside = [p for p in outcome.picked if p.kernel.noise]
-    suited += (both_ways := _suited.turned(field, found.place.y, alone, accepted, noises_beside))
-    outcome = _suited.nearer(outcome, [one for one in suited if all(any(c is o for o in accepted) for c in one.names)])
-    named_items = [{"cause": c.candidate.cause, **c.candidate.setting} for c in accepted]
-    extended = (*terms, *(m.item for m in moments), *named_items)
-    machine = before.model.touches.machine
-    after = estimate(machine, touches.artefact, readings, extended, degree) if len(extended) > len(terms) else before
-
-    def finding(
-        c: Chosen,
-        like: Sequence[tuple[Chosen, float]],
-        shift: Mapping[str, tuple[float, float, float]],
-        other: Sequence[tuple[Chosen, float]] = (),
-    ) -> Finding:
-        s = sizes[id(c)]
-        telling = _seen.separate(found, touches, c, [o for o, _ in like])
-        return Finding(
-            c.candidate.cause,
-            c.candidate.setting,
-            s.detail,
-            s,
-            _explain.significance(among(c), c),
-            gains[id(c)],
-            shift,
-            tuple((o.candidate.cause, o.candidate.setting, behind) for o, behind in like),
-            (*telling, *_aliases.where(found, touches, c, [o for o, _ in other]), *_suited.telling(both_ways, c)),
-            s.effect,
-            raw[id(c)] @ s.values if means.all else candidate(touches, c.candidate.cause, c.candidate.setting).columns @ s.values,
-            tuple((o.candidate.setting, behind) for o, behind in other),
-            back.get(id(c)),
-            near if (near := (outcome.nearest.get(id(c), ""), outcome.above.get(id(c), np.inf)))[1] < SURE else None,
-        )
-
-    moved = shift_of(before, after)
-    findings = [finding(c, _explain.alternatives(found, c), moved, _aliases.aliases(found, c)) for c in accepted]
-    outcome = replace(outcome, picked=plainer(field, found.place.y, columns_of(found.place, [*alone, *accepted]), outcome.picked))
-    remains = _shapes.remainders(found, outcome, means, weight, accepted, base, data, schemes, keep, days)
-    noises = {p.kernel.kind for p in outcome.picked if p.kernel.noise}
-    told_beside = excluded, remains, "seat" in noises, largest(outcome.picked), bool(moments)
-    spreads = _spread.findings(whole, seen, rough, *told_beside)
-    scattering = [r for r in rough if any(r.key in f.setting.get("facets", ()) for f in spreads)]
-    stood = np.hstack([base, *(padded(raw[id(c)]) for c in (*alone, *accepted))])
-    follows = _loose.loose(means, weight, stood, data, outcome.picked, scattering)
-    scattering, loose = _loose.parted(scattering, follows)
-    if loose:
-        remains += loose
-        spreads = _spread.findings(whole, seen, scattering, *told_beside)
-    findings += [replace(_loose.beside(f, follows), pattern=np.zeros(len(touches))) for f in spreads if not few]
-    dropped = [
-        Dropped(finding(c, (), {}), why.get(id(c)) or ("shape" if c in outcome.resembled else "beside a shape"))
-        for c in whole.chosen
-        if c.candidate.named and c not in accepted and not c.candidate.learned
-    ]
-    if "walk" in noises or not outcome.picked:
-        remains += _spread.wandering(whole, seen)
-    if not remains and not findings:  # names that did not stand had taken what is there all the same
-        picked = [p for p in outcome.picked if p.kernel.kind in ("walk", "seat")]
-        remains += [_shapes.unnamed(p.kernel.kind, found.sigma * float(np.sqrt(p.tau)), n) for p in picked]
-    remains += _moments.left(means, found, outcome, weight, moments)
-    told = _scatter.remembering(_scatter.EVEN if any(r.form for r in remains) else scatter, outcome)
-    if not remains:  # as a walk of the machine, this is more than scatter
-        like = [p for p in outcome.picked if p.kernel.kind == "memory" and p.score > _scatter.CLEAR]
-        remains += [Remainder("order", "none", "memory", found.sigma * float(np.sqrt(p.tau)), 0.0, np.zeros(n)) for p in like[:1]]
-    tests_after = tested(accepted)
-    if not remains:
-        refusals = [(c, sizes[id(c)].amplitude) for c, w in ((c, why.get(id(c))) for c in whole.chosen) if w is not None]
-        remains += _shapes.refused(found, refusals, n)
-    if not remains:
-        remains += resting(accepted, outcome, bool(findings or moments))
-    if means.all:
-        remains += _together.together(seen, {int(c.candidate.setting["touch"]): sizes[id(c)].amplitude for c in lonely})
-    if accepted and not remains and _scatter.uneven(scatter):
-        remains.append(Remainder(str(scatter.by), "none", "uneven", found.sigma, 0.0, np.zeros(n)))
-    if not remains:
-        remains += _undecided(
-            findings,
-            n,
-            [
-                any(o is not c and akin(c.candidate, over(o.candidate)) for o in accepted)
-                or (len(accepted) > 1 and foreign(c.candidate, outcome.nearest.get(id(c), "")))
-                for c in accepted
-            ],
-        )
-    if not remains:
-        for c, covariate in unsteady(field, found.place.y, alone, accepted, outcome.picked):
-            about = sizes[id(c)].amplitude, 0.0, np.zeros(n)
-            remains.append(Remainder(covariate, "none", "near", *about, confirm=c.candidate.cause))
-    verdict: Verdict = "unexplained" if remains else "explained" if findings or moments else "adequate"
+    """present model, rows, readings, its terms, what the search found → diagnosis."""
+    g = grounds(before, means, search, about.moments, about.seed)
+    stand = standing(g, about.seed)
+    machine, artefact = before.model.touches.machine, before.model.touches.artefact
+    extended = (
+        *terms,
+        *(m.item for m in about.moments),
+        *({"cause": c.candidate.cause, **c.candidate.setting} for c in stand.accepted),
+    )
+    after = estimate(machine, artefact, readings, extended, about.degree) if len(extended) > len(terms) else before
+    named = findings(g, stand, before, after)
+    space = columns_of(g.found.place, [*g.alone, *stand.accepted])
+    stand = replace(stand, outcome=replace(stand.outcome, picked=plainer(search.field, g.y, space, stand.outcome.picked)))
+    rest = remaining(g, stand, named, about.moments, about.excluded, about.days, about.seed)
+    every = (*named, *rest.spreads)
+    verdict: Verdict = "unexplained" if rest.remains else "explained" if every or about.moments else "adequate"
     return Diagnosis(
         verdict,
-        tuple(findings),
-        tuple(remains),
-        dict(sorted(found.visibility.items())),
-        _seen.tests(base, data, seen, keep),
-        tests_after,
+        every,
+        tuple(rest.remains),
+        dict(sorted(g.found.visibility.items())),
+        _seen.tests(g.design.columns, g.design.data, means.seen, g.design.keep),
+        g.tests(stand.accepted),
         before,
         after,
         extended,
-        tuple(sorted({*(int(seen.number[i]) for i in single if means.count[i] == 1), *map(int, touches.number[means.wild])})),
-        found.sigma,
-        found,
+        _numbers(means, rows_of(outliers(g.whole))),
+        g.found.sigma,
+        g.found,
         volume(before, after, {c.name for c in before.model.coefficients}),
-        _richer(after, readings, terms, extended, remains, degree) if verdict != "adequate" else None,
-        tuple(dropped),
-        tuple(moments),
-        outcome,
-        told,
+        _richer(after, readings, terms, extended, rest.remains, about.degree) if verdict != "adequate" else None,
+        dropped(g, stand),
+        about.moments,
+        stand.outcome,
+        rest.scatter,
         means,
     )
 
 
-def _undecided(findings: Sequence[Finding], n: int, akin_to: Sequence[bool] = ()) -> list[Remainder]:
-    """what is named, number of rows, whether another name follows what the first of them do → of which of these another cause, or
-    a shape, does nearly as well: that one of them is there explains the touches, and not what it is.
-
-    A name may follow what another one leaves that only resembles what is there: names of one covariate have to be sure, and
-    so has one of several where the shape follows something that the name does not.
-    """
-    found = []
-    for i, f in enumerate(findings):
-        near = tuple(dict.fromkeys(cause for cause, _, behind in f.alternatives if behind <= APART))
-        if near:
-            found.append(Remainder("", "none", "undecided", f.size.amplitude, 0.0, np.zeros(n), rivals=near, confirm=f.cause))
-        if f.nearest is not None and f.nearest[1] < (SURE if any(akin_to[i : i + 1]) else ALONE):
-            found.append(Remainder(f.nearest[0], "none", "near", f.size.amplitude, 0.0, np.zeros(n), confirm=f.cause))
-    return found
+def _numbers(means: Rows, single: Sequence[int]) -> tuple[int, ...]:
+    """rows, those that are single touches → the numbers of the touches that nothing explains."""
+    alone = {int(means.seen.number[i]) for i in single if means.count[i] == 1}
+    return tuple(sorted({*alone, *map(int, means.whole.number[means.wild])}))
 
 
 def _richer(

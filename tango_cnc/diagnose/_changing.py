@@ -24,16 +24,6 @@ from ._smooth import HALF, Kernel, moves, scaled
 from ._space import orthonormal
 
 SLOW = 2  # functions of what the size depends on
-FOLLOWS = {  # of a cause whose setting does not tell
-    "backlash": "d{axis}",
-    "rotary_backlash": "d{axis}",
-    "first_touch": "first touch of an indexation",
-    "indexation_seating": "indexation",
-    "move_length_memory": "way of {axis}",
-    "probe_hysteresis": "previous touch",
-    "swapped_facets": "facet",
-    "trigger_latency": "feed",
-}
 
 
 def changing(means: Rows, names: Sequence[Chosen], slow: Sequence[tuple[str, Array]]) -> list[Kernel]:
@@ -95,9 +85,10 @@ def _between(means: Rows, one: Candidate, other: Candidate) -> Iterator[Candidat
 
 def over(c: Candidate) -> str:
     """name → the covariate that it follows itself."""
-    setting, drawn = c.setting, families.causes()[c.cause].over
-    if c.cause in FOLLOWS:
-        return FOLLOWS[c.cause].format(**{"axis": "", **setting})
+    setting, cause = c.setting, families.causes()[c.cause]
+    if cause.follows:
+        return cause.follows.format(**{"axis": "", **setting})
+    drawn = cause.over
     if drawn:
         return {"probe": "probe direction"}.get(drawn, drawn)
     place = next(((str(setting[key]).rstrip("0123456789") or "?")[-1] for key in ("axis", "by", "name") if key in setting), "time")

@@ -83,9 +83,21 @@ class Look:
     value: float  # evidence of the best of it, comparable between weights
 
 
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What the search found, at the weights that explain most."""
+
+    found: Explanation
+    weight: Array  # (n,) of the rows
+    rough: list[_explain.Rough]  # facets that scatter more than the others
+    scatter: Scatter
+    field: Field
+    outcome: Outcome
+
+
 def explained(
     before: Estimate, means: Rows, what: Tried, excluded: Collection[str], seed: int, moments: Sequence[Moment] = ()
-) -> tuple[Explanation, Array, list[_explain.Rough], Scatter, Field, Outcome]:
+) -> Searched:
     """estimate, rows, what is tried, moments set aside → names, weights, rough facets, scatter, field of shapes, what stands.
 
     Facets, directions, indexations or times that scatter more than the others get less weight; then all is looked at again. A
@@ -136,7 +148,7 @@ def explained(
     look, weights = max(turns, key=lambda t: t[0].value)
     behind = [look.value - other.value for other, by in turns if by.rough and by.by != weights.by]
     clear = weights.by == "facet" and (weights.scatter.clear or (bool(behind) and min(behind) > _scatter.APART))
-    return look.found, look.weight, weights.rough if clear else [], weights.scatter, look.field, look.outcome
+    return Searched(look.found, look.weight, weights.rough if clear else [], weights.scatter, look.field, look.outcome)
 
 
 @dataclass(frozen=True)

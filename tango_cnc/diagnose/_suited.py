@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from ..records import Array
+from ..terms import causes
 from ..texts import say
 from ._adapted import Adapting
 from ._catalogue import STRONG, Chosen
@@ -26,7 +27,6 @@ from ._smooth import Kernel
 from ._space import orthonormal
 
 LOST = STRONG - SURE  # evidence above a shape below which a name is lost: suited functions are chosen among hundreds
-BOTH_WAYS = ("compensation_kink",)  # causes that a machine may have for one direction of an axis only
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def turned(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Chos
     found = []
     for c in names:
         axis = over(c.candidate)
-        if c.candidate.cause not in BOTH_WAYS or axis not in field.touches.machine.linear:
+        if not causes()[c.candidate.cause].both_ways or axis not in field.touches.machine.linear:
             continue
         s = begin(field, y, columns_of(len(y), [*fixed, *(o for o in names if o is not c)]))
         for p in noises:

@@ -384,7 +384,7 @@ def as_text(data: Mapping[str, Any]) -> str:
     lines += [f"– {f['cause']} along {_along(f['detail'])} fits, but {WHY[f['why']]}: not named" for f in data["not_named"]]
     lines += [f"? {r['shape']} along {r['covariate']}: about {r['amplitude']:.4g}" for r in data["unexplained"]]
     if data["outliers"]:
-        lines.append(f"rows that fit nothing: {', '.join(map(str, data['outliers']))}")
+        lines.append(f"outliers: rows {', '.join(map(str, data['outliers']))}")
     return "\n".join(lines)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -212,7 +212,7 @@ def as_text(d: Diagnosis) -> str:
         ]
     if d.outliers:
         lines += [
-            *_wrapped(f"{_count(len(d.outliers), 'single touch', 'es')} fit nothing: {', '.join(map(str, d.outliers))}", "  "),
+            *_wrapped(_outliers(d.outliers), "  "),
             "",
         ]
     for line in noise(d.scatter):
@@ -259,6 +259,12 @@ def _try(after: Estimate, better: Richer) -> str:
 
 def _count(n: int, one: str, plural: str = "s") -> str:
     return f"{n} {one}{plural if n != 1 else ''}"
+
+
+def _outliers(numbers: Sequence[int]) -> str:
+    """numbers of touches → a sentence."""
+    *more, last = map(str, numbers)
+    return f"Touches {', '.join(more)} and {last} are outliers" if more else f"Touch {last} is an outlier"
 
 
 def _headline(d: Diagnosis) -> str:

@@ -29,6 +29,7 @@ class Nightly:
 
     history: str = "history.db"  # file in the cell, or a URL
     owner: str = ""  # of the machine: who is asked about an alarm
+    deputy: str = ""  # who is asked where the owner does not answer
     check_minutes: float = 5.5  # of machine time for a short night
     full_every_days: float = 30.0
     volume_std_um: float = 5.0  # standard deviation over the volume beyond which the full strategy runs
@@ -78,7 +79,7 @@ def _value(folder: Path, key: str, node: Node) -> Any:
         if node.integer() != 1:
             raise node.wrong("1, the version of the format that this program reads")
         return 1
-    if key in ("history", "owner", "sensor"):
+    if key in ("history", "owner", "deputy", "sensor"):
         if key == "history" and "://" not in node.text():
             node.named(folder)
         return node.text()

@@ -1,6 +1,6 @@
 """What a protocol client is: it talks in bytes and answers in events, and never waits, opens, writes or asks the time.
 
-A file of `protocols/` has a class `Client(job, options)` that inherits the class of that name from here. The session gives the
+A file of `protocols/` has a class `Client(task, options)` that inherits the class of that name from here. The session gives the
 client the bytes that came (`receive`), the seconds that passed (`elapsed`) and the news that the line is gone (`closed`); it asks
 for bytes when the line takes some (`bytes_to_send`). Whatever the events carry is on disk before the client is asked for bytes
 again, so that an acknowledgement never precedes the record it acknowledges. These five every client writes; what only some
@@ -20,7 +20,7 @@ from ..records import Plan
 
 
 @dataclass(frozen=True)
-class Job:
+class Task:
     """One program to be run: its text, the mark that its start record must carry, and how long each touch may take.
 
     `patience` is the seconds of silence allowed before each touch and, one more, before the end mark. A program that resumes
@@ -112,6 +112,7 @@ class Client(Protocol):
     punches: ClassVar[bool] = False  # the control can punch its program out over the line
     drives: ClassVar[bool] = False  # asks for every motion, so nothing moves on while this computer does not look
     late: ClassVar[bool] = False  # records come long after their touches: what a sensor says then is not of the touch
+    explains: ClassVar[bool] = False  # the control says why it has stopped
     brought: bool = False  # the person brings the program to the control, and is told which file before anything begins
     before: str = ""  # what the person has to know before the first byte is sent
     advice: str = ""  # what the person has to do when all is sent; usually: start the program at the control
@@ -128,8 +129,8 @@ class Client(Protocol):
     def closed(self) -> Sequence[Event]:
         """the line is gone → what that means."""
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option of the protocol: value} → client. Raises InputError for what the protocol cannot carry."""
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option of the protocol: value} → client. Raises InputError for what the protocol cannot carry."""
 
     @property
     def sent(self) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Mapping
 
-from ._client import Identified, Job
+from ._client import Identified, Task
 from ._dialogue import Dialogue, Stop, Talk
 from ._grbl import ALARMS, ERRORS
 
@@ -19,14 +19,16 @@ Lines = Generator[str, str, list[str]]
 class Control(Dialogue):
     """What is asked of the control besides moves."""
 
-    def __init__(self, job: Job) -> None:
-        """job → nothing known yet."""
-        self._job, self._given = job, 0
+    explains = True
+
+    def __init__(self, task: Task) -> None:
+        """task → nothing known yet."""
+        self._task, self._given = task, 0
         self._ready = False  # what a reset would undo has been set, and where the axes stand is known
         self._axes: tuple[str, ...] = ("X", "Y", "Z")
         self._unit = 1.0
         self._offset: dict[str, float] = {}
-        super().__init__(job.start_patience)
+        super().__init__(task.start_patience)
 
     def _look(self) -> Talk:
         """Who is there, with which axes, units and offsets; raises Stop when it cannot do the plan."""
@@ -47,7 +49,7 @@ class Control(Dialogue):
         if not any(line.startswith("[AXS:") for line in who):  # grbl 1.1 and FluidNC do not name their axes: they are in this order
             count = next((line.count(",") + 1 for line in listed if line.startswith(f"[{frame[0]}:")), len(self._axes))
             self._axes = tuple(LETTERS[:count])
-        missing = [name for name in (*self._job.plan.machine.linear, *self._job.plan.machine.rotary) if name not in self._axes]
+        missing = [name for name in (*self._task.plan.machine.linear, *self._task.plan.machine.rotary) if name not in self._axes]
         if missing:
             raise Stop(f"the control has the axes {' '.join(self._axes)}; the plan moves {' '.join(missing)} as well")
         self._offset = dict.fromkeys(self._axes, 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ._client import Client, Ended, Event, Failed, Job, Refused, Touched
+from ._client import Client, Ended, Event, Failed, Refused, Task, Touched
 from ._punched import CODES
 from ._words import SUM
 
@@ -12,12 +12,12 @@ class Listener(Client):
 
     longest = 256  # characters of a line that are kept
 
-    def __init__(self, job: Job) -> None:
-        """job → nothing has come yet."""
-        self._job = job
-        self._letters = (*job.letters, SUM) if job.summed else job.letters
+    def __init__(self, task: Task) -> None:
+        """task → nothing has come yet."""
+        self._task = task
+        self._letters = (*task.letters, SUM) if task.summed else task.letters
         self._begun = self._over = False
-        self._position = 0  # of the next touch in job.numbers
+        self._position = 0  # of the next touch in task.numbers
         self._silence = 0.0
         self._line = bytearray()
 
@@ -42,11 +42,11 @@ class Listener(Client):
         """a record and the line that it was read from → events; it comes before the start mark, counts a touch, or is the end."""
         if not self._begun:
             return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
-        if isinstance(event, Touched) and event.number in self._job.numbers:
-            self._position = max(self._position, self._job.numbers.index(event.number) + 1)
+        if isinstance(event, Touched) and event.number in self._task.numbers:
+            self._position = max(self._position, self._task.numbers.index(event.number) + 1)
         if isinstance(event, Ended):
-            if event.mark not in ("", self._job.mark):
-                return [Refused(f"the end mark of another program, {event.mark}; this one is {self._job.mark}", text)]
+            if event.mark not in ("", self._task.mark):
+                return [Refused(f"the end mark of another program, {event.mark}; this one is {self._task.mark}", text)]
             self._over = True
         return [event]
 
@@ -55,7 +55,7 @@ class Listener(Client):
         if self._over:
             return None
         self._silence += seconds
-        allowed = self._job.patience[self._position] if self._begun else self._job.start_patience
+        allowed = self._task.patience[self._position] if self._begun else self._task.start_patience
         return allowed if self._silence > allowed else None
 
     def _fail(self, why: str) -> list[Event]:

@@ -30,7 +30,7 @@ from ..program.record import Program
 from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from ._address import Address, linked, parse, spoken
-from ._client import Job
+from ._client import Task
 from ._process import boot
 from ._readings import missing, provenance, readings_of
 from ._rest import durations, repeatable, rest_of
@@ -98,15 +98,17 @@ def measure(
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = post(part)
-    jobs = [replace(job, run=plan) for job in _jobs(programs, again, left, wanted, _quiet(before, plan, wanted))]
-    client, *_ = [protocol.Client(job, address.options) for job in jobs]  # what it refuses leaves no files, and stops no run later
+    tasks = [replace(task, run=plan) for task in _tasks(programs, again, left, wanted, _quiet(before, plan, wanted))]
+    client, *_ = [
+        protocol.Client(task, address.options) for task in tasks
+    ]  # what it refuses leaves no files, and stops no run later
     sensors = Watch(read_sensors(cell.folder))
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
 
     def announced(number: int) -> None:
-        count, file = len(jobs[number - 1].numbers), programs[number - 1].file
-        said = [f"part {number} of {len(jobs)}: {count} touches"] if len(jobs) > 1 else []
+        count, file = len(tasks[number - 1].numbers), programs[number - 1].file
+        said = [f"part {number} of {len(tasks)}: {count} touches"] if len(tasks) > 1 else []
         said += [f"the control has to have {file} now: it is not sent"] if client.brought else []
         said += [client.before] if client.before else []
         said += [there] if number == 1 and (there := said_before(address)) else []
@@ -114,7 +116,7 @@ def measure(
             watch(News(0, count, 0.0, None, "; ".join(said)))
 
     announced(1)
-    confirm(jobs[0].plan, programs[0])
+    confirm(tasks[0].plan, programs[0])
     transport = open_port(address)
     try:
         sensors.start()
@@ -123,15 +125,15 @@ def measure(
         journal = Journal(file, resume=bool(before))
         try:
             try:
-                for number, (program, job) in enumerate(zip(programs, jobs, strict=True), 1):
+                for number, (program, task) in enumerate(zip(programs, tasks, strict=True), 1):
                     if number > 1:
-                        client = protocol.Client(job, address.options)
+                        client = protocol.Client(task, address.options)
                         announced(number)
-                        confirm(job.plan, program)
-                    journal.add(_segment(plan, program, job, wanted, (number, len(jobs))))
+                        confirm(task.plan, program)
+                    journal.add(_segment(plan, program, task, wanted, (number, len(tasks))))
                     with _signals() as stop:
                         session = Session(
-                            job,
+                            task,
                             client,
                             journal,
                             watch,
@@ -247,17 +249,17 @@ def protocol_of(port: str, default: str) -> tuple[protocols.Module, Address]:
     return module, parse(port, {**module.OPTIONS, "link": tuple(protocols.names())})
 
 
-def _jobs(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted, quiet: float) -> list[Job]:
-    """programs of one plan, numbers in the run of its touches: repeated ones, then those left → a job for each program."""
-    numbers, jobs, done = (*again, *left), [], 0
+def _tasks(programs: Sequence[Program], again: tuple[int, ...], left: tuple[int, ...], wanted: Wanted, quiet: float) -> list[Task]:
+    """programs of one plan, numbers in the run of its touches: repeated ones, then those left → a task for each program."""
+    numbers, tasks, done = (*again, *left), [], 0
     for program in programs:
         ahead = done + len(program.plan.touches)
-        jobs.append(_job(program, numbers[done:ahead], max(len(again) - done, 0), wanted, quiet if done == 0 else 0.0))
+        tasks.append(_task(program, numbers[done:ahead], max(len(again) - done, 0), wanted, quiet if done == 0 else 0.0))
         done = ahead
-    return jobs
+    return tasks
 
 
-def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted, quiet: float) -> Job:
+def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wanted, quiet: float) -> Task:
     part = program.plan
     seconds = durations(part)
     patience = [FLOOR + TIMES * seconds[touch.number] for touch in part.touches]
@@ -266,7 +268,7 @@ def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
-    return Job(
+    return Task(
         part,
         program.text,
         program.mark,
@@ -282,7 +284,7 @@ def _job(program: Program, original: tuple[int, ...], again: int, wanted: Wanted
     )
 
 
-def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted, part: tuple[int, int]) -> Segment:
+def _segment(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> Segment:
     return Segment(
         utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
         tool_version=__version__,
@@ -290,7 +292,7 @@ def _segment(plan: Plan, program: Program, job: Job, wanted: Wanted, part: tuple
         controller={"post": wanted.post, "port": shown(wanted.port), **({"simulated": "yes"} if wanted.simulated else {})},
         plan_hash=plan_hash(plan),
         program_hash=program.mark,
-        touches=job.original[job.again :],
+        touches=task.original[task.again :],
         part=part,
         how=wanted.how,
     )

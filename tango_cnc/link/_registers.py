@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping, Sequence
 from urllib.parse import unquote
 
-from ._client import Job
+from ._client import Task
 from ._dialogue import Dialogue, Stop
 from ._layout import ANEW, OLD, ORDER, PATTERN, Layout, read_layout
 
@@ -106,16 +106,16 @@ class Registers(Dialogue):
     confirms; a confirmation that comes late bears a ticket that is none any more.
     """
 
-    def __init__(self, job: Job, layout: Layout) -> None:
-        """job, layout → ready to ask."""
-        self._job, self._layout = job, layout
+    def __init__(self, task: Task, layout: Layout) -> None:
+        """task, layout → ready to ask."""
+        self._task, self._layout = task, layout
         self._given = self._sequence = 0
         self._ticket = -1  # of the last command of this end that was begun
         self._heard = -1  # tick that the control has been told
         self._taken = 0
         self._last: Words = []  # the block after the last command
         self._odd = 0  # looks in a row at a control that speaks of other commands than those of this end
-        super().__init__(job.start_patience)
+        super().__init__(task.start_patience)
 
     def _late(self) -> str:
         return f"done command {self._sequence}" if self._given else "come to rest: is a command still open, of a run before?"
@@ -198,7 +198,7 @@ class Registers(Dialogue):
         self._done()
         layout, sequence = self._layout, (self._sequence + 1) % WORD
         goal = layout.words([*target, *(0 for _ in layout.axes[len(target) :])])
-        wanted = [*layout.words([self._job.nonce]), sequence, layout.commands[name], mask, number & 0xFFFF]
+        wanted = [*layout.words([self._task.nonce]), sequence, layout.commands[name], mask, number & 0xFFFF]
         wanted += [*layout.words([round(feed / layout.scale["feed"])]), *goal]
         self._given += 1
         for _ in range(WRITES):
@@ -294,7 +294,7 @@ class Registers(Dialogue):
 
     def _position(self, block: Words) -> dict[str, float]:
         counts = self._layout.of("position", block, self._layout.block[0])
-        names = self._job.plan.machine.names
+        names = self._task.plan.machine.names
         return {
             letter: self._layout.value(letter, n) for letter, n in zip(self._layout.axes, counts, strict=True) if letter in names
         }

@@ -27,7 +27,7 @@ class Distrust(Exception):
 
 
 @dataclass(frozen=True)
-class Gate:
+class Leeway:
     """How far a record may be from what was commanded before it is not believed."""
 
     sideways: float = 0.5  # mm from the line of the measuring move: contouring error, not contact
@@ -45,7 +45,7 @@ class Judged:
     deviation: float | None  # µm of an ok contact from the nominal one along the outward normal
 
 
-def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged:
+def judge(record: Touched, touch: Touch, machine: Machine, leeway: Leeway) -> Judged:
     """record, what was planned, machine → status, position, deviation. Raises Distrust."""
     position = _position(record, touch, machine)
     contact = np.array(touch.contact)
@@ -54,9 +54,9 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     if record.flag == 2:
         return Judged("early", position, None)
     if record.flag == 0:
-        _missed(position, touch, turned, gate)
+        _missed(position, touch, turned, leeway)
         return Judged("miss", position, None)
-    for i in np.flatnonzero(turned & (np.abs(position - contact) > gate.turned)):
+    for i in np.flatnonzero(turned & (np.abs(position - contact) > leeway.turned)):
         said, sent = math.degrees(position[i]), math.degrees(contact[i])
         raise Distrust(f"{machine.names[i]} is {said:.4f} deg where {sent:.4f} was commanded")
     start, end = np.array(touch.standoff)[~turned], np.array(touch.end)[~turned]
@@ -65,14 +65,14 @@ def judge(record: Touched, touch: Touch, machine: Machine, gate: Gate) -> Judged
     went = position[~turned] - start
     way = float(went @ along)
     aside = float(np.linalg.norm(went - way * along))
-    if aside > gate.sideways:
-        raise Distrust(f"{aside:.3f} mm beside the line of its measuring move, {gate.sideways:g} mm are allowed")
-    if not -gate.sideways <= way <= length + gate.sideways:
+    if aside > leeway.sideways:
+        raise Distrust(f"{aside:.3f} mm beside the line of its measuring move, {leeway.sideways:g} mm are allowed")
+    if not -leeway.sideways <= way <= length + leeway.sideways:
         raise Distrust(f"{way:.3f} mm along a measuring move of {length:.3f} mm")
-    if way >= length - gate.resolution:
+    if way >= length - leeway.resolution:
         return Judged("miss", position, None)
     searched = float(np.linalg.norm(end - contact[~turned]))
-    if way < max(length - 2 * searched, (length - searched) / 10) - gate.resolution:
+    if way < max(length - 2 * searched, (length - searched) / 10) - leeway.resolution:
         return Judged("early", position, None)
     return Judged("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
 
@@ -84,7 +84,7 @@ def _possible(position: Array, machine: Machine) -> None:
             raise Distrust(f"{axis.name} is {value:.6g} mm: no machine goes there")
 
 
-def _missed(position: Array, touch: Touch, turned: NDArray[np.bool_], gate: Gate) -> None:
+def _missed(position: Array, touch: Touch, turned: NDArray[np.bool_], leeway: Leeway) -> None:
     """(k,) mm, rad of a record that says 'no contact'. Raises Distrust where only a contact can have stopped the machine.
 
     One bit makes a 0 of a 1. A control that misses stands at the end of its search, or says a place of any other move.
@@ -95,8 +95,12 @@ def _missed(position: Array, touch: Touch, turned: NDArray[np.bool_], gate: Gate
     went = position[~turned] - start
     way = float(went @ along)
     searched = float(np.linalg.norm(end - contact))
-    on_line = float(np.linalg.norm(went - way * along)) <= gate.sideways and length - 2 * searched <= way
-    if on_line and way < length - gate.sideways and bool((np.abs(position - np.array(touch.contact))[turned] <= gate.turned).all()):
+    on_line = float(np.linalg.norm(went - way * along)) <= leeway.sideways and length - 2 * searched <= way
+    if (
+        on_line
+        and way < length - leeway.sideways
+        and bool((np.abs(position - np.array(touch.contact))[turned] <= leeway.turned).all())
+    ):
         raise Distrust(f"its flag says that nothing was met, but the axes stand {length - way:.3f} mm before the end of the search")
 
 

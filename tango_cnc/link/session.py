@@ -14,9 +14,9 @@ import numpy as np
 from ..plan import last_motion
 from ..records import LinkError, Machine
 from . import entries
-from ._client import Asked, Begun, Client, Ended, Event, Failed, Identified, Job, Refused, Touched
+from ._client import Asked, Begun, Client, Ended, Event, Failed, Identified, Refused, Task, Touched
 from ._secrets import without
-from ._trust import Distrust, Gate, Judged, judge, next_in_order
+from ._trust import Distrust, Judged, Leeway, judge, next_in_order
 from .entries import Again, Doubted, End, Identity, Reading
 from .journal import Journal
 from .transport import Lost, Transport
@@ -99,47 +99,47 @@ def listen(
 
 
 class Session:
-    """Runs one job to its end mark; every reading is in the journal before another byte is sent."""
+    """Runs one task to its end mark; every reading is in the journal before another byte is sent."""
 
     def __init__(
         self,
-        job: Job,
+        task: Task,
         client: Client,
         journal: Journal,
         watch: Callable[[News], None],
         *,
         clock: Callable[[], float],
         now: Callable[[], datetime] = lambda: datetime.now(UTC),
-        gate: Gate | None = None,
+        leeway: Leeway | None = None,
         transcript: TextIO | None = None,
         stop: Callable[[], int] = lambda: 0,
         boot: str = "",
         hidden: tuple[str, ...] = (),
         sensors: Callable[[], Mapping[str, float | None]] = dict,
     ) -> None:
-        """job, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes.
+        """task, its client and journal, who watches; `clock` is monotonic, `now` the time of day, `stop` the user's wishes.
 
         `boot` names the start of this computer from which `clock` counts; words that are `hidden` do not go into the transcript.
         """
-        self._job, self._client, self._journal, self._watch = job, client, journal, watch
-        self._clock, self._now, self._gate = clock, now, gate or Gate()
+        self._task, self._client, self._journal, self._watch = task, client, journal, watch
+        self._clock, self._now, self._leeway = clock, now, leeway or Leeway()
         self._transcript, self._stop = Transcript(transcript, clock, hidden), stop
         self._boot, self._sensors = boot, sensors
-        self._touches = {touch.number: touch for touch in job.plan.touches}
-        self._directions = last_motion(job.plan)
+        self._touches = {touch.number: touch for touch in task.plan.touches}
+        self._directions = last_motion(task.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
-        self._place = 0  # of the touch that is due, in job.numbers
+        self._place = 0  # of the touch that is due, in task.numbers
         self._accepted = 0
         self._doubts = 0
         self._ended = self._told = self._leaving = False
         self._first = {
-            _pose(job.plan.machine, entry.facet, entry.position): entry.deviation_um
+            _pose(task.plan.machine, entry.facet, entry.position): entry.deviation_um
             for entry in reversed(journal.entries)
             if isinstance(entry, Reading) and entry.deviation_um is not None
         }
 
     def run(self, transport: Transport) -> None:
-        """open transport → returns when every touch of the job is in the journal and the end mark has come.
+        """open transport → returns when every touch of the task is in the journal and the end mark has come.
 
         Raises LinkError when the line or the control fails, when the user stops the run, and when records were not believed;
         the journal then ends with the reason and holds everything measured before.
@@ -157,7 +157,7 @@ class Session:
 
     def _missing(self) -> str:
         got = {entry.touch for entry in self._journal.entries if isinstance(entry, Reading)}
-        numbers = [str(number) for number in self._job.original if number not in got]
+        numbers = [str(number) for number in self._task.original if number not in got]
         shown = ", ".join(numbers[:10]) + (f" and {len(numbers) - 10} more" if len(numbers) > 10 else "")
         return (
             f"the record{'s' if len(numbers) > 1 else ''} of touch {shown} {'were' if len(numbers) > 1 else 'was'}"
@@ -171,9 +171,9 @@ class Session:
             self._journal.add(End(False, why, _stamp(self._now()), stands=self._ended))
         quiet = self._client.sent[0] == 0 and self._zero is None
         warning = "" if quiet else " The control may still execute what it has received: look at the machine."
-        done, of = self._accepted, len(self._job.numbers)
-        due = f", touch {self._job.original[self._place]} was due" if self._place < of else ""
-        of_what = " of the resumed program are recorded, beside those of before" if self._job.again else " are recorded"
+        done, of = self._accepted, len(self._task.numbers)
+        due = f", touch {self._task.original[self._place]} was due" if self._place < of else ""
+        of_what = " of the resumed program are recorded, beside those of before" if self._task.again else " are recorded"
         return LinkError(f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches{of_what}{due}.{warning}")
 
     def _converse(self, transport: Transport) -> None:
@@ -212,7 +212,7 @@ class Session:
         if why := self._transcript.lost:
             self._transcript.lost = ""
             what = f"the transcript ends here: {why}; the run goes on"
-            self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, what))
+            self._watch(News(self._accepted, len(self._task.numbers), self._time(), None, what))
 
     def _passed(self, seconds: float) -> None:
         """s between two looks → what the waiting means. Raises LinkError where this computer has not looked for too long to go on.
@@ -236,7 +236,7 @@ class Session:
         if not self._leaving:
             self._leaving = True
             self._watch(
-                News(self._accepted, len(self._job.numbers), self._time(), None, "stopping: the probe is drawn clear first")
+                News(self._accepted, len(self._task.numbers), self._time(), None, "stopping: the probe is drawn clear first")
             )
 
     def _tell(self) -> None:
@@ -245,7 +245,7 @@ class Session:
         if sent == total and self._zero is None and not self._told:
             self._told = True
             done = f"the program is sent ({total} bytes): start it at the control"
-            self._watch(News(0, len(self._job.numbers), 0.0, None, self._client.advice or done))
+            self._watch(News(0, len(self._task.numbers), 0.0, None, self._client.advice or done))
 
     def _handle(self, events: Sequence[Event]) -> None:
         for event in events:
@@ -258,7 +258,7 @@ class Session:
             elif isinstance(event, Identified):
                 self._identified(event.text)
             elif isinstance(event, Asked):
-                self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, event.text))
+                self._watch(News(self._accepted, len(self._task.numbers), self._time(), None, event.text))
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
@@ -283,19 +283,19 @@ class Session:
         before = max((entry.time_s for entry in self._journal.entries if isinstance(entry, TIMED)), default=0.0)
         self._zero = moment - max(_since(first, self._boot, moment, today), before)
         self._journal.add(entries.Begun(_stamp(today), round(self._time(), 3), self._boot or None, round(moment, 3)))
-        self._watch(News(0, len(self._job.numbers), self._time()))
+        self._watch(News(0, len(self._task.numbers), self._time()))
 
     def _time(self) -> float:
         return self._clock() - self._zero if self._zero is not None else 0.0
 
     def _touched(self, event: Touched) -> None:
         try:
-            place = next_in_order(event.number, self._job.numbers, self._place)
-            judged = judge(event, self._touches[event.number], self._job.plan.machine, self._gate)
+            place = next_in_order(event.number, self._task.numbers, self._place)
+            judged = judge(event, self._touches[event.number], self._task.plan.machine, self._leeway)
         except Distrust as doubt:
             self._doubt(str(doubt), event.text)
             return
-        if place < self._job.again:
+        if place < self._task.again:
             self._repeated(place, judged)
             entry = None
         else:
@@ -303,19 +303,19 @@ class Session:
         self._place, self._doubts = place + 1, 0
         self._accepted += 1
         self._watch(
-            news_of(entry, self._accepted, len(self._job.numbers))
+            news_of(entry, self._accepted, len(self._task.numbers))
             if entry
-            else News(self._accepted, len(self._job.numbers), self._time(), judged.deviation)
+            else News(self._accepted, len(self._task.numbers), self._time(), judged.deviation)
         )
 
     def _store(self, place: int, facet: str, judged: Judged, text: str) -> Reading:
         deviation = None if judged.deviation is None else round(judged.deviation, 3)
         position = tuple(float(value) for value in judged.position)
-        pose = _pose(self._job.plan.machine, facet, position)
+        pose = _pose(self._task.plan.machine, facet, position)
         first = None if deviation is None else self._first.setdefault(pose, deviation)
         drift = None if first is None or deviation is None or first == deviation else round(deviation - first, 3)
         entry = Reading(
-            touch=self._job.original[place],
+            touch=self._task.original[place],
             facet=facet,
             position=position,
             time_s=round(self._time(), 3),
@@ -331,15 +331,15 @@ class Session:
 
     def _repeated(self, place: int, judged: Judged) -> None:
         """Raises LinkError when a facet is not where it was before the run stopped."""
-        number = self._job.original[place]
+        number = self._task.original[place]
         before = next(e.position for e in self._journal.entries if isinstance(e, Reading) and e.touch == number)
-        linear = [axis.kind == "linear" for axis in self._job.plan.machine.axes]
+        linear = [axis.kind == "linear" for axis in self._task.plan.machine.axes]
         moved = float(np.linalg.norm((judged.position - np.array(before))[linear])) if judged.status == "ok" else None
         self._journal.add(Again(number, judged.status, moved, round(self._time(), 3)))
-        if moved is None or moved > self._gate.moved:
+        if moved is None or moved > self._leeway.moved:
             found = judged.status if moved is None else f"{moved * 1e3:.0f} µm away"
             raise Moved(
-                f"touch {number} was repeated and is {found}, {self._gate.moved * 1e3:.0f} µm are allowed: the machine or its "
+                f"touch {number} was repeated and is {found}, {self._leeway.moved * 1e3:.0f} µm are allowed: the machine or its "
                 "table is not as it was before the run stopped, and its readings do not go together. Run without --resume"
             )
 
@@ -347,7 +347,7 @@ class Session:
         self._journal.add(Doubted(why, text, round(self._time(), 3)))
         self._doubts += 1
         remark = f"not believed: {text!r}: {why}"
-        self._watch(News(self._accepted, len(self._job.numbers), self._time(), None, remark))
+        self._watch(News(self._accepted, len(self._task.numbers), self._time(), None, remark))
         if self._doubts >= REFUSALS:
             raise LinkError(
                 f"{REFUSALS} records in a row were not believed; the last one {text!r}: {why}. Check the settings of the line"

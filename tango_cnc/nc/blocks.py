@@ -1,8 +1,8 @@
 """Text of an NC program → blocks with their motion; what cannot be followed is refused by its name.
 
-A language is a module in `languages/` with `NAME`, `SAYS` (one line), `LENGTH` (whether a tool's length acts without being asked
-for), `COUNTED` (whether each line begins with its number), `UNITS` (what states millimeters, and what absolute coordinates; once
-where one word states both), `HEAD` (which lines may stand before the mark),
+A language is a module in `languages/` with `SAYS` (one line), `READS` (languages of posts that it understands), `LENGTH` (whether
+a tool's length acts without being asked for), `COUNTED` (whether each line begins with its number), `UNITS` (what states
+millimeters, and what absolute coordinates; once where one word states both), `HEAD` (which lines may stand before the mark),
 `mark(text)` → a comment line, `read(line, number, modal)` → block, and `write(block, moves, decimals)` → lines.
 """
 
@@ -94,8 +94,8 @@ def language(name: str) -> ModuleType:
     return importlib.import_module(f"{__package__}.languages.{name}")
 
 
-def guessed(head: Sequence[str], post: str | None, suffix: str = "") -> str:
-    """first lines, dialect of the cell, ending of the file's name (.mpf) → language.
+def guessed(head: Sequence[str], written: str | None, suffix: str = "") -> str:
+    """first lines, language of the cell's own programs, None without a cell's dialect, ending of the name (.mpf) → language.
 
     Macro B has no comment after a semicolon, Klartext and SINUMERIK have no other one, RS-274 has both.
     """
@@ -108,15 +108,7 @@ def guessed(head: Sequence[str], post: str | None, suffix: str = "") -> str:
         return "siemens"
     if suffix.lower() == ".ngc":
         return "rs274"
-    by_post = {
-        "heidenhain": "klartext",
-        "siemens": "siemens",
-        "linuxcnc": "rs274",
-        "grbl": "rs274",
-        "mach3": "rs274",
-        "mach4": "rs274",
-    }
-    found = by_post.get(post or "", "macro_b" if post else "rs274")
+    found = next((name for name in languages() if written in language(name).READS), "rs274" if written is None else "macro_b")
     return "siemens" if found == "macro_b" and re.search(r"(?m)^[^(\n]*;[ \t]*\w", text) else found
 
 

@@ -63,6 +63,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         **{"start_utc": stamp_of(begun), "kind": "none", "status": "failed", "why": "", "verdict": "not_measured"},
         **{"preflight": [], "touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
         "owner": settings.owner or None,
+        **({"deputy": settings.deputy} if settings.deputy else {}),
         "artefacts": {"folder": f"nights/{stamp}"},
     }
     left: list[str] = []

@@ -16,6 +16,7 @@ from ..report.tonight import by_tonight, is_gone
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, instead, joined, say
+from .first import owner_of, parts_first
 
 SHOWN = 3  # alarms that wait, in full
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
@@ -241,19 +242,19 @@ def message(
     first = as_decided(record, decisions)
     for one in (*record["alarms"], *(record.get("standing") or ())[:1]):
         first = _of_its_night(first, one, record["night"])
-    lines += [_sentence(t.of(first)), ""]
+    lines += [_sentence(t.of(first)), *parts_first(record, t), ""]
     limits = record["limits"] if record.get("carried", True) else ()  # what is not believed keeps and crosses no limit
     crossed = [limit for limit in limits if limit["passed"] is False]
     lines += [*(_limit_line(limit, t) for limit in crossed), *([""] if crossed else [])]
     if stale := record.get("stale_nights"):
         lines += [t("mail.stale", nights=stale, date=record["last_measured"]), ""]
-    owner = record.get("owner") or t("mail.nobody")
+    owner = owner_of(record.get("owner"), record, t)
     for alarm in record["alarms"]:
         since = t("mail.since", date=_since(alarm, record["night"]), sigmas=f"{alarm['sigmas']:.0f}")
         lines += [f"* {t.of(_of_its_night(alarm['text'], alarm, record['night']))}", f"  {since}"]
         lines += [f"  {t.of(more['text'])}"] if (more := beside(alarm)) else []
         taken = alarm["owner"] if alarm.get("decision") else ""
-        lines += _about(alarm, alarm["owner"] or t("mail.nobody"), t, record["night"])
+        lines += _about(alarm, owner_of(alarm["owner"], record, t), t, record["night"])
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     standing = record.get("standing") or ()
     for alarm in standing[:SHOWN]:
@@ -261,7 +262,7 @@ def message(
         lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=_of_its_night(alarm['text'], alarm))}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
         lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
-        lines += [*_about(alarm, alarm["owner"] or t("mail.nobody"), t)]
+        lines += [*_about(alarm, owner_of(alarm["owner"], record, t), t)]
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]

@@ -126,9 +126,9 @@ def _one_stylus(cell: Cell) -> None:
     used = _styli(cell.strategy)
     if used != (cell.machine.stylus,):
         raise InputError(
-            f"{cell.strategy.name}: found touches with stylus {' and '.join(map(str, used))}; a program has one stylus: "
-            "name it with --stylus; a command without it needs a strategy of one stylus: name in tango.yaml a copy of it "
-            "without the indexations of the others"
+            f"{cell.strategy.name}: found touches with stylus {' and '.join(map(str, used))}; allowed: one stylus a program. "
+            "Choose it with --stylus. Where the command has no --stylus, make a copy of the strategy with the indexations of "
+            "one stylus only, and name the copy in tango.yaml"
         )
 
 

@@ -9,6 +9,7 @@ from ..records import Machine
 from ..texts import Said, instead
 from .days import day, days_between, local_day
 from .plain import office, plain, shop
+from .reach import or_else
 from .texts import Texts, texts
 from .units import Units
 from .words import named
@@ -56,7 +57,8 @@ def alarm(
         "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and decision is None,
-        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t),
+        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, str(record.get("deputy") or "")),
+        "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
         "decision": decision,
         "drifts": False,
         "moves_from": bool(a.get("rate_per_day")) and days_between(a.get("since") or asked, asked) > 1,  # its alarm came later
@@ -67,21 +69,18 @@ def alarm(
     }
 
 
-def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts) -> str:
-    """owner, decision, date on which an answer was asked for or '', date, texts → who has it, as a sentence."""
+def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: str = "") -> str:
+    """owner, decision, date on which an answer was asked for or '', date, texts, deputy → who has it, and whom else to ask."""
     if decision is not None:
         told = t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
         told += t("morning.has_since", date=day(local_day(decision.utc), t)) if decision.utc else ""
         return f"{told} {t('morning.has_until', date=day(decision.until, t))}" if decision.until else told
     if not owner:
         return t("morning.nobody")
-    if not asked:
-        return t("morning.call", owner=owner)
-    days = days_between(asked, today)
-    if days < 1:
-        return t("morning.asked", owner=owner)
-    key = "asked_yesterday" if days == 1 else "asked_since"
-    return t(f"morning.{key}", owner=owner, date=day(asked, t), days=days)
+    days = days_between(asked, today) if asked else 0
+    key = "call" if not asked else "asked" if days < 1 else "asked_yesterday" if days == 1 else "asked_since"
+    told = t(f"morning.{key}", owner=owner, date=day(asked, t), days=days)
+    return " ".join(x for x in (told, or_else(str(owner), days, deputy, t)) if x)
 
 
 def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:
@@ -96,6 +95,20 @@ def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:
 def _at_once(a: Mapping[str, Any]) -> bool:
     """alarm with its night → whether it came from one night to the next, so that its night says since when."""
     return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
+
+
+def since_told(a: Mapping[str, Any], t: Texts) -> str:
+    """fault with `since` and `first` → since when, as a sentence: the night that found it, and where others lie between them, that
+    which was last without it.
+    """
+    since, first = a.get("since"), a.get("first")
+    if a.get("moves_from"):
+        return t("morning.since_drift", good=day(since, t, False), bad=day(first, t, False))
+    if not first or first == since or a.get("rate_per_day"):
+        return t("morning.since_text", good=day(since, t))
+    if days_between(since, first) == 1:
+        return t("morning.since_next", bad=day(first, t))
+    return t("morning.since_both", good=day(since, t, False), bad=day(first, t, False))
 
 
 def since_when(a: Mapping[str, Any], t: Texts) -> str:

@@ -83,9 +83,12 @@ def answer(
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
         why = t("may.long_ago", date=day(record["last_measured"], t))
+    if missing and known is None and record.get("moved"):
+        why = f"{t('may.moved_unknown')} {why}"
     if missing and known is not None:
         doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
+        key = "may.moved" if record.get("moved") and may != "no" else key
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
     if old:
         return _of_old(record, known, may, old, date, u, t, machine)
@@ -136,6 +139,11 @@ def is_cut_off(former: Sequence[str]) -> bool:
 def is_unsent(former: Sequence[str]) -> bool:
     """what pages say of a cell beside its nights → whether a night of it ended before anything was sent, and none was cut off."""
     return not is_cut_off(former) and any(isinstance(text, Said) and text.key == UNSENT for text in former)
+
+
+def is_moving(record: Mapping[str, Any], former: Sequence[str]) -> bool:
+    """record of the newest night, what is said of the cell beside its nights → whether the control may still execute a program."""
+    return is_cut_off(former) or bool(record.get("moved"))
 
 
 def dates_cut_off(former: Sequence[str]) -> list[str]:

@@ -43,7 +43,7 @@ def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
     elif origin is None:
         rows.append((t("audit.measured"), t("audit.origin_unknown")))
     else:
-        measured = " … ".join(str(origin[k]) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
+        measured = " … ".join(at(origin[k], t) for k in ("start_utc", "end_utc") if origin.get(k)) or unknown
         rows.append((t("audit.measured"), measured))
         control = origin.get("controller") or {}
         rows.append((t("audit.control"), ", ".join(str(v) for v in control.values() if v) or unknown))
@@ -54,7 +54,7 @@ def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
         versions.append(t("audit.run_version", version=origin["tool_version"]))
     return [
         *rows,
-        (t("audit.reported"), f"{paper.made:%Y-%m-%d %H:%M:%S} UTC"),
+        (t("audit.reported"), f"{paper.made.astimezone():%Y-%m-%d %H:%M:%S %Z}"),
         (t("audit.operator"), paper.operator or str((origin or {}).get("operator") or unknown)),
         (t("audit.owner"), paper.owner or unknown),
         (t("audit.probe"), probe_text),

@@ -15,6 +15,7 @@ from ..diagnose.sentences import covariate, towards
 from ..records import Array
 from ..verify import held_out
 from .compensated import placed
+from .days import day
 from .facts import Facts
 from .over import covariate_of, shown_over
 from .svg import BLUE, CYCLE, INK, LINE, ORANGE, PURPLE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
@@ -322,7 +323,7 @@ def tip(
     if limit is not None:
         allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
         marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
-    span = f"{nights[0][0]} … {nights[-1][0]}"
+    span = f"{day(nights[0][0], t)} … {day(nights[-1][0], t)}"
     frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first)
     return chart(series, frame, marks)
 

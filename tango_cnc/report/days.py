@@ -27,13 +27,20 @@ def spoken_days(text: str, t: Texts) -> str:
 
 def ended(utc: object, t: Texts, now: datetime | None = None) -> str:
     """end of a night (UTC), texts, now (None: not told) → at 03:04 CET, 4 h ago; '' where no end is on record."""
+    moment = ended_at(utc)
+    if moment is None:
+        return ""
+    told = t("date.ended", time=clock(moment))
+    return told if now is None or now < moment else f"{told}, {ago(moment, t, now)}"
+
+
+def ended_at(utc: object) -> datetime | None:
+    """end of a night (UTC) as it is on record → its moment; None where none is."""
     try:
         moment = datetime.fromisoformat(str(utc))
     except ValueError:
-        return ""
-    moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
-    told = t("date.ended", time=clock(moment))
-    return told if now is None or now < moment else f"{told}, {ago(moment, t, now)}"
+        return None
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
 
 
 def ago(moment: datetime, t: Texts, now: datetime) -> str:

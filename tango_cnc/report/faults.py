@@ -20,7 +20,7 @@ from .texts import Texts
 from .together import CLOSED, SAME, closed, together
 from .tonight import LENGTHS, by_tonight
 from .units import Units, shown
-from .words import spoken, unforeseen
+from .words import spoken, subject, unforeseen
 
 if TYPE_CHECKING:
     from ..history import History
@@ -86,8 +86,11 @@ def faults(
             found.append(alarm(a, None, u, t, machine, record, today) | {"older": False} | whose)
     drift = next((x for x in found if x["drifts"] and not change(x["cause_key"]).of_the_probe and not closed(x)), None)
     if drift is not None:
-        what = spoken(str(drift.get("parameter") or drift["cause"]), machine, t)
-        found = [x | ({"todo": t("morning.after_drift", do=x["todo"], what=what)} if _entered(x) else {}) for x in found]
+        what = subject(str(drift.get("parameter") or drift["cause"]), machine, t)
+        found = [
+            x | ({"todo": t("morning.after_drift", do=x["todo"], what=what), "alone": x["todo"]} if _entered(x) else {})
+            for x in found
+        ]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 

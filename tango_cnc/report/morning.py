@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
@@ -13,17 +14,19 @@ from markupsafe import Markup
 from ..records import InputError, Machine
 from ..texts import say
 from . import svg
-from .alarm import alarm, sentence, whole_sentence
-from .answer import Answer, answer, measuring, renamed
+from .alarm import alarm, sentence, since_told, whole_sentence
+from .answer import Answer, answer, is_cut_off, measuring, renamed
 from .compensated import after, held
-from .days import day, ended
+from .days import ago, at, day, ended, ended_at
 from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
 from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop, value_text
+from .reach import or_else
 from .repeated import as_decided
 from .template import environment, rendered
 from .texts import Texts, texts_of
+from .together import SAME
 from .units import Units
 from .verdict import Level
 
@@ -37,6 +40,7 @@ LEVELS: Mapping[str, Level] = {
     "doubtful": "stop",
 }
 LISTED = 3  # faults below the first one
+DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
 LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still be told as the same
 
@@ -76,6 +80,7 @@ def context(
     before: Mapping[str, Any] | None = None,
     machine: Machine | None = None,
     owner: str = "",
+    deputy: str = "",
     late: str = "",
     within: str = "",
     never: str = "",
@@ -91,7 +96,8 @@ def context(
     """record, decisions about its alarms, units, texts → values for the page.
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
-    where the record names nobody; `late`: date since when a complete night is missing; `within`: date of the last night within
+    where the record names nobody, `deputy`: who is asked where the owner does not answer; `late`: date since when a complete
+    night is missing; `within`: date of the last night within
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
     tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
     still measures; `now`: what the age of the night is told by; `newer`: how many nights came
@@ -100,7 +106,7 @@ def context(
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
-    asked = {**record, "owner": record.get("owner") or owner}
+    asked = {**record, "owner": record.get("owner") or owner, "deputy": deputy or record.get("deputy")}
     today = now.astimezone().strftime("%Y-%m-%d") if now is not None else str(record.get("night") or "")
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
     stale = int(record.get("stale_nights") or 0) if old is None else old
@@ -146,7 +152,11 @@ def context(
         "office": _office(record, found, t),
         "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
+        "moment": lambda text: at(text, t),
+        "since_of": lambda a: since_told(a, t),
         "ended": ended(record.get("end_utc"), t, now),
+        "simulated": any((x or {}).get("simulated") for x in (record, before)),
+        "last_measured": _last_measured(before or record, t, now) if before or is_cut_off(former or ()) else "",
         "suspect": suspect,
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
@@ -170,7 +180,7 @@ def context(
         "word": busy or told.short(t) or told.state,
         "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
         "alarms": alarms,
-        "first": found[0] if found else None,
+        "first": found[0] | {"brief": _brief(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
         "ignored": _ignored(record, {str(a.get("id")) for a in waiting}, u, t, machine),
         "also": found[1 : LISTED + 1],
@@ -206,6 +216,22 @@ def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapp
         return record.get("next") or {}
     last = max(repaired, key=lambda d: str(d.utc))
     return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=last.note or last.alarm)}
+
+
+def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> str:
+    """last night that measured, texts, now → its date and how long ago that is, as the list of machines has it; '' for none."""
+    moment = ended_at(known.get("end_utc"))
+    if moment is None or now is None or known.get("verdict") == "not_measured":
+        return ""
+    return t("web.last_measured", date=day(known.get("night"), t), ago=ago(moment, t, now))
+
+
+def _brief(first: Mapping[str, Any]) -> str:
+    """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
+    own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
+    if total is not None and abs(float(total) - own) <= SAME * abs(own):
+        text = text.replace(str(first.get("still") or ""), "").rstrip()
+    return DIRECTIONS.sub("", text)
 
 
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
@@ -282,7 +308,11 @@ def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mappi
         return str(found[0]["who"])
     if told is not None and told.may in ("yes", "wait") and record.get("verdict") == "good" and not told.soon:
         return ""
-    return t("morning.call", owner=record["owner"]) if record["owner"] else t("morning.nobody")
+    if not record["owner"]:
+        return t("morning.nobody")
+    return " ".join(
+        x for x in (t("morning.call", owner=record["owner"]), or_else(record["owner"], 0, str(record.get("deputy") or ""), t)) if x
+    )
 
 
 def last_within(nights: Sequence[tuple[str, str]]) -> str:

@@ -1,4 +1,7 @@
-"""What to do about a machine this morning: the same sentences on every page of it, the first of them to be done first."""
+"""What to do about a machine this morning: the same sentences on every page of it, the first of them to be done first.
+
+One order: a machine that may still move, then parts, then whom to ask, then what is to be repaired or measured.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Machine
-from .answer import Answer, is_cut_off, is_unsent
-from .faults import settled
+from .alarm import whole_sentence
+from .answer import Answer, is_cut_off, is_moving, is_unsent
+from .faults import all_of_probe, settled
 from .look import looks
 from .plain import plain, shop
+from .reach import to_ask
 from .texts import Texts
+from .together import closed
 from .units import Units
+from .words import subject
 
 
 def orders(
@@ -30,13 +37,15 @@ def orders(
 
     def told_here(text: str) -> str:
         whole = shop(plain(t.of(text), u, t, machine), t)
-        return whole[:1].upper() + whole[1:]
+        return whole_sentence(whole[:1].upper() + whole[1:])
 
     status, verdict = record.get("status"), record.get("verdict")
     failed = [p for p in record.get("preflight") or () if not p.get("passed")]
-    lines = orders_of_cut_off(former, t)
-    lines += [t("morning.old_todo")] if told.old else []
-    lines += [told_here(p["do"]) for p in failed if p.get("do")]
+    first = [*orders_of_cut_off(former, t), *([told_here(t("night.moved_do", cell=""))] if record.get("moved") else [])]
+    first += [parts_first(told, found, t), t("morning.old_todo") if told.old else ""]
+    first = [x for x in first if x]
+    lines = [told_here(p["do"]) for p in failed if p.get("do")]
+    lines += [t("morning.unsent_todo")] if is_unsent(former) else []
     if status == "refused":
         lines.append(told_here(t("night.refused_do")))
     elif status == "missed" and not failed and not told.old:
@@ -46,17 +55,44 @@ def orders(
     elif closed := settled(found):
         lines.append(t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo"))
     elif found:
-        lines += [str(found[0]["todo"])] if found[0]["todo"] and not failed else []
-    elif told.may in ("yes", "but", "wait") and verdict == "good" and not (is_cut_off(former) or is_unsent(former)):
+        lines += of_faults(found, t) if not failed else []
+    elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_moving(record, former):
         lines += _of_good(told, coming, t)
     elif verdict == "out_of_limits":
         lines.append(t("todo.limit"))
-    return list(dict.fromkeys(lines))
+    if first:
+        lines = [x for x in lines if x != t("morning.todo_nothing")]
+    asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
+    return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
+    if told.may == "no":
+        return t("may.brief_no")
+    return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may == "but" else ""
+
+
+def of_faults(found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
+    """what is wrong, texts → what to do about the first of it; a drift that stands in its way comes before it."""
+    first = found[0]
+    if not first.get("alone"):
+        return [str(first["todo"])] if first["todo"] else []
+    drift = next(x for x in found if x["drifts"] and not closed(x))
+    what = subject(str(drift.get("parameter") or drift["cause"]), None, t)
+    return [
+        x for x in (t("morning.of_drift", what=f"{what[:1].upper()}{what[1:]}", do=low(drift["todo"])), str(first["alone"])) if x
+    ]
+
+
+def low(text: str) -> str:
+    """sentence → the same after a colon."""
+    return f"{text[:1].lower()}{text[1:]}"
 
 
 def orders_of_cut_off(former: Sequence[str], t: Texts) -> list[str]:
     """what is said of a cell beside its nights, texts → what to do about a night that was cut off; [] where none was."""
-    return [t("morning.cut_off_todo")] if is_cut_off(former) else [t("morning.unsent_todo")] if is_unsent(former) else []
+    return [t("morning.cut_off_todo")] if is_cut_off(former) else []
 
 
 def _of_good(told: Answer, coming: str, t: Texts) -> list[str]:

@@ -75,7 +75,8 @@ def together(
             first["text"] = f"{first['text']} {t('morning.twice')}"
         elif first["older"] and first.get("now") and not old:
             now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
-            first["text"] = f"{first['text']} {whole_sentence(sentence(now, Units()))}"
+            first["still"] = whole_sentence(sentence(now, Units()))
+            first["text"] = f"{first['text']} {first['still']}"
         elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
             first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
         if old and known_of and first["id"] and not closed(first):

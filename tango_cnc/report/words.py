@@ -58,6 +58,14 @@ def spoken(name: str, machine: Machine | None = None, t: Texts | None = None) ->
     return name
 
 
+def subject(name: str, machine: Machine | None, t: Texts) -> str:
+    """coefficient, machine, texts → what of the machine it is of, to be looked at: C axis, spindle; else what it is."""
+    match = _INTER.fullmatch(name)
+    if match is None:
+        return spoken(name, machine, t)
+    return t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
+
+
 def moved(parameter: str, size: str, since: str, t: Texts | None = None, alike: Sequence[str] = ()) -> str:
     """name of ISO 230-1 or a facet, size of its change, since when, texts, locations that no touch tells from it → a sentence that
     names the axis before the symbol, and every other axis that may have moved in its place.

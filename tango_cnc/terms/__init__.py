@@ -83,6 +83,8 @@ class Cause(Family):
     units: Mapping[str, str] = field(default_factory=dict)  # of settings, where a reader sees them: {"period": "s"}
     words: Callable[[Setting], Mapping[str, str]] = lambda setting: {}  # words of `says` that only this cause has
     over: str = ""  # what its picture is drawn over: time, probe (angle around the stylus); "": the axis that its setting names
+    follows: str = ""  # the covariate of its pattern, such as d{axis}; "": that of its picture, or the axis that its setting names
+    both_ways: bool = False  # a machine may have it for one direction of an axis only
     scatters: str = ""  # a spread: what has a scatter of its own: indexation, facet, or all (every touch alike: the noise)
     once: bool = False  # a machine has it once an axis; a second one only follows curves
     expected: bool = False  # every machine has it: it is also tested alone, not only as one of hundreds

@@ -49,6 +49,7 @@ TERM = Cause(
     source="ISO 230-1:2012, 3.5.6 (half of the reversal value); thesis section 4.4",
     frame="axis",
     mistaken=("probe_lobing",),
+    follows="d{axis}",
     says="{axis} stops {size} short on either side (half of its reversal value)",
     meaning="a contour that reverses this axis has a step of twice this size at the reversal",
     advice="compensate the reversal value, or put the coefficient into the terms of the model",

@@ -88,6 +88,7 @@ TERM = Cause(
     source="piecewise linear pitch error compensation; ISO 230-2:2014, annex",
     frame="axis",
     mistaken=("error_motion",),
+    both_ways=True,
     says="the error of {axis} bends at {place}; the touch that feels it most is off by {size}",
     meaning="positions beyond the kink are off in proportion to their distance from it",
     advice="measure the axis again at the nodes of its table and write the table anew, or keep the term",

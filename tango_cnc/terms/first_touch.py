@@ -37,6 +37,7 @@ TERM = Cause(
     source="probe wake-up and settling of clamps; ISO 230-10:2022, 5.4 (warm-up touches)",
     frame="probe",
     mistaken=("indexation_seating",),
+    follows="first touch of an indexation",
     says="the first touch after every {after} reads {size} {early}",
     meaning="a habit of the probe or the clamps, not an error of parts; "
     "single touches that are used for setting work up have it too",

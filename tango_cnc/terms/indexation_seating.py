@@ -44,6 +44,7 @@ TERM = Cause(
     source="ISO 230-2:2014 (positioning repeatability); ISO 10791-4",
     frame="machine",
     mistaken=("step", "noise_level"),
+    follows="indexation",
     says="the table sits elsewhere after every indexation, by {size} (one standard deviation)",
     meaning="two parts, or two sides of a part, that are machined in separate indexations differ by this at random",
     advice="check the clamping; repeat indexations, because more touches of one indexation do not average this out",

@@ -45,6 +45,7 @@ TERM = Cause(
     source="servo settling and guide friction; ISO 230-1:2012, 3.5.7",
     frame="axis",
     mistaken=("backlash",),
+    follows="way of {axis}",
     says="where {axis} stops depends on how far it came, by {size}",
     meaning="positions that are reached by long moves are off against those reached by short ones",
     advice="approach every touch from the same distance, add a dwell after long moves, or keep the term",

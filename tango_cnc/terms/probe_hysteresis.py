@@ -47,6 +47,7 @@ TERM = Cause(
     source="ISO 230-10:2022, 6.2 (probing repeatability); kinematic re-seating of the stylus",
     frame="spindle",
     mistaken=("backlash",),
+    follows="previous touch",
     says="the tip rests {size} to the side of the touch before",
     meaning="a matter of the probe, not of parts; measured positions depend on what was touched before",
     advice="touch twice and use the second touch, have the probe serviced, or keep the term",

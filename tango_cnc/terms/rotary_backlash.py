@@ -27,6 +27,7 @@ TERM = Cause(
     source="ISO 230-1:2012, 3.5.6; ISO 230-2:2014",
     frame="axis",
     mistaken=("encoder_harmonic",),
+    follows="d{axis}",
     says="{axis} stops short on either side; the touch that feels it most is off by {size}",
     meaning="an angle that is reached from the other side is off by twice this; the error grows with the distance from the axis",
     advice="always index from the same side, adjust the drive, or compensate the reversal value",

@@ -88,6 +88,7 @@ TERM = Cause(
     source="clerical error; both are read with the offset of the other",
     frame="log",
     mistaken=("chip",),
+    follows="facet",
     says="facets {facets} are exchanged in the readings from touch {at} to {until}; each reads off by {size}",
     meaning="a clerical matter; their touches pull the estimate as if the machine were wrong",
     advice="exchange the two facets in the readings, or measure these indexations again",

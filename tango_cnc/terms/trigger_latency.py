@@ -35,6 +35,7 @@ TERM = Cause(
     source="1 µm per ms at 60 mm/min; ISO 230-10:2022, annex A (feed dependence)",
     frame="probe",
     mistaken=("pretravel_anisotropy",),
+    follows="feed",
     says="the control reads its position {delay} ms late, which is {size}",
     meaning="a matter of probe and control, not of parts; sizes change with the measuring feed",
     advice="always measure with the feed at which the probe was calibrated, or keep the term",

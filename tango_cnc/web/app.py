@@ -26,7 +26,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
-from ..report.alarm import sentence
+from ..report.alarm import sentence, since_told
 from ..report.days import at, day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
@@ -250,6 +250,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "day": lambda text, year=True: day(text, state.texts, year),
         "spoken": lambda text: spoken_days(state.texts.of(text), state.texts),
         "moment": lambda text: at(text, state.texts),
+        "since_of": lambda a: since_told(a, state.texts),
         "here": request.url.path,
         "signed_in": signed,
         "csrf": signed.csrf if signed else "",

@@ -172,6 +172,10 @@ class Places:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
         return self._stated(machine).owner
 
+    def deputy(self, machine: Machine) -> str:
+        """machine → who is asked where its owner does not answer, by nightly.yaml of its cell; empty where nobody is stated."""
+        return self._stated(machine).deputy
+
     def old(self, machine: Machine, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
         today = datetime.now().astimezone().strftime("%Y-%m-%d")

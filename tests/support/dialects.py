@@ -19,8 +19,8 @@ from sim_controller.probing import rig
 from sim_controller.session import language
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Begun, Ended, Failed, Identified, Job, Touched
-from tango_cnc.link._trust import Gate, judge
+from tango_cnc.link._client import Begun, Ended, Failed, Identified, Task, Touched
+from tango_cnc.link._trust import Leeway, judge
 from tango_cnc.link._words import record
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import last_motion, plan, plan_hash
@@ -126,7 +126,7 @@ def s3(cell: Cell, readings: Readings) -> dict[str, float]:
 def driven(made: Plan, control: Any) -> list[Any]:
     """plan, control that answers line by line → what its driver makes of the answers: start mark, touches, end mark."""
     numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
+    client = Client(Task(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19"})
     events: list[Any] = []
     while not any(isinstance(event, Ended | Failed) for event in events):
         asked = client.bytes_to_send(1 << 16).decode("ascii")
@@ -157,7 +157,7 @@ def measured(made: Plan, name: str, world: World, options: Mapping[str, Any] = M
     for planned, event in zip(made.touches, touched, strict=True):
         assert isinstance(event, Touched)
         assert event.number == planned.number
-        judged.append(judge(event, planned, made.machine, Gate()))
+        judged.append(judge(event, planned, made.machine, Leeway()))
     count = len(judged)
     return Readings(
         made.machine.names,

@@ -15,7 +15,7 @@ from sim_controller.probing import rig
 from sim_controller.session import language
 from support.controls import Ran
 from support.dialects import EVERY, klartext
-from tango_cnc.link._client import Asked, Begun, Ended, Failed, Job, Touched
+from tango_cnc.link._client import Asked, Begun, Ended, Failed, Task, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import Artefact, Machine, Plan, World
@@ -88,7 +88,7 @@ def ran(
         numbers = tuple(touch.number for touch in made.touches)
         wait = (99.0,) * (len(numbers) + 1)
         misses = len(numbers) + 1 if made.touches[0].facet == "air" else 3  # as 'tango commission' asks for
-        job = Job(made, "\n".join(lines), "M", made.machine.names, wait, numbers, misses=misses)
+        job = Task(made, "\n".join(lines), "M", made.machine.names, wait, numbers, misses=misses)
         client = Client(job, {"orient": "m19"})
         while not client._over:
             asked = client.bytes_to_send(1 << 16).decode("ascii")

@@ -1,6 +1,6 @@
 """What several tests share of link grbl."""
 
-from tango_cnc.link._client import Ended, Failed, Job
+from tango_cnc.link._client import Ended, Failed, Task
 from tango_cnc.link.protocols.grbl import Client
 
 
@@ -9,7 +9,7 @@ def driven(made, one, until=None, arrives=lambda line: line, text="", before=lam
     → events, every line that was sent.
     """
     numbers = tuple(touch.number for touch in made.touches)
-    client = Client(Job(made, text, "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
+    client = Client(Task(made, text, "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers), {"orient": "m19", **options})
     events, sent = [], []
     while not any(isinstance(event, Ended | Failed) for event in events):
         asked = client.bytes_to_send(1 << 16).decode("ascii")

@@ -30,7 +30,7 @@ from sim_controller.protocols.modbus import IDLE, STATUS, TICKET, Registers
 from support.linkparts import FakeClock
 from tango_cnc.files import read_cell, read_readings, read_world
 from tango_cnc.link import _measure, _rest
-from tango_cnc.link._client import Failed, Job
+from tango_cnc.link._client import Failed, Task
 from tango_cnc.link._layout import read_layout
 from tango_cnc.link._measure import Wanted, measure
 from tango_cnc.link._wire import Parity
@@ -357,7 +357,7 @@ def stopped_by_the_user(protocol: str, made: Plan, motion: Motion, options: dict
     """modbus or grbl, plan, its motion, options, (client, events) → whether Ctrl-C comes now → events, where it went."""
     device: Any = Registers(motion) if protocol == "modbus" else switched_on(motion)
     numbers = tuple(touch.number for touch in made.touches)
-    job = Job(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
+    job = Task(made, "", "M", made.machine.names, (99.0,) * (len(numbers) + 1), numbers)
     client = importlib.import_module(f"tango_cnc.link.protocols.{protocol}").Client(job, options)
     events: list = []
     went: list[tuple] = []

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from tango_cnc.link._client import Job
+from tango_cnc.link._client import Task
 from tango_cnc.link.transport import Lost
 from tango_cnc.records import Approach, Artefact, Axis, Facet, Indexation, Machine, Plan, Probe, Strategy, Touch, Turn
 
@@ -47,7 +47,7 @@ def plan() -> Plan:
 PROGRAM = "%\nO0001 (TANGO 5AFE0001)\nG31 X25. F180\nM30\n%\n"
 
 
-def job(**changes: object) -> Job:
+def job(**changes: object) -> Task:
     values = {
         "plan": plan(),
         "program": PROGRAM,
@@ -57,7 +57,7 @@ def job(**changes: object) -> Job:
         "original": (1, 2, 3),
         "summed": False,
     }
-    return Job(**{**values, **changes})  # type: ignore[arg-type]
+    return Task(**{**values, **changes})  # type: ignore[arg-type]
 
 
 class FakeClock:

@@ -15,7 +15,7 @@ from support.controls import GOLDEN, Ran, run_on
 from support.dialects import DRIVEN, EVERY, OFFSETS, driven, klartext
 from tango_cnc.files import read_cell
 from tango_cnc.link._client import Failed, Touched
-from tango_cnc.link._trust import Gate, judge
+from tango_cnc.link._trust import Leeway, judge
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Plan, World
 
@@ -49,8 +49,8 @@ def ran(made: Plan, name: str, world: World, stuck: bool = False) -> tuple[list[
 def judged(made: Plan, events: list[Any]) -> list[str]:
     """plan, what the reader of the line has found → ok, miss or early of every touch on record, as `tango run` calls it."""
     touched = [event for event in events if isinstance(event, Touched)]
-    gate = Gate()
-    return [judge(event, planned, made.machine, gate).status for event, planned in zip(touched, made.touches, strict=False)]
+    leeway = Leeway()
+    return [judge(event, planned, made.machine, leeway).status for event, planned in zip(touched, made.touches, strict=False)]
 
 
 def shown(done: Ran) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...records import InputError
-from .._client import Begun, Event, Job, Refused
+from .._client import Begun, Event, Refused, Task
 from .._heard import noise
 from .._listener import Listener
 from .._words import record
@@ -74,12 +74,12 @@ class Client(Listener):
 
     punches = True
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client. Raises InputError for a program that cannot go over the line."""
         chosen = {name: options.get(name, allowed[0]) for name, allowed in OPTIONS.items()}
-        super().__init__(job)
+        super().__init__(task)
         self.brought = chosen["program"] == "stored"  # the program comes to the control by other ways
-        self._data = b"" if self.brought else tape(job.program, EOB[chosen["eob"]], chosen["tv"] == "even")
+        self._data = b"" if self.brought else tape(task.program, EOB[chosen["eob"]], chosen["tv"] == "even")
         if self.brought:
             self.advice = "nothing is sent: start the program at the control"
         self._at = 0
@@ -87,7 +87,7 @@ class Client(Listener):
         self._strange = bytearray()  # what came since the last record and is none
         self._punching = self._punches = False  # now between DC2 and DC4; this control sends them at all
         self._held = chosen["start"] == "xon"
-        self._quiet = job.quiet if self._data and chosen["listen"] == "auto" else 0.0
+        self._quiet = task.quiet if self._data and chosen["listen"] == "auto" else 0.0
         if self._quiet:
             self.before = (
                 f"listening for {self._quiet:.0f} s whether the control still executes the program of before; "
@@ -182,14 +182,14 @@ class Client(Listener):
         return self._counted(event, text)
 
     def _expected(self, event: Begun) -> bool:
-        fits = event.mark == self._job.mark and event.count == len(self._job.numbers) and not self._begun
+        fits = event.mark == self._task.mark and event.count == len(self._task.numbers) and not self._begun
         self._begun |= fits
         return fits
 
     def _stranger(self, event: Begun) -> str:
         if self._begun:
             return "the control began the program a second time; its touches cannot be separated from the first ones"
-        ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+        ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
         return f"the control runs another program: its start mark is {event.mark} with {event.count} touches, sent was {ours}"
 
     def elapsed(self, seconds: float) -> list[Event]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .._client import Begun, Ended, Event, Identified, Job, Refused
+from .._client import Begun, Ended, Event, Identified, Refused, Task
 from .._listener import Listener
 from .._words import record
 
@@ -25,9 +25,9 @@ SCHEMES: Mapping[str, str] = {"file": "file"}
 class Client(Listener):
     """Reads the records of one program; sends nothing."""
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client."""
-        super().__init__(job)
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client."""
+        super().__init__(task)
         self.brought = True  # the program comes to the control by other ways
         self.advice = "nothing is sent over this link: bring the program to the control and start it there"
 
@@ -66,10 +66,10 @@ class Client(Listener):
     def _start(self, event: Begun, text: str) -> list[Event]:
         if self._begun:
             return self._fail("the control began the program a second time; its touches cannot be separated from the first ones")
-        if (event.mark, event.count) == (self._job.mark, len(self._job.numbers)):
+        if (event.mark, event.count) == (self._task.mark, len(self._task.numbers)):
             self._begun, self._silence = True, 0.0
             return [Identified("a control that writes into a file"), event]
-        ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+        ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
         return self._fail(
             f"the control runs another program: {text!r}, and this run is {ours}: bring the new program to the control"
         )

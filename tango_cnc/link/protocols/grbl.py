@@ -23,7 +23,7 @@ from ...gate import PROVING, TOUCH, gate, served
 from ...records import OFF, Axis, InputError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
-from .._client import Asked, Begun, Ended, Event, Job, Refused, Touched
+from .._client import Asked, Begun, Ended, Event, Refused, Task, Touched
 from .._dialogue import Stop, Talk, low
 from .._grbl_control import Control, Lines
 
@@ -47,40 +47,40 @@ ENDLESS = (-math.inf, math.inf)
 class Client(Control):
     """Drives one plan and collects its readings."""
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client. Raises InputError for a plan that the control cannot be told."""
-        self._served = list(served(job.plan, "facet" if PROVING in job.program else "none"))
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client. Raises InputError for a plan that the control cannot be told."""
+        self._served = list(served(task.plan, "facet" if PROVING in task.program else "none"))
         self._moves = [move for move, _ in self._served]
         self._plain = options.get("targets", "confirmed") == "plain"
         self._orient = options.get("orient", "refuse") == "m19"
-        run = job.run or job.plan  # a part may have one angle, and another than the part before
+        run = task.run or task.plan  # a part may have one angle, and another than the part before
         self.fits(run, options)
         try:
             self._feed = float(options.get("feed", FEED))
         except ValueError:
             self._feed = 0.0
-        if job.plan.only is not None:  # beside a hand
+        if task.plan.only is not None:  # beside a hand
             self._feed = min(self._feed, GENTLE)
-        fastest = max((axis.rapid or math.inf for axis in job.plan.machine.axes if axis.kind == "linear"), default=math.inf)
+        fastest = max((axis.rapid or math.inf for axis in task.plan.machine.axes if axis.kind == "linear"), default=math.inf)
         if "feed" in options and not 0 < self._feed <= min(fastest, HIGHEST):
             raise InputError(
                 f"grbl: feed: found {options['feed']!r}; allowed: mm/min above 0, at most {min(fastest, HIGHEST):g}, the "
                 "fastest that a linear axis moves"
             )
-        self._clamps = _grbl.clamps(job.program)
+        self._clamps = _grbl.clamps(task.program)
         if not self._plain:
             for number in self._clamps.values():
                 targets.switch(number)
-        self._touches = {touch.number: touch for touch in job.plan.touches}
-        self._order = {number: i for i, number in enumerate(job.numbers)}
+        self._touches = {touch.number: touch for touch in task.plan.touches}
+        self._order = {number: i for i, number in enumerate(task.numbers)}
         self._at: dict[str, float] = {}
-        self._travel = {axis.name: _ends(axis) for axis in job.plan.machine.axes}  # mm or deg
+        self._travel = {axis.name: _ends(axis) for axis in task.plan.machine.axes}  # mm or deg
         self._goal: dict[str, float] = {}  # where each axis was sent to, by the scales of the machine
         self._set: dict[str, float] = {}  # parameters as the control has confirmed them
         self._searching = False  # whether the last motion was a search
         self._since, self._misses = 0.0, 0
         self._low = self._pressed = False
-        super().__init__(job)
+        super().__init__(task)
 
     @classmethod
     def fits(cls, plan: Plan, options: Mapping[str, str]) -> None:
@@ -130,23 +130,23 @@ class Client(Control):
         self._ready = True
         self._goal = dict(self._at)
         yield from self._clear()
-        self._events.append(Begun(self._job.mark, len(self._job.numbers)))
-        proven = TOUCH not in self._job.program  # a program without the gate asks for nobody's finger
+        self._events.append(Begun(self._task.mark, len(self._task.numbers)))
+        proven = TOUCH not in self._task.program  # a program without the gate asks for nobody's finger
         for move, touch in self._served:
             if self._stopping:
                 yield from self._leave()
             if move.kind == "approach" and not proven:
                 yield from self._prove()
                 proven = True
-            self._allowed = self._job.patience[self._order[move.touch]]
+            self._allowed = self._task.patience[self._order[move.touch]]
             self._given += 1
             yield from self._make(move)
-            self._low = low(move, touch, self._job.plan.machine)
-        self._events.append(Ended(len(self._job.numbers)))
+            self._low = low(move, touch, self._task.plan.machine)
+        self._events.append(Ended(len(self._task.numbers)))
 
     def _prove(self) -> Talk:
         """A slow search up during which somebody touches the stylus, then back. Raises Stop when nobody has been noticed."""
-        up = gate(self._job.plan)
+        up = gate(self._task.plan)
         self._events.append(Asked(f"{TOUCH} NOW: the probe moves up slowly for 20 s and has to notice it"))
         yield from self._say(f"({TOUCH})")
         flag, place = self._contact((yield from self._go(targets.SEARCH, self._linear(up.end), up.feed)))
@@ -168,7 +168,7 @@ class Client(Control):
 
     def _noticed(self, target: Mapping[str, float], touch: Touch) -> Talk:
         """The short search to the facet that proves the probe. Raises Stop when it meets nothing."""
-        flag, place = self._contact((yield from self._go(targets.SEARCH, target, self._job.plan.strategy.approach.feed)))
+        flag, place = self._contact((yield from self._go(targets.SEARCH, target, self._task.plan.strategy.approach.feed)))
         if not flag:
             raise Stop(
                 f"the probe did not notice facet {touch.facet}: is it on, its battery good, its cable at the input of the probe, "
@@ -179,7 +179,7 @@ class Client(Control):
 
     def _clear(self) -> Talk:
         """Where a run was cut off beside a facet the probe goes back as it came; straight up there may be an edge above it."""
-        for touch in self._job.plan.touches:
+        for touch in self._task.plan.touches:
             below = self._stands_between(touch.standoff, touch.end)
             if below or self._stands_between(touch.over, touch.standoff):
                 if below:
@@ -216,7 +216,7 @@ class Client(Control):
                 raise Stop(f"asked twice where it stands, it says {_shown(first)} and {_shown(self._at)}: the line is disturbed")
         if "P" not in fields.get("Pn", ""):
             return
-        touch = next((touch for touch in self._job.plan.touches if start and self._on_its_line(touch)), None)
+        touch = next((touch for touch in self._task.plan.touches if start and self._on_its_line(touch)), None)
         if touch is not None:
             yield from self._off(touch)
         else:
@@ -227,7 +227,7 @@ class Client(Control):
         angle = target.pop("S", None)
         if not self._orient:
             angle = None
-        approach = self._job.plan.strategy.approach
+        approach = self._task.plan.strategy.approach
         if move.kind == "probe":
             lines = yield from self._go(targets.SEARCH, target, approach.feed)
             yield from self._record(self._touches[move.touch], lines)
@@ -266,7 +266,7 @@ class Client(Control):
             return
         if angle is not None:
             yield from self._go(targets.RAPID, {}, self._feed, angle)
-        for name in (name for name in self._job.plan.machine.rotary if name in target):
+        for name in (name for name in self._task.plan.machine.rotary if name in target):
             yield from self._switch("UNCLAMP", name)
             yield from self._go(targets.RAPID, {name: target[name]}, self._feed)
             yield from self._switch("CLAMP", name)
@@ -364,11 +364,11 @@ class Client(Control):
             return
         if flag and not self._plain:
             fed = yield from self._say(targets.FED)
-            if not targets.confirmed([targets.apart(self._job.plan.strategy.approach.feed)], fed):
+            if not targets.confirmed([targets.apart(self._task.plan.strategy.approach.feed)], fed):
                 raise Stop(
                     f"touch {touch.number} was made at another feed, the control says {' '.join(fed)}: the line is disturbed"
                 )
-        machine = self._job.plan.machine
+        machine = self._task.plan.machine
         self._pressed, self._at = flag == 1, place
         if flag == 0:  # what a miss shows is the contact before on some controls: where it stands counts
             yield from self._where()
@@ -380,7 +380,7 @@ class Client(Control):
         if flag:
             self._beside(touch)
         self._misses = 0 if flag else self._misses + 1
-        if self._misses >= self._job.misses:
+        if self._misses >= self._task.misses:
             raise Stop(f"{self._misses} touches in a row without contact: is the probe alive?")
 
     def _beside(self, touch: Touch) -> None:
@@ -393,12 +393,12 @@ class Client(Control):
         return self._stands_between(touch.standoff, touch.end)
 
     def _linear(self, place: Sequence[float]) -> dict[str, float]:
-        machine = self._job.plan.machine
+        machine = self._task.plan.machine
         return {name: place[machine.column(name)] for name in machine.linear}
 
     def _stands_between(self, start: Sequence[float], end: Sequence[float]) -> bool:
         """two places of the plan (k,) mm rad → whether the axes stand on the straight way between, at the angles of its end."""
-        machine = self._job.plan.machine
+        machine = self._task.plan.machine
         a, b = (list(self._linear(place).values()) for place in (start, end))
         here = [self._at[name] for name in machine.linear]
         length = math.dist(a, b)
@@ -412,7 +412,7 @@ class Client(Control):
 
     def _off(self, touch: Touch) -> Generator[str, str, None]:
         """The probe touches → it is drawn off the way it came, so far that it is free. Raises Stop when its signal stays on."""
-        machine = self._job.plan.machine
+        machine = self._task.plan.machine
         columns = [machine.column(name) for name in machine.linear]
         away = [touch.standoff[i] - touch.contact[i] for i in columns]
         steps = {name: OFF * value / math.hypot(*away) for name, value in zip(machine.linear, away, strict=True)}

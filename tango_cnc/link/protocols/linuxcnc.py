@@ -20,7 +20,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 
 from ...records import Machine, Plan, Touch
-from .._client import Begun, Ended, Identified, Job, Refused, Touched
+from .._client import Begun, Ended, Identified, Refused, Task, Touched
 from .._dialogue import Dialogue, Stop, Talk
 from .._words import record
 
@@ -46,13 +46,14 @@ class Client(Dialogue):
     """Runs one program and reads its log."""
 
     drives = False
+    explains = True
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client."""
-        self._job, self._options = job, options
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client."""
+        self._task, self._options = task, options
         self._begun = self._running = self._finished = False
         self._place = self._told = 0
-        super().__init__(job.start_patience)
+        super().__init__(task.start_patience)
 
     @classmethod
     def hello(cls, options: Mapping[str, str]) -> bytes:
@@ -85,7 +86,7 @@ class Client(Dialogue):
     @property
     def sent(self) -> tuple[int, int]:
         """→ (characters of the program put, characters in all)."""
-        return self._told, len(self._job.program)
+        return self._told, len(self._task.program)
 
     def _late(self) -> str:
         return "come to the next touch" if self._begun else "begun the program"
@@ -103,15 +104,15 @@ class Client(Dialogue):
             if wanted not in found.upper().split():
                 raise Stop(f"the control says {found!r}: {ADVICE[what]}, then run again")
         homed = yield from self._get("joint_homed")
-        machine = self._job.plan.machine
+        machine = self._task.plan.machine
         joints = len(machine.linear) + len(machine.rotary)  # more than the machine has are listed, and are never homed
         if "NO" in homed.upper().split()[1 : 1 + joints]:
             raise Stop(f"the control says {homed!r}: home all joints, then run again")
         if "IDLE" not in (yield from self._get("program_status")).upper():
             raise Stop(RUNS)
         yield from self._set("set mode auto", "mode")
-        yield f"put {len(self._job.program)} {self._job.program.encode('ascii').hex()}\r"  # of the transport, answered by it
-        self._told = len(self._job.program)
+        yield f"put {len(self._task.program)} {self._task.program.encode('ascii').hex()}\r"  # of the transport, answered by it
+        self._told = len(self._task.program)
         yield from self._set(f"set open {self._options.get('file', '')}", "program")
         self._running = True
         yield from self._set("set run", "program_status")
@@ -143,7 +144,7 @@ class Client(Dialogue):
         before: dict[str, float] = {}
         while at != before or "IDLE" not in (yield from self._get("program_status")).upper():
             at, before = (yield from self._where()), at
-        way = way_back(self._job.plan, self._job.numbers[: self._place + 1], at)
+        way = way_back(self._task.plan, self._task.numbers[: self._place + 1], at)
         if way:
             yield from self._set("set mode mdi", "mode")
         for target in way:
@@ -179,19 +180,19 @@ class Client(Dialogue):
         """One line of the log → its event. Raises Stop for the marks of another program."""
         if not self._running:  # it logs before it has been asked
             raise Stop(RUNS)
-        event = record(line, self._job.letters)
+        event = record(line, self._task.letters)
         if isinstance(event, Begun):
-            if (event.mark, event.count) != (self._job.mark, len(self._job.numbers)) or self._begun:
+            if (event.mark, event.count) != (self._task.mark, len(self._task.numbers)) or self._begun:
                 raise Stop(f"the log is of another program, or of another run: {line!r}")
             self._begun = True
-        elif isinstance(event, Ended) and event.mark not in ("", self._job.mark):
+        elif isinstance(event, Ended) and event.mark not in ("", self._task.mark):
             raise Stop(f"the log has the end mark of another program: {line!r}")
         elif not self._begun and not isinstance(event, Refused):
             raise Stop(f"a record came before the start mark: {line!r}")
-        if isinstance(event, Touched) and event.number in self._job.numbers:
-            self._place = max(self._place, self._job.numbers.index(event.number) + 1)
+        if isinstance(event, Touched) and event.number in self._task.numbers:
+            self._place = max(self._place, self._task.numbers.index(event.number) + 1)
         self._finished |= isinstance(event, Ended)
-        self._allowed = self._job.patience[self._place]
+        self._allowed = self._task.patience[self._place]
         self._done()
         self._events.append(event)
 

@@ -24,7 +24,7 @@ import hashlib
 from collections.abc import Mapping
 from urllib.parse import unquote
 
-from .._client import Asked, Begun, Event, Identified, Job
+from .._client import Asked, Begun, Event, Identified, Task
 from . import file
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -43,19 +43,19 @@ class Client(file.Client):
     late = True
     longest = 4096  # an answer says why
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client."""
-        super().__init__(job, options)
-        self._program = job.program.encode() if options.get("program") else b""
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client."""
+        super().__init__(task, options)
+        self._program = task.program.encode() if options.get("program") else b""
         self._opened = self._ready = False
-        self._limit = job.start_patience + sum(job.patience)
+        self._limit = task.start_patience + sum(task.patience)
         self.brought = not self._program
         self.before = "LSV2: nothing may move while this computer speaks to the control, and it does so now"
         self.advice = f"the program is at the control, compared by reading it back: start it there; {ENTER}"
         if not self._program:
             self.advice = f"bring the program to the control and start it there; {ENTER}"
         self._out = b"open\n"
-        if job.quiet:  # the control may still execute the program of before
+        if task.quiet:  # the control may still execute the program of before
             self.before, self._out = f"LSV2: nothing may move while this computer speaks to the control; {ENTER}", b"still\n"
 
     @classmethod
@@ -76,7 +76,7 @@ class Client(file.Client):
     @property
     def sent(self) -> tuple[int, int]:
         """→ (bytes of the program that stand at the control and were compared, bytes in all)."""
-        whole = len(self._job.program)
+        whole = len(self._task.program)
         return whole * self._ready, whole
 
     def bytes_to_send(self, limit: int) -> bytes:
@@ -107,7 +107,7 @@ class Client(file.Client):
             return self._again("the control says that its program runs: nothing was asked for")
         elif word == "LOOK":
             if not self._over:
-                touches = f"{self._position} of {len(self._job.numbers)} touches"
+                touches = f"{self._position} of {len(self._task.numbers)} touches"
                 return self._again(f"{touches} are in the record file, and no end mark")
         elif self._ready:
             return self._again(unquote(rest))

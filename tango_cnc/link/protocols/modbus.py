@@ -25,7 +25,7 @@ from typing import Any
 
 from ...records import InputError, Move
 from .. import _registers
-from .._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from .._client import Begun, Ended, Event, Identified, Refused, Task, Touched
 from .._dialogue import Stop, low
 from .._layout import RUN, read_layout
 from .._registers import CLOSE, READS, WORD, WRITES, Registers, Talk, Words, identified
@@ -41,24 +41,24 @@ END = 0xFFFF  # point of the end mark
 class Client(Registers):
     """Drives one plan, or lets the control run its program, and collects the readings."""
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client. Raises InputError for a layout that cannot carry the plan."""
-        self._job, self._layout = job, read_layout(options.get("layout", ""))
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client. Raises InputError for a layout that cannot carry the plan."""
+        self._task, self._layout = task, read_layout(options.get("layout", ""))
         self._program = self.brought = options.get("run", "touches") == "program"  # then it comes to the control by other ways
         if self._program and RUN not in self._layout.commands:
             raise InputError(f"run=program: the layout has no command {RUN!r}")
-        by_itself = "off" if job.plan.strategy.approach.find else "back"  # a measuring move goes back to where it began
-        moves = [move for move in job.plan.moves if move.kind != by_itself]
+        by_itself = "off" if task.plan.strategy.approach.find else "back"  # a measuring move goes back to where it began
+        moves = [move for move in task.plan.moves if move.kind != by_itself]
         for letter in sorted({name for move in moves for name in move.target}):
             if letter not in self._layout.axes:
                 raise InputError(f"layout: axes: found {' '.join(self._layout.axes)}; allowed: all that move, {letter} is missing")
             counts = [self._counts(letter, move.target[letter]) for move in moves if letter in move.target]
             self._layout.words([min(counts), max(counts)])
         self._moves = moves
-        self._touches = {touch.number: touch for touch in job.plan.touches}
-        self._order = {number: i for i, number in enumerate(job.numbers)}
+        self._touches = {touch.number: touch for touch in task.plan.touches}
+        self._order = {number: i for i, number in enumerate(task.numbers)}
         self._low: int | None = None  # touch at which the probe is down among the bodies of the table
-        super().__init__(job, self._layout)
+        super().__init__(task, self._layout)
 
     @classmethod
     def named(cls, options: Mapping[str, str]) -> None:
@@ -83,7 +83,7 @@ class Client(Registers):
     @property
     def sent(self) -> tuple[int, int]:
         """→ (commands given, commands in all)."""
-        return self._given, len(self._job.numbers) + 2 if self._program else len(self._moves) + 2
+        return self._given, len(self._task.numbers) + 2 if self._program else len(self._moves) + 2
 
     def _conversation(self) -> Generator[str, str, None]:
         block = yield from self._read(self._layout.block)
@@ -95,17 +95,17 @@ class Client(Registers):
 
     def _drive(self) -> Generator[str, str, None]:
         """Move by move: the control's resident program makes each of them."""
-        yield from self._command("begin", self._job.start_patience)
-        self._events.append(Begun(self._job.mark, len(self._job.numbers)))
+        yield from self._command("begin", self._task.start_patience)
+        self._events.append(Begun(self._task.mark, len(self._task.numbers)))
         for move in self._moves:
             if self._stopping:
                 yield from self._leave()
-            self._allowed = self._job.patience[self._order[move.touch]]
+            self._allowed = self._task.patience[self._order[move.touch]]
             yield from self._make(move)
-            self._low = move.touch if low(move, self._touches[move.touch], self._job.plan.machine) else None
-        self._allowed = self._job.patience[-1]
+            self._low = move.touch if low(move, self._touches[move.touch], self._task.plan.machine) else None
+        self._allowed = self._task.patience[-1]
         yield from self._goodbye((yield from self._command("end", self._allowed)) or self._last)
-        self._events.append(Ended(len(self._job.numbers)))
+        self._events.append(Ended(len(self._task.numbers)))
 
     def _command(self, name: str, patience: float, **more: Any) -> Talk:
         """command → the block when it is done, of a measuring move read twice; empty when no two readings of it agree."""
@@ -149,7 +149,7 @@ class Client(Registers):
             self._handed_over(block)
             self._given += 1
             self._done()
-            self._allowed = self._job.patience[min(self._given - 2, len(self._job.patience) - 1)]
+            self._allowed = self._task.patience[min(self._given - 2, len(self._task.patience) - 1)]
             self._heard = self._said("tick", block)
             yield from self._take(number)  # goes out when what the record said is on disk
             if self._said("point", block) == END:
@@ -169,13 +169,13 @@ class Client(Registers):
         """One record → its event. Raises Stop for the start mark of another program."""
         point, count = self._said("point", block), self._said("count", block)
         mark = "".join(f"{word:04X}" for word in self._layout.of("mark", block, self._layout.block[0]))
-        if (mark, count) != (self._job.mark.rjust(12, "0"), len(self._job.numbers)):
-            ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+        if (mark, count) != (self._task.mark.rjust(12, "0"), len(self._task.numbers)):
+            ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
             raise Stop(
                 f"the control runs program {mark} with {count} touches, this run is {ours}: bring the new program to the control"
             )
         if point == 0:
-            self._events.append(Begun(self._job.mark, count))
+            self._events.append(Begun(self._task.mark, count))
         elif point != END:
             place, flag = self._position(block), self._said("flag", block)
             text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
@@ -194,7 +194,7 @@ class Client(Registers):
 
     def _make(self, move: Move) -> Generator[str, str, None]:
         """One move of the plan; a measuring move becomes a record."""
-        approach = self._job.plan.strategy.approach
+        approach = self._task.plan.strategy.approach
         feed = approach.feed if move.kind == "probe" else approach.find.feed if move.kind == "find" and approach.find else 0.0
         target = {letter: self._counts(letter, value) for letter, value in move.target.items()}
         axes = self._layout.axes
@@ -239,17 +239,17 @@ class Client(Registers):
     def _leave(self) -> Generator[str, str, None]:
         """Draws the probe clear when it is down at a facet, and ends the conversation."""
         if self._low is not None:
-            if self._job.plan.strategy.approach.find:
-                yield from self._make(Move("back", _linear(self._touches[self._low].standoff, self._job), self._low))
-            yield from self._make(Move("retract", _linear(self._touches[self._low].over, self._job), self._low))
-        yield from self._goodbye((yield from self._command("end", self._job.patience[-1])) or self._last)
+            if self._task.plan.strategy.approach.find:
+                yield from self._make(Move("back", _linear(self._touches[self._low].standoff, self._task), self._low))
+            yield from self._make(Move("retract", _linear(self._touches[self._low].over, self._task), self._low))
+        yield from self._goodbye((yield from self._command("end", self._task.patience[-1])) or self._last)
         raise Stop("stopped by the user; the probe has been drawn clear")
 
     def _counts(self, letter: str, value: float) -> int:
         return self._layout.counts(letter, value if letter in "XYZ" else math.degrees(value))
 
 
-def _linear(place: tuple[float, ...], job: Job) -> dict[str, float]:
+def _linear(place: tuple[float, ...], task: Task) -> dict[str, float]:
     """place of the plan (mm, rad) → where the linear axes stand there, mm."""
-    machine = job.plan.machine
+    machine = task.plan.machine
     return {name: place[machine.column(name)] for name in machine.linear}

@@ -24,7 +24,7 @@ from collections.abc import Generator, Mapping
 from urllib.parse import unquote
 
 from ...records import InputError
-from .._client import Begun, Ended, Event, Identified, Job, Refused, Touched
+from .._client import Begun, Ended, Event, Identified, Refused, Task, Touched
 from .._dialogue import Dialogue, Stop, Talk
 from .._nodes import DIGITS, Nodes, read_nodes
 
@@ -50,25 +50,25 @@ class Client(Dialogue):
 
     drives = False  # the control's program runs by itself from record to record
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client. Raises InputError for nodes that cannot carry the records."""
-        self._job, self._nodes = job, read_nodes(options.get("nodes", ""))
-        for letter in job.letters:
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client. Raises InputError for nodes that cannot carry the records."""
+        self._task, self._nodes = task, read_nodes(options.get("nodes", ""))
+        for letter in task.letters:
             if letter not in self._nodes.position:
                 raise InputError(
                     f"nodes: position: found {' '.join(self._nodes.position)}; allowed: all that move, {letter} is missing"
                 )
-        if 'WRITE(TG_ERROR,"' in job.program:
+        if 'WRITE(TG_ERROR,"' in task.program:
             raise InputError(
                 "this program writes its records into a file, and opcua takes them from variables: state handshake: R700 under "
                 "controller in tango.yaml, or use file:// as the port"
             )
-        self._program = job.program.encode() if options.get("program") else b""
+        self._program = task.program.encode() if options.get("program") else b""
         self.brought = not self._program
         self.advice = "start the program at the control" + ("; it was compared by reading it back" if self._program else "")
         self._put = self._begun = self._left = False
         self._count = 0  # records taken
-        super().__init__(job.start_patience)
+        super().__init__(task.start_patience)
 
     @classmethod
     def named(cls, options: Mapping[str, str]) -> None:
@@ -141,12 +141,12 @@ class Client(Dialogue):
             ended = self._handed_over(values)
             self._done()
             self._count += self._begun and not (values["point"] == 0 and self._count > 0)
-            self._allowed = self._job.patience[min(self._count - 1, len(self._job.patience) - 1)]
+            self._allowed = self._task.patience[min(self._count - 1, len(self._task.patience) - 1)]
             if self._left:  # the person may have to start the program yet
-                self._allowed, self._left = max(self._allowed, self._job.start_patience), False
+                self._allowed, self._left = max(self._allowed, self._task.start_patience), False
             yield from self._take(number)  # goes out when what the record said is on disk
             if ended is not None:
-                self._events.append(Ended(ended, self._job.mark))
+                self._events.append(Ended(ended, self._task.mark))
                 return
             taken = last = number
 
@@ -210,13 +210,13 @@ class Client(Dialogue):
         raise Stop("what is written as taken does not stand there afterwards: do the nodes fit the control?")
 
     def _ours(self, values: Values) -> bool:
-        return (_mark(values, self._nodes), int(values["count"])) == (self._job.mark.rjust(DIGITS, "0"), len(self._job.numbers))
+        return (_mark(values, self._nodes), int(values["count"])) == (self._task.mark.rjust(DIGITS, "0"), len(self._task.numbers))
 
     def _handed_over(self, values: Values) -> int | None:
         """One record → its event; the touches made, where it is the end mark. Raises Stop for another program."""
         point, count = int(values["point"]), int(values["count"])
         if not self._ours(values):
-            ours = f"{self._job.mark} with {len(self._job.numbers)} touches"
+            ours = f"{self._task.mark} with {len(self._task.numbers)} touches"
             found = f"{_mark(values, self._nodes)} with {count} touches"
             raise Stop(f"the control runs program {found}, this run is {ours}: bring the new program to the control")
         if point == 0 and self._begun and self._count > 1:
@@ -227,7 +227,7 @@ class Client(Dialogue):
             return None
         if point == 0:
             self._begun = True
-            self._events.append(Begun(self._job.mark, count))
+            self._events.append(Begun(self._task.mark, count))
         elif point == END:
             return count
         else:
@@ -235,12 +235,12 @@ class Client(Dialogue):
         return None
 
     def _record(self, values: Values) -> Event:
-        place = {letter: values[letter] for letter in self._job.letters}
+        place = {letter: values[letter] for letter in self._task.letters}
         point, flag = int(values["point"]), int(values["flag"])
         text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
         if flag not in (0, 1, 2):
             return Refused(f"flag {flag}; it is 0 (no contact), 1 (contact) or 2 (early contact)", text)
-        off = values["sum"] - sum(place.values()) if self._job.summed and self._nodes.sum else 0.0
+        off = values["sum"] - sum(place.values()) if self._task.summed and self._nodes.sum else 0.0
         if abs(off) > SUM * (len(place) + 1):
             return Refused(f"the places add up to {sum(place.values()):.4f}, and sum is {values['sum']:.4f}", text)
         return Touched(point, flag, place, text)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from .._client import Event, Job
+from .._client import Event, Task
 from . import file
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
@@ -32,16 +32,16 @@ SCHEMES: Mapping[str, str] = {"ftp": "ftp", "ftps": "ftps", "sftp": "sftp", "smb
 class Client(file.Client):
     """Puts the program where the control finds it, then reads its records."""
 
-    def __init__(self, job: Job, options: Mapping[str, str]) -> None:
-        """job, {option: value of `OPTIONS`} → client."""
-        super().__init__(job, options)
+    def __init__(self, task: Task, options: Mapping[str, str]) -> None:
+        """task, {option: value of `OPTIONS`} → client."""
+        super().__init__(task, options)
         self._put = b""
-        self._hash = hashlib.sha256(job.program.encode()).hexdigest()
+        self._hash = hashlib.sha256(task.program.encode()).hexdigest()
         self._waits = bool(options.get("program"))
         if self._waits:
             self.brought = False
             self.advice = "the program is at the control, compared by reading it back: start it there"
-            self._put = b"put %s\n" % job.program.encode().hex().encode()
+            self._put = b"put %s\n" % task.program.encode().hex().encode()
         self._all = len(self._put)
 
     @property

@@ -9,6 +9,7 @@ from ..blocks import Arc, Block, Modal, Word, arc_of, refused
 from ._iso import AFTER, ENDS, LONGEST, MOST, NUMBER, REFUSED, number_in, over
 
 SAYS = "HEIDENHAIN Klartext"
+READS = ("klartext",)
 LENGTH = True
 COUNTED = True
 UNITS = ("BEGIN PGM … MM",)

@@ -9,6 +9,7 @@ from ..blocks import Block, Modal, refused
 from . import _iso
 
 SAYS = "Fanuc and relatives (Haas, Mitsubishi, Mazak EIA, Brother)"
+READS = ("macro_b",)
 LENGTH = False
 COUNTED = False
 UNITS = ("G21", "G90")

@@ -9,6 +9,7 @@ from ..blocks import Block, Modal
 from . import _iso
 
 SAYS = "RS-274: LinuxCNC, grbl, Mach"
+READS = ("rs274", "grbl", "mach3", "mach4")
 LENGTH = False
 COUNTED = False
 UNITS = ("G21", "G90")

@@ -9,6 +9,7 @@ from ..blocks import Block, Modal, refused
 from . import _iso
 
 SAYS = "SINUMERIK"
+READS = ("siemens",)
 LENGTH = True
 COUNTED = False
 UNITS = ("G71 or G710", "G90")

@@ -13,13 +13,14 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, size_of, whole_sentence
-from ...report.answer import Answer, answer, dates_cut_off, is_cut_off, measuring, renamed
+from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
-from ...report.orders import orders, orders_of_cut_off
+from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
+from ...report.reach import to_ask
 from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
@@ -28,6 +29,8 @@ from ..places import Row
 from ..places import told as verdict_of
 from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
 
+NAMED = 3  # machines that are late, by their names
+GROUPS = {"no": 1, "unknown": 2, "but": 3, "wait": 4, "yes": 5, "none": 6}  # in this order; 0: one that may still move
 STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
 
 
@@ -36,10 +39,12 @@ def fleet(request: Request) -> Response:
     needs(request, "view")
     state = state_of(request)
     rows = state.places.kept("fleet rows", lambda: _rows(request))
-    late = sum(r["late"] for r in rows)
+    late = [r["name"] for r in rows if r["late"]]
     counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
     hours = f"{state.settings.late_hours:g}"
-    return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=late, hours=hours)
+    names = ", ".join(late[:NAMED]) + (f" … ({len(late)})" if len(late) > NAMED else "")
+    made_up = bool(rows) and all(r["simulated"] for r in rows)
+    return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=names, hours=hours, simulated=made_up)
 
 
 def _rows(request: Request) -> list[dict[str, Any]]:
@@ -61,6 +66,8 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
+    moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
+    asked = _asked(row, state)
     ran = ran_of(request, row.machine) if told is None else ""
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -73,11 +80,12 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "slug": row.machine.slug,
         "name": row.machine.name,
         "trouble": row.machine.trouble,
-        "former": [*(spoken_days(t.of(text), t) for text in row.machine.former), *orders_of_cut_off(row.machine.former, t)],
+        "former": [spoken_days(t.of(text), t) for text in row.machine.former],
         "unmeasured": unmeasured(ran, busy, row.machine, state),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
         "may": ("wait" if busy else "none") if told is None else told.may,
+        "group": "moving" if moving else ("wait" if busy else "none") if told is None else told.may,
         "level": "none" if told is None else told.level,
         "answer": t("may.measuring" if busy else "may.unknown") if told is None else told.word,
         "word": busy or ("" if told is None else told.short(t)),
@@ -85,10 +93,11 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "numbers": "" if told is None else told.numbers,
         "soon": "" if told is None else told.soon,
         "headline": whole_sentence(said),
-        "who": who_of(told, {"owner": owner, **_named(row.record)}, found, t),
+        "who": who_of(told, {"owner": owner, "deputy": asked["deputy"], **_named(row.record)}, found, t),
         "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
+        "call": to_ask(asked, found, t) if told is not None and told.may in ("no", "but", "unknown") else "",
         "fault": found[0]["text"] if found else "",
-        "brief": brief(told, found, row.machine.former, said, t),
+        "brief": brief(told, found, moving, said, t),
         "age": _age(row, t),
         "open": len(still_open(found)),
         "moved": max(map(size_of, found), default=0.0),
@@ -98,17 +107,22 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     }
 
 
-def brief(told: Answer | None, found: Sequence[Mapping[str, Any]], former: Sequence[str], said: str, t: Texts) -> tuple[str, str]:
-    """answer, what is wrong, what is said of the cell beside its nights, headline, texts → the one thing to do, and its cause: the
-    first sentence of it; ("", "") where nothing is to be done.
+def brief(told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, said: str, t: Texts) -> tuple[str, str]:
+    """answer, what is wrong, whether its control may still execute a program, headline, texts → the one thing to do first, as on
+    its page, and its cause: the first sentence of it; ("", "") where nothing is to be done.
     """
     if told is None or told.may in ("yes", "wait"):
         return "", ""
-    key = "no" if told.may == "no" else "measure" if told.old else "look" if is_cut_off(former) else "first"
-    cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and key != "no" else said)
+    if moving:
+        return t("may.brief_look"), whole_sentence(t("may.brief_moving"))
+    parts = parts_first(told, found, t)
+    parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
+    if told.old and not parts:
+        return t("may.brief_measure"), whole_sentence(told.old)
+    cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    return t(f"may.brief_{key}"), whole_sentence(cause if told.old else cause[:1].upper() + cause[1:])
+    return parts, whole_sentence(cause[:1].upper() + cause[1:])
 
 
 def _age(row: Row, t: Texts) -> str:
@@ -118,7 +132,7 @@ def _age(row: Row, t: Texts) -> str:
         moment = datetime.fromisoformat(str(known.get("end_utc")))
     except ValueError:
         return ""
-    return ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC))
+    return t("web.measured_ago", ago=ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC)))
 
 
 def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Answer | None:
@@ -145,9 +159,19 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
     return renamed(told, row.machine.former, state.texts)
 
 
+def _asked(row: Row, state: State) -> dict[str, Any]:
+    """row, state → record of its last night, with whoever is asked about the machine today."""
+    record, places = row.record or {}, state.places
+    return {
+        **record,
+        "owner": record.get("owner") or places.owner(row.machine),
+        "deputy": places.deputy(row.machine) or record.get("deputy"),
+    }
+
+
 def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
     """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
-    record, axes = row.record or {}, state.places.geometry(row.machine)
+    record, axes = _asked(row, state), state.places.geometry(row.machine)
     return orders(
         told, record, found, str((record.get("next") or {}).get("kind") or ""), state.units, state.texts, axes, row.machine.former
     )
@@ -170,9 +194,8 @@ def made_up(row: Row) -> bool:
 
 
 def _urgent(r: Mapping[str, Any]) -> tuple[int, bool, float, str]:
-    """Those on which no parts may be made first, of the others those near a limit, then what has moved most; no history: last."""
-    order = {"no": 0, "but": 1, "unknown": 1, "wait": 2, "yes": 3, "none": 4}
-    return min(order[r["may"]], 2 if r["late"] else 4), not r["soon"], -r["moved"], r["name"]
+    """The groups of the list one after the other; in each those near a limit first, then what has moved most."""
+    return GROUPS.get(r["group"], 0), not r["soon"], -r["moved"], r["name"]
 
 
 def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
@@ -198,7 +221,7 @@ def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
         return []
     today = _today()
     alarms, decisions = unclosed(history, name, today)
-    asked = {**record, "owner": record.get("owner") or state.places.owner(row.machine)}
+    asked = _asked(row, state)
     axes, events = state.places.geometry(row.machine), happened_to(state, row.machine)
     old = state.places.old(row.machine, measured_on(record, row.before))
     return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events, old)

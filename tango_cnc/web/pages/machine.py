@@ -51,6 +51,7 @@ def machine(request: Request) -> Response:
     owner = state.places.owner(found)
     values["cut"] = dates_cut_off(found.former)
     values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
+    values["simulated"] = run is not None and run.simulated and not nights
     values["ran"] = "" if nights else ran_of(request, found)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
     values["reported"] = file_of_cell(found) is not None
@@ -73,9 +74,10 @@ def machine(request: Request) -> Response:
 
 def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     """(date, …) of nights, newest first, texts, whether they are too old → which nights a row of signs has."""
-    signs = signs[:SHORT] if old else signs
+    every, signs = len(signs), signs[:SHORT] if old else signs
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
-    return t("web.nights", count=len(signs), first=first, last=last)
+    key = "web.nights_of" if every > len(signs) else "web.nights"
+    return t(key, count=len(signs), all=every, first=first, last=last)
 
 
 def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
@@ -98,6 +100,7 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
         before=before,
         machine=state.places.geometry(machine),
         owner=state.places.owner(machine),
+        deputy=state.places.deputy(machine),
         late=state.places.late(machine),
         within=last_within(every),
         never=never_within(every),
@@ -125,9 +128,10 @@ def record_before(request: Request, machine: Machine, nights: Sequence[Night]) -
 
 
 def simulated(request: Request, machine: Machine) -> bool:
-    """request, machine → whether its newest night measured no machine but a simulated one."""
+    """request, machine → whether its newest night, or the last that measured, measured no machine but a simulated one."""
     nights = state_of(request).places.nights(machine, STRIP)
-    return bool(nights) and bool(stored(request, machine, nights[0].entry).get("simulated"))
+    known = [stored(request, machine, nights[0].entry), record_before(request, machine, nights)] if nights else []
+    return any((record or {}).get("simulated") for record in known)
 
 
 def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
@@ -292,7 +296,6 @@ def nights(request: Request) -> Response:
     return page(
         request,
         "nights.html",
-        simulated=simulated(request, found),
         machine=found,
         nights=shown,
         headlines=said,
@@ -301,7 +304,7 @@ def nights(request: Request) -> Response:
         number=number,
         older=more,
         judged=bool(limits_of(request, found)),
-        **morning_of(request, found, busy_of(request, found)),
+        **{"simulated": simulated(request, found)} | morning_of(request, found, busy_of(request, found)),
     )
 
 

@@ -41,6 +41,7 @@ def night(request: Request) -> Response:
         volumes=volumes_of(nights),
         machine=state.places.geometry(found),
         owner=state.places.owner(found),
+        deputy=state.places.deputy(found),
         events=known_then(record, events) if place else events,
         now=now,
         newer=place,

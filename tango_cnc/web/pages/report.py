@@ -29,9 +29,12 @@ def report(request: Request) -> Response:
     """request → a page around the report of the cell, or one that says how to write it."""
     needs(request, "view")
     found = machine_of(request)
+    from .machine import simulated
+
+    made_up = simulated(request, found)
     if file_of_cell(found) is None:
-        return page(request, "no_report.html", 404, machine=found)
-    return _framed(request, found, "", "")
+        return page(request, "no_report.html", 404, machine=found, simulated=made_up)
+    return _framed(request, found, "", "", made_up)
 
 
 def report_alone(request: Request) -> Response:
@@ -45,7 +48,8 @@ def of_night(request: Request) -> Response:
     found, record, name = _asked(request)
     if file_of_night(found, record, name) is None:
         raise HTTPException(404)
-    return _framed(request, found, str(record.get("night") or ""), f"/machine/{found.slug}/night/{request.path_params['entry']}")
+    back = f"/machine/{found.slug}/night/{request.path_params['entry']}"
+    return _framed(request, found, str(record.get("night") or ""), back, bool(record.get("simulated")))
 
 
 def of_night_alone(request: Request) -> Response:
@@ -62,9 +66,11 @@ def _asked(request: Request) -> tuple[Machine, Mapping[str, Any], str]:
     return found, record_of(found, int(request.path_params["entry"])), str(request.path_params["name"])
 
 
-def _framed(request: Request, machine: Machine, night: str, back: str) -> Response:
-    """request, machine, date of a night or '', address of its page → the page around a report."""
-    answer = page(request, "framed.html", machine=machine, night=night, back=back, source=f"{request.url.path}/alone")
+def _framed(request: Request, machine: Machine, night: str, back: str, made_up: bool) -> Response:
+    """request, machine, date of a night or '', address of its page, whether no machine was measured → the page around a report."""
+    answer = page(
+        request, "framed.html", machine=machine, night=night, back=back, source=f"{request.url.path}/alone", simulated=made_up
+    )
     answer.headers["content-security-policy"] = f"{POLICY}; frame-src 'self'"
     return answer
 

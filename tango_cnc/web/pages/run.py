@@ -45,6 +45,7 @@ def run(request: Request) -> Response:
         "run.html",
         machine=found,
         run=chosen,
+        simulated=chosen is not None and chosen.simulated,
         step=Markup(step),
         mark=_mark(chosen),
         follow=_follow(request, found, chosen),

@@ -75,10 +75,9 @@ def trends(request: Request) -> Response:
         charts=charts,
         names=list(every),
         wanted=wanted,
-        simulated=simulated(request, found),
         course="" if wanted else course_of_tip(request, found),
         curves=None if wanted else curves(request, found),
-        **morning_of(request, found, busy_of(request, found)),
+        **{"simulated": simulated(request, found)} | morning_of(request, found, busy_of(request, found)),
     )
 
 

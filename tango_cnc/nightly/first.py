@@ -1,0 +1,33 @@
+"""What the message of a night says before its causes: what to do about parts first, and who is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..report.texts import Texts
+from ..state.changes import change
+
+
+def owner_of(owner: Any, record: Mapping[str, Any], t: Texts) -> str:
+    """who is asked or nobody, record, texts → the same with whoever is asked where nobody answers."""
+    told, deputy = owner or t("mail.nobody"), record.get("deputy")
+    return t("mail.deputy", owner=told, deputy=deputy) if deputy else str(told)
+
+
+def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
+    """record of a night, texts → what to do before anything else, as on its page: [] where nothing keeps parts, or where the
+    message says so itself.
+    """
+    verdict, limits = record["verdict"], record.get("limits") or ()
+    if record.get("stale_nights") or record["status"] == "refused":
+        return []
+    if record.get("moved"):
+        return [t("morning.cut_off_todo")]
+    if verdict in ("out_of_limits", "doubtful"):
+        return [t("may.brief_no")]
+    if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
+        return []
+    causes = [a.get("cause") for a in (*record["alarms"], *(record.get("standing") or ()))]
+    probe = verdict == "changed" and bool(causes) and all(change(c).of_the_probe or c == "ball" for c in causes)
+    return [t("may.brief_probe" if probe else "morning.parts_first")]

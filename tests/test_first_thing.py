@@ -1,0 +1,175 @@
+"""One first thing to do on every page: the machine that may still move, then parts, then whom to ask, then the repair."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights import knock, night
+from support.server import cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.files.nightly import read_nightly
+from tango_cnc.nightly.words import message
+from tango_cnc.report.morning import context
+from tango_cnc.report.reach import or_else, to_ask
+from tango_cnc.report.texts import texts
+from tango_cnc.report.words import subject
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+M = "HU40T-like"
+BEYOND = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
+NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
+NOTHING |= {"why": "the probe did not answer"}
+
+
+def dated(ago: float) -> dict[str, str]:
+    """days before now → dates of a night."""
+    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
+    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
+
+
+def records(kind: str) -> list[dict[str, Any]]:
+    """story → two nights, the newer one of today."""
+    before, now = dated(1), dated(0)
+    alarm = knock(now["night"]) | {"id": f"{now['night']}-1", "since": before["night"], "owner": "Ann"}
+    bent = alarm | {"cause": "stylus", "parameter": "stylus", "text": "The tip has moved"}
+    last = {
+        "changed": night(M, 1, "changed", alarms=[alarm], **now),
+        "beyond": night(M, 1, "out_of_limits", alarms=[alarm], limits=[BEYOND], **now),
+        "probe": night(M, 1, "changed", alarms=[bent], **now),
+        "moving": night(M, 1, "not_measured", moved=True, **NOTHING, **now),
+        "nothing": night(M, 1, "not_measured", **NOTHING, **now),
+        "doubtful": night(M, 1, "doubtful", plausible={"verdict": "implausible", "reasons": ["x"]}, **now),
+    }[kind]
+    return [night(M, 0, **before) | {"simulated": True}, last]
+
+
+def seen(place: Path, path: str) -> str:
+    """cell, path → what a person reads there."""
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
+
+
+@pytest.mark.parametrize(
+    ("kind", "first"),
+    [
+        ("changed", "Measure the first part"),
+        ("beyond", "Make no parts on it"),
+        ("probe", "Measure the first part that is set up with the probe"),
+        ("moving", "Look at the machine"),
+        ("nothing", "Measure the first part"),
+        ("doubtful", "Make no parts on it"),
+    ],
+)
+def test_box_list_orders_alarm_and_mail_begin_with_one_thing(tmp_path: Path, kind: str, first: str) -> None:
+    place = cell(tmp_path / "one", records=records(kind))
+    (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\n", encoding="utf-8")
+    for path in (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
+        text = seen(place, path).partition("For the engineer")[0]
+        answer = re.search(r"May I make parts\? (?:No|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text)
+        assert answer is not None and answer[1].startswith(first), (path, text[:400])
+        assert re.search(f"What to do:? {first}", text), path
+    assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Yes, but) {M}.*? {first}", seen(place, "/"))
+    if kind in ("changed", "beyond", "probe"):
+        assert f"What to do {first}" in seen(place, "/alarms")
+    assert first in message(records(kind)[1], (), ())[1].split("\n\n")[0]
+
+
+def test_orders_go_from_the_machine_to_parts_to_people_to_the_repair() -> None:
+    before, last = records("moving")
+    todo = context(last, (), None, texts(), before=before, owner="Ann, 4711")["todo"]
+    assert [next(i for i, x in enumerate(todo) if w in x) for w in ("alarm screen", "first part", "Call Ann")] == [0, 1, 2]
+    todo = context(records("changed")[1], (), None, texts(), owner="Ann, 4711")["todo"]
+    assert "first part" in todo[0] and todo[1].startswith("Call Ann") and "collision" in todo[2]
+
+
+@pytest.mark.parametrize(
+    ("owner", "days", "deputy", "wanted"),
+    [
+        ("Ann, 4711", 0, "", ""),
+        ("ann@shop.example", 1, "Bob, 12", ""),
+        ("Ann, 4711", 2, "", "No deputy is named: tell the foreman."),
+        ("Ann, 4711", 12, "Bob, 4712", "Else call Bob, 4712."),
+        ("Ann", 0, "", "No telephone number is stated: ask the foreman."),
+        ("Ann", 0, "Bob, 4712", "Else call Bob, 4712."),
+        ("Ann", 3, "", "No telephone number and no deputy are stated: tell the foreman."),
+    ],
+)
+def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner: str, days: int, deputy: str, wanted: str) -> None:
+    assert or_else(owner, days, deputy, texts()) == wanted
+    asked = to_ask({"owner": owner, "deputy": deputy}, [{"owner": owner, "silent": days, "decision": None}], texts())
+    assert asked == f"Call {owner}" + ("." if not wanted else f", or {deputy}." if deputy else ", or tell the foreman.")
+    assert to_ask({"owner": owner}, [{"owner": owner, "decision": object()}], texts()) == ""
+    assert to_ask({"owner": ""}, (), texts()).startswith("Tell the foreman")
+
+
+def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_message(tmp_path: Path) -> None:
+    old = dated(4)
+    alarm = knock(old["night"]) | {
+        "id": f"{old['night']}-1",
+        "since": dated(5)["night"],
+        "owner": "Ann, 4711",
+        "night": old["night"],
+    }
+    nights = [night(M, 0, "changed", alarms=[alarm], **old), night(M, 1, "changed", standing=[alarm], **dated(0))]
+    place = cell(tmp_path / "one", records=nights)
+    for stated, wanted in (("", "No deputy is named: tell the foreman."), ("deputy: Bob, 4712\n", "Else call Bob, 4712.")):
+        (place / "nightly.yaml").write_text(f"nightly: 1\nowner: Ann, 4711\n{stated}", encoding="utf-8")
+        for path in (f"/machine/{M}", f"/machine/{M}/trend", "/alarms", "/"):
+            assert wanted in seen(place, path), path
+    assert read_nightly(place).deputy == "Bob, 4712"
+    told = message(nights[1] | {"owner": "Ann, 4711", "deputy": "Bob, 4712"}, (), ())[1]
+    assert "owner: Ann, 4711; if nobody answers: Bob, 4712" in told
+
+
+def test_age_and_simulated_are_the_same_on_every_page(tmp_path: Path) -> None:
+    """The newest night measured nothing: how long ago is told of the one that did, which measured no machine."""
+    place = cell(tmp_path / "one", records=records("nothing"))
+    assert "measured 24 h ago" in seen(place, "/")
+    assert re.search("nothing measured. Last measured: night of .{15}, 24 h ago", seen(place, f"/machine/{M}"))
+    for path in ("/", *(f"/machine/{M}{x}" for x in ("", "/trend", "/nights", "/report", "/files"))):
+        assert seen(place, path).count("SIMULATED") == 1, path
+
+
+def test_the_list_has_a_heading_for_each_group_and_says_what_a_number_is(tmp_path: Path) -> None:
+    places = []
+    for i, kind in enumerate(("nothing", "beyond", "moving", "changed")):
+        made = [x | {"machine": f"M{i}", "simulated": i == 0} for x in records(kind)]
+        places.append(cell(tmp_path / f"m{i}", f"M{i}", made))
+    with TestClient(create(Settings(tuple(places))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        page = site.get("/").text
+    order = re.findall(r"<h2>(.*?)</h2>|/machine/(M\d)\"", page)
+    first = [
+        "Look at these first: they may still be moving",
+        "M2",
+        "Make no parts on these",
+        "M1",
+        "Measure the first part on these",
+    ]
+    assert [a or b for a, b in order] == [*first, "M3", "M0"]
+    assert page.count("1 open alarm<") == 2 and page.count('<span class="mark">SIMULATED') == 1
+
+
+def test_the_first_screen_has_the_size_that_counts_and_the_rest_is_folded() -> None:
+    alarm = knock("2026-11-05") | {"id": "2026-11-05-1", "night": "2026-11-05", "since": "2026-11-04", "total": 0.0199}
+    alarm |= {
+        "size": 0.0198,
+        "now": "still there: +19.9 µm",
+        "text": "The tip has moved by 16 µm (X +16.2 µm, Y +0.1 µm, Z −0.2 µm)",
+    }
+    first = context(night(M, 12, "changed", standing=[alarm]), (), None, texts())["first"]
+    assert first["brief"] == "The tip has moved by 16 µm." and "Still there: +20 µm" in first["text"] and "Y +0.1" in first["text"]
+    grown = context(night(M, 12, "changed", standing=[alarm | {"total": 0.04}]), (), None, texts())["first"]
+    assert "+" in grown["brief"] or "40 µm" in grown["brief"]  # how far it has come by now is no detail
+
+
+def test_what_drifts_is_named_by_its_axis() -> None:
+    t = texts()
+    assert [subject(name, None, t) for name in ("EY0C", "EX0S", "EXX1")] == ["C axis", "spindle", "scale of X"]
