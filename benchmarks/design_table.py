@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language

@@ -27,7 +27,7 @@ from sim_controller.motion import Skip
 from sim_controller.probing import home
 from sim_controller.protocols import grbl, modbus
 from tango_cnc.files import read_cell
-from tango_cnc.link._measure import Wanted, measure
+from tango_cnc.link.measure import Wanted, measure
 from tango_cnc.plan import plan
 from tango_cnc.program import Program
 

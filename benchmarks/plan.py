@@ -37,7 +37,7 @@ STAGES = ("plan", "program", "check", "whole")
 
 def measured(touches: int, post: str) -> dict[str, float]:
     """→ CPU seconds and MB at the peak, of planning, writing and reading back."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
     from tango_cnc import readback
     from tango_cnc.plan import plan, plan_hash
 
@@ -108,7 +108,7 @@ def whole(touches: int, post: str, split: int | None = None) -> dict[str, float]
 
 def dialects() -> dict[str, tuple[int, float]]:
     """→ touches of examples/hu40t and CPU seconds of writing its program, of every dialect."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
     from tango_cnc.files import read_cell
     from tango_cnc.plan import plan, plan_hash
 

@@ -1,1 +1,56 @@
-"""Plan → NC program, one file per dialect; the file name is the name of the post."""
+"""Plan → NC program, one file per dialect; the file name is the name of the post.
+
+What stages and tests need of posts in general is here; `_base` says what a post is, and what it is given.
+"""
+
+from ._base import (
+    BLANK,
+    MARK,
+    Job,
+    Leg,
+    Option,
+    Post,
+    begins,
+    comment,
+    companions,
+    early_distance,
+    is_own,
+    length,
+    load,
+    mark_of,
+    may_roll,
+    names,
+    number,
+    of_part,
+    program,
+    reach,
+    rolled,
+    settings,
+    unverified,
+)
+
+__all__ = [
+    "BLANK",
+    "MARK",
+    "Job",
+    "Leg",
+    "Option",
+    "Post",
+    "begins",
+    "comment",
+    "companions",
+    "early_distance",
+    "is_own",
+    "length",
+    "load",
+    "mark_of",
+    "may_roll",
+    "names",
+    "number",
+    "of_part",
+    "program",
+    "reach",
+    "rolled",
+    "settings",
+    "unverified",
+]

@@ -45,7 +45,7 @@ INTERNAL: dict[str, str | None] = {
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",
     "verify": f"{NUMERIC} files iso230",
-    "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded",
+    "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded state.frame plan duration design.order",
     "history": "records texts files state nearest",
     "nightly": f"{NUMERIC} files history state loaded "
     "report.age report.days report.compensated report.units report.look report.repeated report.texts report.tonight report.words",
@@ -79,7 +79,7 @@ USED_BY = {
 
 # Third-party libraries beyond numpy and scipy, and the only modules that may import them.
 LIBRARIES = {
-    "yaml": ("tango_cnc.files", "tango_cnc.link._layout", "tango_cnc.commands", "tango_cnc.reproduce"),
+    "yaml": ("tango_cnc.files", "tango_cnc.link.layout", "tango_cnc.commands", "tango_cnc.reproduce"),
     "click": ("tango_cnc.commands", "tango_cnc.cli", "sim_controller.__main__"),
     "serial": ("tango_cnc.link.transport", "sim_controller"),
     "trimesh": ("tango_cnc.files.hull",),
@@ -110,7 +110,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "_measure", "_follow", "_layout", "_nodes", "_secrets", "_sensors"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "measure", "follow", "layout", "nodes", "secrets", "sensors"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.
@@ -315,3 +315,21 @@ def test_a_word_of_the_glossary_is_one_class(root: Path) -> None:
     wrong = {word: names for word, names in held.items() if len(set(names) - ANOTHER_OF_THE_NAME.keys()) > 1}
     assert not wrong, f"one of them needs another name: {wrong}"
     assert not ANOTHER_OF_THE_NAME.keys() - twice, "ANOTHER_OF_THE_NAME: no longer needed"
+
+
+PRIVATE = 149  # statements; tests of several files get what they need through `tests/support/`. This number only falls.
+
+
+def test_tests_ask_for_what_is_public(root: Path) -> None:
+    """Statements of tests that import a module or name with `_` in front. What is asked through a public function stays asked."""
+    found = []
+    for file in sorted((root / "tests").rglob("*.py")):
+        for node in import_statements(file):
+            if not isinstance(node, ast.ImportFrom) or not str(node.module).startswith(
+                ("tango_cnc", "postprocessors", "sim_contr")
+            ):
+                continue
+            if any(re.search(r"\._[a-z]|\._[A-Z]", f"{node.module}.{alias.name}") for alias in node.names):
+                found.append(str(file.relative_to(root)))
+    assert len(found) <= PRIVATE, f"{len(found)} private imports; the most in {sorted(found, key=found.count)[-1]}"
+    assert len(found) > PRIVATE - 10, f"PRIVATE is {len(found)} now"

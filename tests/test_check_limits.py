@@ -29,11 +29,20 @@ RADIUS = {"stem": 1.5, "body": 20.0, "spindle nose": 40.0}
 FLOATING = Artefact("one facet", {"f": Facet("f", (-3.0, 0, 0), (1.0, 0, 0))})
 
 
-def refusal(artefact: Artefact, normal=ASIDE, tip=(0.0, 0.0, 0.0), probe: Probe = PROBE, facet="f", table=False) -> str:
+def refusal(
+    artefact: Artefact,
+    normal=ASIDE,
+    tip=(0.0, 0.0, 0.0),
+    probe: Probe = PROBE,
+    facet="f",
+    table=False,
+    spindle=UP,
+    approach: Approach = APPROACH,
+) -> str:
     """→ why one touch of a facet cannot be made, '' when it can; without a table unless stated."""
     on_it = solid(artefact)
-    pose = Pose((facet,), np.array([tip]), np.array([normal]), UP[None])
-    found = obstruction(pose, probe, APPROACH, artefact, on_it if table else replace(on_it, table=None))
+    pose = Pose((facet,), np.array([tip]), np.array([normal]), np.array([spindle]))
+    found = obstruction(pose, probe, approach, artefact, on_it if table else replace(on_it, table=None))
     return found[0].why if found else ""
 
 
@@ -97,7 +106,15 @@ def test_what_is_below_the_tip_at_either_end_of_its_way(kind: str, end: float, b
 
 @pytest.mark.parametrize(
     ("x", "aside", "passes"),
-    [(78.0, 0.0, False), (70.0, 0.0, True), (90.0, 17.0, False), (90.0, -17.0, False), (90.0, 20.0, True), (90.0, -20.0, True)],
+    [
+        (78.0, 0.0, False),
+        (72.0, 0.0, False),
+        (70.0, 0.0, True),
+        (90.0, 17.0, False),
+        (90.0, -17.0, False),
+        (90.0, 20.0, True),
+        (90.0, -20.0, True),
+    ],
 )
 def test_in_a_slot_there_is_table_15_mm_around_the_point_of_an_outer_facet(x: float, aside: float, passes: bool) -> None:
     """Facet 1 faces +X at x = 100. The stem of a probe in a slot goes up past it, 11.5 mm nearer to it when it has backed off."""
@@ -174,3 +191,32 @@ def test_what_turns_with_the_probe_holds_all_of_it(nose: float) -> None:
         points = foot + around + rng.uniform(low + 1e-6, high - 1e-6, 2000)[:, None] * UP
         assert (hull.find_simplex(points, tol=1e-9) >= 0).all()
     assert np.allclose(centre[0], foot) and size[0] == max(own.tip_radius, own.stylus_radius) and not size[1:].any()
+
+
+@pytest.mark.parametrize(("above", "passes"), [(21.6, False), (22.4, True)])
+def test_the_body_keeps_two_millimeters_off_the_table_while_the_tip_touches(above: float, passes: bool) -> None:
+    """A short stand-off: less is kept on the way to it. The end of the body, 20 mm in radius, counts as round."""
+    flat = {name: facet for name, facet in block().facets.items() if facet.ball is None}
+    top = solid(Artefact("block", flat)).table
+    assert top is not None
+    height = float(top.corner[:, 2].max())
+    x, y, _ = flat["1"].point
+    tip = (x + PROBE.tip_radius, y, height + above - (PROBE.length - PROBE.body_length))
+    why = refusal(Artefact("block", flat), tip=tip, facet="1", table=True, approach=Approach(2.0, 5.0, 180.0))
+    assert why == ("" if passes else "the body would hit the table while the tip touches")
+
+
+@pytest.mark.parametrize(("leans", "passes"), [(55.0, True), (65.0, False)])
+def test_a_probe_in_a_slot_leans_at_most_60_degrees_from_the_way_out(leans: float, passes: bool) -> None:
+    """In the middle of a large block, 25 mm under its top; its outer facets are all near one corner, where no stem passes."""
+    sides = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))
+    middle, half = np.array([0.0, 0.0, -200.0]), 200.0
+    corner = middle + np.array([180.0, -180.0, -180.0])
+    outer = {
+        str(i): Facet(str(i), tuple(np.where(np.array(n) != 0, middle + half * np.array(n), corner)), n)
+        for i, n in enumerate(sides)
+    }
+    slot, lean = Facet("s", (-3.0, 0.0, -25.0), (1.0, 0.0, 0.0)), math.radians(leans)
+    spindle = (0.0, math.sin(lean), math.cos(lean))
+    why = refusal(Artefact("slot", {**outer, "s": slot}), tip=(0.0, 0.0, -25.0), facet="s", table=True, spindle=spindle)
+    assert ("leans more than 60°" in why) != passes, why

@@ -22,8 +22,8 @@ from support.gates import NEAR, ran
 from support.randomplans import example
 from support.wrongcontrols import Case, cases, sees, table, turned_round
 
-from postprocessors._base import companions, load, program
-from postprocessors._base import settings as settings_of
+from postprocessors import companions, load, program
+from postprocessors import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._proofs import keys_here
@@ -309,7 +309,7 @@ def test_each_belief_has_its_own_dependence() -> None:
 
 
 def test_a_proof_takes_what_it_settles_off_the_list_and_the_rest_is_ordered_by_danger() -> None:
-    from postprocessors._base import unverified
+    from postprocessors import unverified
 
     doubts = unverified(load("fanuc"), {})
     turns, skip = (next(d for d in doubts if word in d) for word in ("turns a rotary axis", "skip = "))
@@ -326,7 +326,7 @@ def test_a_proof_takes_what_it_settles_off_the_list_and_the_rest_is_ordered_by_d
 
 def test_every_doubt_of_every_dialect_has_an_experiment_or_is_a_matter_of_each_run() -> None:
     """What somebody may have left on before a run, and which variables are free, no experiment proves for ever."""
-    from postprocessors._base import unverified
+    from postprocessors import unverified
 
     every = {e.belief: "PASS" for e in commission.experiments()}
     of_each_run = re.compile(r"^must_be_off|^common =|(is|are|has left cycle 26.*) (on|off)\b|compare one touch by hand")

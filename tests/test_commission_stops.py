@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from support.controls import golden
 
-from postprocessors._base import load
+from postprocessors import load
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._proofs import keys_of

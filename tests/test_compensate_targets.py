@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from support.compensated import example, proposed
 
+from tango_cnc.compensate import targets
 from tango_cnc.compensate.space import Poses
 from tango_cnc.iso230.poses import at_poses
-from tango_cnc.records import Array, Machine
+from tango_cnc.records import Array, InputError, Machine
 
 
 def head() -> Machine:
@@ -32,7 +33,7 @@ def pivot(machine: Machine, position: Array) -> Array:
 
 
 @pytest.mark.few(2)
-@pytest.mark.parametrize("target", ["fanuc", "siemens", "heidenhain", "value_sheet"])
+@pytest.mark.parametrize("target", ["fanuc", "siemens", "heidenhain", "value_sheet", "isg_csv", "etalon"])
 @pytest.mark.parametrize("name", ["split", "trunnion", pytest.param("hu40t", marks=pytest.mark.long)])
 def test_a_constant_is_in_a_center_and_not_in_a_table(name: str, target: str) -> None:
     """A control that counts pitch errors from its reference point would lose it, and with it most of what the center is for."""
@@ -45,7 +46,7 @@ def test_a_constant_is_in_a_center_and_not_in_a_table(name: str, target: str) ->
     at_zero = [np.interp(0.0, *zip(*sorted(points), strict=True)) for points in tables.values()]
     step = max(h.increment / h.factor for h in held if h.at is not None and h.kind == "length")
     assert tables and max(map(abs, at_zero)) <= 2 * step
-    centers = [abs(v) for h, v in zip(held, values, strict=True) if h.tcp and h.kind == "length"]
+    centers = [abs(v) for h, v in zip(held, values, strict=True) if (h.tcp or h.table == "axis locations") and h.kind == "length"]
     assert max(centers) > 0.01  # mm, of which tables used to have a part
 
 
@@ -70,3 +71,21 @@ def test_a_pivot_of_5axiskins_is_what_a_set_up_takes_out(poses: Poses) -> None:
     lever = pivot(poses.machine, poses.touches.position).reshape(-1, 1)
     assert np.sqrt(3 * np.mean(lever**2)) > 0.3
     assert np.abs(poses.free(lever)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("target", "setting"),
+    [
+        ("haas", "increment=0"),
+        ("haas", "increment=5"),
+        ("value_sheet", "increment=nan"),
+        ("fagor", "max_offset=nan"),
+        ("fagor", "max_offset=-1"),
+        ("fagor", "first=-5"),
+        ("fagor", "kin=0"),
+        ("siemens", "carrier=0"),
+    ],
+)
+def test_a_setting_outside_its_limits_is_refused(target: str, setting: str) -> None:
+    with pytest.raises(InputError, match=rf"--set: {setting.partition('=')[0]}: found '.*'; allowed: .* to "):
+        targets.options(targets.load(target), [setting])

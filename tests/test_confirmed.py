@@ -14,7 +14,7 @@ import pytest
 import yaml
 from support.runs import STRATEGY, Control, run
 
-from postprocessors._base import Post, comment, load, names, settings, unverified
+from postprocessors import Post, comment, load, names, settings, unverified
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.records import InputError

@@ -11,7 +11,7 @@ import yaml
 from support.controls import golden
 from support.dialects import EVERY
 
-from postprocessors._base import companions, load, program, settings
+from postprocessors import companions, load, program, settings
 from tango_cnc import readback
 from tango_cnc.link.protocols import schemes
 from tango_cnc.plan import plan_hash

@@ -19,12 +19,12 @@ from support.controls import ACTIVE, Ran, assert_as_planned, far_away, lines_of,
 from support.dialects import EXAMPLE, PRINTED, measured
 from support.readback import bare, changed, read_back, refused, renumbered
 
-from postprocessors._base import load, unverified
+from postprocessors import load, unverified
 from postprocessors.heidenhain import mask
 from sim_controller.languages import klartext
 from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Ended
+from tango_cnc.link.client import Ended
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 

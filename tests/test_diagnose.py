@@ -12,14 +12,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support import blind
+from support.diagnosis_parts import Beside, add, best_noise, held_out, level, residual_maker, richer, space, values
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import tango
 from tango_cnc.diagnose import Diagnosis, _gain, diagnose
-from tango_cnc.diagnose._explain import values
-from tango_cnc.diagnose._gain import add, held_out, residual_maker
-from tango_cnc.diagnose._richer import richer
-from tango_cnc.diagnose._space import Beside, best_noise, level, space
 from tango_cnc.diagnose.words import as_json, as_text
 from tango_cnc.diagnose.world import world
 from tango_cnc.estimate import estimate

@@ -8,14 +8,29 @@ from functools import cache
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import (
+    BEYOND,
+    EVEN,
+    LEGENDRE,
+    SIDE,
+    WAVES,
+    Factor,
+    Field,
+    Form,
+    Kernel,
+    Picked,
+    Rows,
+    begin,
+    plainer,
+    rows,
+    scaled,
+    weights,
+)
 
 from tango_cnc.diagnose._adapted import Adapting, factors
-from tango_cnc.diagnose._field import Field, Picked, begin
-from tango_cnc.diagnose._plainer import _levers, plainer
-from tango_cnc.diagnose._rows import Rows, rows
-from tango_cnc.diagnose._smooth import Kernel, scaled
+from tango_cnc.diagnose._plainer import _levers
 from tango_cnc.records import Array
-from tango_cnc.terms._shape import BEYOND, EVEN, LEGENDRE, SIDE, WAVES, Factor, Form, values, weights
+from tango_cnc.terms._shape import values
 from tango_cnc.touches import Touches, from_readings
 
 

@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import LEGENDRE, SIDE, Factor, Form, Kernel, pattern
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import diagnose
-from tango_cnc.diagnose._candidates import pattern
 from tango_cnc.diagnose._plainer import _against
-from tango_cnc.diagnose._smooth import Kernel
-from tango_cnc.terms._shape import LEGENDRE, SIDE, Factor, Form
 from tango_cnc.touches import from_readings
 
 

@@ -8,18 +8,10 @@ from typing import cast
 import numpy as np
 import pytest
 from support import annex, blind, judge, trials, workshop
+from support.diagnosis_parts import Candidate, Chosen, Field, Kernel, Rows, contest, left_over, rest, scaled, unsteady
+from support.diagnosis_parts import Test as Covered
 
 from tango_cnc.diagnose import FREE, Diagnosis, diagnose
-from tango_cnc.diagnose._candidates import Candidate
-from tango_cnc.diagnose._catalogue import Chosen
-from tango_cnc.diagnose._changing import unsteady
-from tango_cnc.diagnose._contest import contest
-from tango_cnc.diagnose._field import Field
-from tango_cnc.diagnose._rest import rest
-from tango_cnc.diagnose._rows import Rows
-from tango_cnc.diagnose._seen import Test as Covered
-from tango_cnc.diagnose._seen import left_over
-from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Array
 

@@ -7,14 +7,8 @@ from typing import cast
 
 import numpy as np
 import pytest
+from support.diagnosis_parts import ALONE, MARGIN, SURE, Candidate, Chosen, Field, Kernel, Rows, contest, once, scaled
 
-from tango_cnc.diagnose._candidates import Candidate
-from tango_cnc.diagnose._catalogue import Chosen
-from tango_cnc.diagnose._contest import ALONE, MARGIN, SURE, contest
-from tango_cnc.diagnose._field import Field
-from tango_cnc.diagnose._names import once
-from tango_cnc.diagnose._rows import Rows
-from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.records import Array
 
 TOUCHES = 300

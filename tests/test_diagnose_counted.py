@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import pattern
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import diagnose
-from tango_cnc.diagnose._candidates import pattern
 from tango_cnc.diagnose.sentences import moment, said
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Readings

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from support import blind
 from support.annex import KINDS
+from support.diagnosis_parts import forms
 from support.judge import tried
 
-from tango_cnc.diagnose._smooth import forms
 from tango_cnc.diagnose.sentences import covariate
 from tango_cnc.touches import from_readings
 

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.diagnosis_parts import EVEN, Factor, Remainder, Rough
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import Diagnosis, diagnose
-from tango_cnc.diagnose._explain import Rough
 from tango_cnc.diagnose._loose import Loose, parted
-from tango_cnc.diagnose._records import Remainder
 from tango_cnc.diagnose.words import as_json
 from tango_cnc.diagnose.words import as_text as render
 from tango_cnc.files import read_cell
 from tango_cnc.records import World
-from tango_cnc.terms._shape import EVEN, Factor
 from tango_cnc.touches import from_readings
 
 FACET = "4"

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support import blind, judge, trials
+from support.diagnosis_parts import Remainder, recognised
 from support.outside import KINDS, NULLS
 
 from tango_cnc.diagnose import Diagnosis, as_term, diagnose
 from tango_cnc.diagnose._closed import _formulas as formulas
-from tango_cnc.diagnose._records import Remainder
-from tango_cnc.diagnose._shapes import recognised
 from tango_cnc.diagnose.sentences import said, unexplained
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.estimate import estimate

@@ -8,19 +8,28 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import (
+    LEGENDRE,
+    Candidate,
+    Factor,
+    Field,
+    Finding,
+    Form,
+    Kernel,
+    Picked,
+    Remainder,
+    Rows,
+    akin,
+    grown,
+    over,
+    plainer,
+    rows,
+    scaled,
+)
 
 from tango_cnc.diagnose import _seen
-from tango_cnc.diagnose._candidates import Candidate
-from tango_cnc.diagnose._changing import over
-from tango_cnc.diagnose._field import Field, Picked, grown
-from tango_cnc.diagnose._names import akin
-from tango_cnc.diagnose._plainer import plainer
-from tango_cnc.diagnose._records import Finding, Remainder
 from tango_cnc.diagnose._remaining import _undecided
-from tango_cnc.diagnose._rows import Rows, rows
-from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.diagnose.sentences import nearly, unexplained
-from tango_cnc.terms._shape import LEGENDRE, Factor, Form
 from tango_cnc.touches import from_readings
 
 

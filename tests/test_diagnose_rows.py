@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support import blind, trials
+from support.diagnosis_parts import alike, rows
 
 from tango_cnc.diagnose import diagnose
-from tango_cnc.diagnose._rows import alike, rows
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Readings
 from tango_cnc.touches import Touches, from_readings

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.diagnosis_parts import Scatter, left, scatter, uneven
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import diagnose
-from tango_cnc.diagnose._scatter import Scatter, scatter, uneven
-from tango_cnc.diagnose._variances import left
 from tango_cnc.diagnose.sentences import noise
 from tango_cnc.diagnose.words import as_text as render
 from tango_cnc.files import read_cell

@@ -14,6 +14,7 @@ from support.judge import tried
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import Diagnosis, diagnose
+from tango_cnc.diagnose._seen import parted
 from tango_cnc.terms.screw_heat import heat
 
 
@@ -41,12 +42,12 @@ def test_a_scale_that_grows_is_no_screw_that_warms_with_its_way(seed: int) -> No
     assert "screw_heat" in [cause for cause, _, _ in found[1].findings[0].alternatives]
 
 
-def heated(machine: str, axis: str, part: float, zero: float, peak: float, seed: int) -> Diagnosis:
-    """machine, axis, time constant as a part of the run, reading where the screw is held, visible peak mm, seed → diagnosis."""
+def heated(machine: str, axis: str, part: float, zero: float, peak: float, seed: int, cause: str = "screw_heat") -> Diagnosis:
+    """machine, axis, time constant as a part of the run, reading where it is held, visible peak mm, seed, cause → diagnosis."""
     b = blind.bench(machine)
     eye = blind.eyes(b)
     tau = part * float(np.ptp(b.clean.time))
-    effect = {"cause": "screw_heat", "axis": axis, "amplitude": 1e-6, "tau": tau, "zero": zero}
+    effect = {"cause": cause, "axis": axis, "amplitude": 1e-6, "tau": tau, "zero": zero}
     hidden = blind.visible(b, effect, peak, eye.outside, eye.normal)
     assert hidden is not None
     world = replace(b.world, effects=(hidden.effect,), noise=blind.NOISE)
@@ -66,3 +67,19 @@ def test_a_screw_that_warms_as_slowly_as_a_scale_is_told_beside_it() -> None:
     assert d.verdict == "unexplained"
     assert [f.cause for f in d.findings] == ["scale_drift"]
     assert [r.rivals for r in d.unexplained] == [("screw_heat",)]
+    assert any("let all axes stand for an hour" in how for how in d.findings[0].separate_with)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("axis", "zero"), [("X", -150.0), ("Y", 200.0)])
+def test_a_scale_that_is_held_at_its_end_is_a_scale_and_no_screw(axis: str, zero: float) -> None:
+    d = heated("hu40t", axis, 0.6, zero, 0.005, 4, "scale_drift")
+    assert blind.names(d) == ["scale_drift"]
+    assert abs(d.findings[0].setting.get("zero", 0.0) - zero) < 60
+    listed = [cause for cause, _, behind in d.findings[0].alternatives if behind <= 4]
+    assert d.verdict == ("unexplained" if listed else "explained")
+
+
+def test_either_file_says_what_parts_a_scale_from_a_screw() -> None:
+    assert parted("scale_drift", ["screw_heat"]) == parted("screw_heat", ["table_growth", "scale_drift"]) != []
+    assert parted("scale_drift", ["table_growth", "outlier"]) == parted("outlier", ["scale_drift"]) == []

@@ -7,17 +7,26 @@ from functools import cache
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import (
+    LEGENDRE,
+    SIDE,
+    Candidate,
+    Chosen,
+    Factor,
+    Field,
+    Form,
+    Kernel,
+    Outcome,
+    Rows,
+    akin,
+    candidate,
+    foreign,
+    rows,
+    scaled,
+)
 
 from tango_cnc.diagnose import _suited
-from tango_cnc.diagnose._candidates import Candidate, candidate
-from tango_cnc.diagnose._catalogue import Chosen
-from tango_cnc.diagnose._contest import Outcome
-from tango_cnc.diagnose._field import Field
-from tango_cnc.diagnose._names import akin, foreign
-from tango_cnc.diagnose._rows import Rows, rows
-from tango_cnc.diagnose._smooth import Kernel, scaled
 from tango_cnc.records import Array
-from tango_cnc.terms._shape import LEGENDRE, SIDE, Factor, Form
 from tango_cnc.touches import from_readings
 
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
+from support.diagnosis_parts import together
 
-from tango_cnc.diagnose._together import together
 from tango_cnc.touches import Touches
 
 COUNT = 300

@@ -13,7 +13,7 @@ from support.stopped import (
     ran,
 )
 
-from postprocessors._base import load
+from postprocessors import load
 from sim_controller.motion import Motion, Skip
 from sim_controller.probing import rig
 from tango_cnc.records import Obstacle, Plan, World

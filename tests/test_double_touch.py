@@ -19,7 +19,8 @@ from support.runs import STRATEGY, Result, readings
 from support.simulated_runs import agree, controller
 from support.stopped import ran
 
-from postprocessors._base import Job, Leg, Post, _steps, companions, load, program, settings
+from postprocessors import Job, Leg, Post, companions, load, program, settings
+from postprocessors._base import _steps
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
@@ -27,7 +28,7 @@ from sim_controller.simulate import simulate
 from tango_cnc.duration import duration, saved
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.write import strategy_text
-from tango_cnc.link._client import Failed
+from tango_cnc.link.client import Failed
 from tango_cnc.plan import last_motion, last_moves, plan, plan_hash
 from tango_cnc.readback import check
 from tango_cnc.records import Cell, Find, InputError, Plan, World

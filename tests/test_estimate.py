@@ -162,7 +162,7 @@ def many_machines(cell: Cell, names: list[str], count: int) -> np.ndarray:
         certified = replace(cell.artefact, scale_bar=replace(bar, length=bar.length + bar.uncertainty * rng.normal()))
         touches = from_readings(cell.machine, certified, simulate(cell.machine, cell.artefact, cell.strategy, world))
         coefficients = coefficients or select(touches, ["S4"]).model.coefficients
-        result = fit(Selection(Model(touches, coefficients), (), False))
+        result = fit(Selection(Model(touches, coefficients), ()))
         truth = np.array([world.errors[c.name] for c in coefficients[:-3]])
         found[i] = (result.values[: len(truth)] - truth) / result.std[: len(truth)]
     assert coefficients is not None

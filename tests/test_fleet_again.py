@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from support.nights_parts import Event, Story, again, nights
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._again import again
-from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened

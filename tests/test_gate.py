@@ -18,8 +18,8 @@ from support.gates import NEAR, ran
 from support.randomplans import example, random_plans
 from support.readback import renumbered
 
-from postprocessors._base import companions, load, program, unverified
-from postprocessors._base import settings as settings_of
+from postprocessors import companions, load, program, unverified
+from postprocessors import settings as settings_of
 from tango_cnc import readback
 from tango_cnc.gate import ALIVE_TIME, BENT, PROVING, STEP, TOUCH, gate, proving_touch, step
 from tango_cnc.plan import plan, plan_hash

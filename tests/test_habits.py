@@ -11,8 +11,8 @@ import pytest
 from support.controls import GOLDEN, golden, lines_of
 from support.dialects import EVERY
 
-from postprocessors._base import companions, load, program
-from postprocessors._base import settings as settings_of
+from postprocessors import companions, load, program
+from postprocessors import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.duration import duration
 from tango_cnc.files import machine_text, read_cell

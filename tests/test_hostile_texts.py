@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from postprocessors._base import MARK, comment, load, mark_of, names, program
+from postprocessors import MARK, comment, load, mark_of, names, program
 from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan, plan_hash
 from tango_cnc.records import Plan

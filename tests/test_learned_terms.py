@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.diagnosis_parts import form_of
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
@@ -16,7 +17,6 @@ from tango_cnc.model import Model, linearise
 from tango_cnc.plausible import judge
 from tango_cnc.records import Readings
 from tango_cnc.terms import learned
-from tango_cnc.terms._shape import form_of
 from tango_cnc.verify.apart import apart
 from tango_cnc.verify.volume import volume
 

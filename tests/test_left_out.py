@@ -16,7 +16,7 @@ from support.blockcell import cell as block_cell
 from support.runs import Result, readings
 from support.simulated_runs import controller
 
-from postprocessors._base import load, names, program, settings
+from postprocessors import load, names, program, settings
 from tango_cnc import kinematics
 from tango_cnc.commands.design import planned
 from tango_cnc.commands.init import write_example

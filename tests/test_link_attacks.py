@@ -17,13 +17,13 @@ from support.linkparts import job, machine, plan
 from support.runs import Control, Result, readings
 from support.runs import cell as cell  # a fixture
 
-from tango_cnc.link._client import Touched
-from tango_cnc.link._secrets import shown
-from tango_cnc.link._sensors import read_sensors
-from tango_cnc.link._trust import Distrust, Leeway, judge
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Touched
 from tango_cnc.link.protocols import dnc, modbus, remote
+from tango_cnc.link.secrets import shown
+from tango_cnc.link.sensors import read_sensors
 from tango_cnc.link.transport import open_port, parse
+from tango_cnc.link.trust import Distrust, Leeway, judge
+from tango_cnc.link.words import record
 from tango_cnc.records import InputError
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="links and devices of POSIX")

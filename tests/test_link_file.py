@@ -14,7 +14,7 @@ from support.simulated_runs import agree
 
 from postprocessors import heidenhain
 from tango_cnc.commands.init import write_example
-from tango_cnc.link._client import Begun, Refused
+from tango_cnc.link.client import Begun, Refused
 from tango_cnc.link.protocols import file as protocol
 from tango_cnc.link.transport import Lost, open_port, parse, said_before
 from tango_cnc.records import InputError, LinkError

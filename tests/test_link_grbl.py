@@ -17,14 +17,14 @@ from support.linkparts import job
 from support.runs import Result, readings
 from support.simulated_runs import agree, cell, controller  # noqa: F401  a fixture
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from sim_controller.languages.grbl import switched_on
 from sim_controller.lines import Closed
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.protocols.grbl import serve
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Ended, Touched
+from tango_cnc.link.client import Ended, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, Obstacle, World

@@ -255,3 +255,10 @@ def test_lines_are_short_enough_for_fluidnc():
     longest = dict.fromkeys((*"XYZABCFG", "M", "R"), -1234.5678)
     lines = [*targets.assignments(longest), targets.question(tuple(longest)), targets.motion(tuple(longest), True)]
     assert max(map(len, lines)) <= 127
+
+
+@pytest.mark.parametrize("more", [["[MSG:1.0000  2.0000  3.0000]"], ["[MSG:1.0000  2.0000]", "[MSG:1.0000  2.0000]"], ["ok"], []])
+def test_an_answer_with_more_than_was_asked_or_twice_confirms_nothing(more: list[str]) -> None:
+    """What does not answer exactly one question moves nothing, and ends no run with a traceback."""
+    assert targets.confirmed([1.0, 2.0], ["[MSG:1.0000  2.0000]"])
+    assert not targets.confirmed([1.0, 2.0], more)

@@ -27,13 +27,14 @@ from sim_controller.protocols.modbus import (
     TICK,
     Registers,
 )
-from tango_cnc.link import _measure, _rest
-from tango_cnc.link._client import Begun, Identified, Touched
+from tango_cnc.link import measure as measuring
+from tango_cnc.link import rest
 from tango_cnc.link._dialogue import Stop
-from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link._trust import Distrust, Leeway, judge
+from tango_cnc.link.client import Begun, Identified, Touched
+from tango_cnc.link.measure import Wanted, measure
 from tango_cnc.link.protocols import dnc, modbus
 from tango_cnc.link.transport import open_port, parse
+from tango_cnc.link.trust import Distrust, Leeway, judge
 from tango_cnc.records import LinkError
 
 FIRST = plan().touches[0]
@@ -80,8 +81,8 @@ def stopped(tmp_path, monkeypatch, begins, n, does):
         lines.append(Spoilt(Registers(Motion(rig, note), note, clock=clock), clock, begins, n, happened))
         return lines[-1]
 
-    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(measuring, "open_port", opened)
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
     wanted = Wanted("modbus+tcp://localhost:1/1", "dnc", "fanuc", tmp_path / "readings.csv")
     with pytest.raises(LinkError) as error:
@@ -333,7 +334,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     """run=program: the control has what was brought last; it is said which file, before the question whether to go on."""
     clock, ledger, order = FakeClock(), Ledger(), []
     cell, made, rig = scene()
-    halves = [_rest.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
+    halves = [rest.rest_of(cell, made, (), tuple(range(a, a + 30))) for a in (1, 31)]
     parts = [replace(post(half)[0], file=f"O870{i}.nc") for i, half in enumerate(halves)]
     at_the_control, turns = [], Turns()
     motion = Motion(rig, ledger.note)
@@ -349,8 +350,8 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
         order.append("asked")
         at_the_control.append(program.text)
 
-    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(measuring, "open_port", opened)
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
     wanted = Wanted("modbus+tcp://localhost:1/1?run=program", "dnc", "fanuc", tmp_path / "readings.csv")
 

@@ -12,8 +12,8 @@ from support.runs import STRATEGY, Result
 from support.simulated_runs import controller
 
 from tango_cnc.commands.init import write_example
-from tango_cnc.link._heard import heard, parity_of
 from tango_cnc.link._punched import compared
+from tango_cnc.link.heard import heard, parity_of
 from tango_cnc.link.protocols import dnc, grbl, linuxcnc, modbus
 from tango_cnc.link.session import listen
 

@@ -14,8 +14,8 @@ from support.runs import STRATEGY, Control, Result
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link import lock
-from tango_cnc.link._process import alive, born
 from tango_cnc.link.lock import NAME, at_work, holding
+from tango_cnc.link.process import alive, born
 from tango_cnc.records import LinkError
 
 HOLD = """

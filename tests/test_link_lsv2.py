@@ -325,7 +325,7 @@ def test_enter_on_a_pipe_counts_as_often_as_it_was_pressed(control, port, cell):
 @pytest.mark.few(0)
 def test_no_temperature_is_written_to_touches_that_were_made_long_before(control, port, cell, monkeypatch):
     (cell / "sensors.yaml").write_text('sensors:\n  bed: {mqtt: "mqtt://127.0.0.1:1/bed"}\n')
-    monkeypatch.setattr("tango_cnc.link._measure.Watch.values", lambda self: {"bed": 21.0})
+    monkeypatch.setattr("tango_cnc.link.measure.Watch.values", lambda self: {"bed": 21.0})
     result = ran(cell, port, Person(control, cell), monkeypatch)
     assert result.code == 0, result.err
     assert "21.0" not in (cell / "readings.csv").read_text()

@@ -15,10 +15,10 @@ from sim_controller.motion import Motion
 from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import Registers
 from tango_cnc.files import read_readings
-from tango_cnc.link import _measure
-from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link._rest import rest_of
-from tango_cnc.link._wire import Parity
+from tango_cnc.link import measure as measuring
+from tango_cnc.link.measure import Wanted, measure
+from tango_cnc.link.rest import rest_of
+from tango_cnc.link.wire import Parity
 from tango_cnc.records import LinkError
 
 PORTS = {
@@ -70,7 +70,7 @@ def attempt(kind, folder, monkeypatch, ledger, faults, resume):
         return control(kind, ledger, clock, faults, texts[0], all_turns[0])
 
     patched(monkeypatch, clock)
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     try:
         wanted = Wanted(PORTS[kind], "dnc", "fanuc", folder / "readings.csv", resume=resume)
         measure(cell, made, wanted, posted, lambda step: None, lambda part, program: None)

@@ -18,8 +18,8 @@ from support.runs import Result, readings
 from support.simulated_runs import agree, cell, controller  # noqa: F401  a fixture
 
 from sim_controller.motion import Motion
-from tango_cnc.link._client import Failed, Touched
-from tango_cnc.link._layout import read_layout
+from tango_cnc.link.client import Failed, Touched
+from tango_cnc.link.layout import read_layout
 from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError

@@ -13,9 +13,9 @@ from support.remote import PROGRAM, free_port
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
-from postprocessors._base import mark_of
+from postprocessors import mark_of
 from tango_cnc.commands.init import write_example
-from tango_cnc.link._nodes import STANDARD, read_nodes
+from tango_cnc.link.nodes import STANDARD, read_nodes
 from tango_cnc.link.protocols import opcua
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import InputError, LinkError

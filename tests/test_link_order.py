@@ -13,9 +13,9 @@ from sim_controller.languages import grbl
 from sim_controller.motion import Motion
 from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import CONFIRMED, REQUEST, Registers
-from tango_cnc.link import _measure
-from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link._wire import Parity
+from tango_cnc.link import measure as measuring
+from tango_cnc.link.measure import Wanted, measure
+from tango_cnc.link.wire import Parity
 
 PORTS = {
     "grbl": "grbl+serial:///dev/ttyACM0",
@@ -74,9 +74,9 @@ def test_no_motion_is_asked_for_before_the_last_reading_is_on_disk(kind, tmp_pat
         line, asks = controls(kind, ledger, clock, post(made)[0].text)
         return Overheard(line, asks, lambda: order.append((len(ledger.contacts), durable[0])))
 
-    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr(os, "fsync", forced)
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     wanted = Wanted(PORTS[kind], "dnc", "fanuc", tmp_path / "readings.csv")
     measure(cell, made, wanted, post, lambda step: None, lambda part, program: None)
     assert durable[0] == len(made.touches)

@@ -23,12 +23,12 @@ from support.remote import (
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from sim_controller.probing import rig
 from sim_controller.session import Session, Setup
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Failed
+from tango_cnc.link.client import Failed
 from tango_cnc.link.protocols import remote
 from tango_cnc.link.transport import Lost, foreseen, open_port, parse
 from tango_cnc.link.transport._remote import _name

@@ -21,7 +21,7 @@ from support.runs import Control, Result, cell, readings  # noqa: F401
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import read_plan
-from tango_cnc.link._sensors import Sensor, Sensors, read_sensors
+from tango_cnc.link.sensors import Sensor, Sensors, read_sensors
 from tango_cnc.link.transport import _sensors
 from tango_cnc.link.transport._sensors import Watch, current, payload
 from tango_cnc.records import InputError

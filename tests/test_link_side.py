@@ -19,14 +19,14 @@ from support.linkparts import FakeClock, job
 from support.runs import Control, Result, cell, readings  # noqa: F401
 from support.sessions import GOOD, Run, after_the_program, printed
 
-from tango_cnc.link import _measure
-from tango_cnc.link._client import Failed
-from tango_cnc.link._secrets import secret, shown
-from tango_cnc.link._words import record
+from tango_cnc.link import measure as measuring
+from tango_cnc.link.client import Failed
 from tango_cnc.link.journal import Journal
 from tango_cnc.link.protocols import dnc
+from tango_cnc.link.secrets import secret, shown
 from tango_cnc.link.session import Transcript
 from tango_cnc.link.transport import open_port, parse
+from tango_cnc.link.words import record
 from tango_cnc.records import InputError, LinkError
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="signals and pipes of POSIX")
@@ -191,7 +191,7 @@ def test_a_disk_without_room_at_any_write_of_a_run_is_said_and_the_run_resumed(c
         if what == "program":
             failing(disk, os, "replace", when)
         else:
-            failing(disk, _measure, "write_text", when)
+            failing(disk, measuring, "write_text", when)
         result = Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20")
     assert (result.code, said in result.err, "No space left on device" in result.err) == (3, True, True), result.err
     more = () if what == "program" else ("--resume",)
@@ -202,7 +202,7 @@ def test_a_disk_without_room_at_any_write_of_a_run_is_said_and_the_run_resumed(c
 
 def test_a_partial_file_that_cannot_be_written_hides_no_reason(cell, monkeypatch):
     with monkeypatch.context() as disk:
-        failing(disk, _measure, "write_text", into("partial"))
+        failing(disk, measuring, "write_text", into("partial"))
         result = Result("run", "-C", cell, "--port", Control(cell, stop=3).url, "--timeout", "0.4")
     assert result.code == 3
     assert "has been silent" in result.err and "readings.journal" in result.err and "No space left" in result.err

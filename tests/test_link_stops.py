@@ -14,7 +14,7 @@ from support.sessions import GOOD, Run, after_the_program, printed
 from sim_controller.languages.grbl import switched_on
 from sim_controller.motion import Motion
 from sim_controller.protocols.modbus import COUNT_OF, ECHO, FLAG, MARK, POINT, POSITION, RECORD, STATUS, Registers
-from tango_cnc.link._client import Failed, Refused, Task, Touched
+from tango_cnc.link.client import Failed, Refused, Task, Touched
 from tango_cnc.link.journal import Journal, read_journal
 from tango_cnc.link.protocols import dnc, grbl, modbus
 from tango_cnc.link.session import Session, listen

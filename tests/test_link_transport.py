@@ -9,10 +9,10 @@ import time
 import pytest
 
 from tango_cnc.link import transport
-from tango_cnc.link._ways import ways
-from tango_cnc.link._wire import Paced, unmarked
 from tango_cnc.link.protocols import dnc
 from tango_cnc.link.transport import Lost, open_port, parse
+from tango_cnc.link.ways import ways
+from tango_cnc.link.wire import Paced, unmarked
 from tango_cnc.records import InputError, LinkError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
@@ -35,11 +35,11 @@ def pty():
 def test_a_new_way_is_one_file(tmp_path, monkeypatch):
     """A file of transport/ is enough: its way is known, its URL is checked by what it declares, and it alone opens it."""
     (tmp_path / "_toy.py").write_text(
-        "from tango_cnc.link._ways import Way\nWAYS = {'toy': Way(lambda address: ('toy', address.target), 'host')}\n"
+        "from tango_cnc.link.ways import Way\nWAYS = {'toy': Way(lambda address: ('toy', address.target), 'host')}\n"
     )
     monkeypatch.setattr(transport, "__path__", [*transport.__path__, str(tmp_path)])
-    monkeypatch.setattr("tango_cnc.link._address.schemes", lambda: {"toy": ("dnc", "toy")})
-    monkeypatch.setattr("tango_cnc.link._address.ways", ways.__wrapped__)
+    monkeypatch.setattr("tango_cnc.link.address.schemes", lambda: {"toy": ("dnc", "toy")})
+    monkeypatch.setattr("tango_cnc.link.address.ways", ways.__wrapped__)
     monkeypatch.setattr("tango_cnc.link.transport.ways", ways.__wrapped__)
     monkeypatch.delitem(sys.modules, "tango_cnc.link.transport._toy", raising=False)
     assert opened("toy://127.0.0.1:5000") == ("toy", "127.0.0.1:5000")
@@ -211,7 +211,7 @@ def test_a_serial_port_marks_bytes_of_wrong_parity(pty, monkeypatch):
     import termios
 
     _, name = pty
-    monkeypatch.setattr("tango_cnc.link._address.PTY", ("nothing",))
+    monkeypatch.setattr("tango_cnc.link.address.PTY", ("nothing",))
     line = opened(f"serial://{name}?parity=even&bits=7&exclusive=no&flow=xonxoff")
     line.write(b"%")
     flags = termios.tcgetattr(line._port.fileno())[0]

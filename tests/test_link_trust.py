@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.linkparts import machine, plan
 
-from tango_cnc.link._client import Begun, Ended, Refused, Touched
-from tango_cnc.link._trust import Distrust, Leeway, judge, next_in_order
-from tango_cnc.link._words import record, words
+from tango_cnc.link.client import Begun, Ended, Refused, Touched
+from tango_cnc.link.trust import Distrust, Leeway, judge, next_in_order
+from tango_cnc.link.words import record, words
 
 FIRST, SECOND, THIRD = plan().touches
 LETTERS = ("X", "Y", "Z", "B", "C")

@@ -13,12 +13,12 @@ import pytest
 from support.controls import Ran, run_on
 from support.few import every
 
-from postprocessors._base import companions, load, names, program, settings
+from postprocessors import companions, load, names, program, settings
 from sim_controller.languages import macro_b
 from tango_cnc import locate, readback
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Touched
+from tango_cnc.link.client import Touched
 from tango_cnc.plan import last_motion, plan_hash
 from tango_cnc.records import Artefact, Indexation, InputError, Plan, Readings
 

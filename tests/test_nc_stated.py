@@ -97,3 +97,24 @@ def test_a_cut_that_an_axis_may_turn_the_other_way_is_refused(knowledge: Known) 
     for text in ("G0 C350.\nG1 C200. F500\nG1 C50.\n", "G0 C350.\nG0 C10.\nG1 C12. F500\n", "G1 X1. F500\nG1 C350.\n"):
         for known in machines.values():
             assert followed(known, text) > 3
+
+
+def test_the_mark_of_another_zero_or_estimate_is_refused(knowledge: Known) -> None:
+    lines, _ = rewritten("G21 G90 G17 G54\n" + MOVES["rs274"] + "M30\n", knowledge)
+    marked = "\n".join(lines) + "\n"
+    assert rewritten(marked, knowledge)[0] == lines
+    for found, other in (("0123", "4567"), ("ZERO X", "ZERO X9")):
+        with pytest.raises(InputError, match=r"another estimate or zero .* Take the program that it was made from"):
+            rewritten(marked.replace(found, other, 1), knowledge)
+
+
+@pytest.mark.parametrize(("name", "word"), [("rs274", "X４0."), ("macro_b", "X٤0."), ("klartext", "X+４0")])
+def test_digits_that_no_control_reads_are_refused(name: str, word: str, knowledge: Known) -> None:
+    head = {"rs274": "G21 G90\n", "macro_b": "%\nO7\nG21 G90\n", "klartext": "0 BEGIN PGM A MM\n"}[name]
+    with pytest.raises(InputError, match="line"):
+        rewritten(head + MOVES[name].replace("X40.", word).replace("X+40", word), knowledge, name)
+
+
+def test_rapids_that_turn_an_axis_are_counted_with_their_lines(knowledge: Known) -> None:
+    _, account = rewritten("G21 G90 G17 G54\nG0 X0. Y0. Z5. A0. C0.\nG0 C30.\nG1 X40. F500\nG0 A10. C40.\nM30\n", knowledge)
+    assert account.turning == len(account.turning_lines) == 3 and account.turning_lines == [2, 3, 5]

@@ -14,9 +14,9 @@ from click.testing import CliRunner
 from support.answers import UNTIL, accept_stylus, answered, decide
 from support.histories import knowledge
 from support.histories import record as kept
+from support.nights_parts import Event, Story
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import Decision, History, opened
 from tango_cnc.nightly.again import after_a_repair, step_by_step
 from tango_cnc.nightly.answered import repaired, undone

@@ -12,10 +12,10 @@ import pytest
 from support.compensated import ROOT, example, measured
 from support.nights import into
 from support.nights import night as plain
+from support.nights_parts import nights_of
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
-from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.compensate import loop, propose
 from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 from support.dialects import EXAMPLE
+from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, note_planned, told_of_signals
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
-from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned, told_of_signals
-from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.files import read_cell
 from tango_cnc.link.lock import holding
 from tango_cnc.plan import part, plan

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from support.answers import answered
 from support.histories import knowledge, record
+from support.nights_parts import Event, Story
 
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.history.clock import asks, in_future, told
 from tango_cnc.history.store import History

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from support.answers import answered
+from support.nights_parts import Event, Story
 
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.nightly.drift import Drift
 from tango_cnc.nightly.words import headline, message
 from tango_cnc.report.alarm import alarm as shown

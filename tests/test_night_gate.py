@@ -12,18 +12,16 @@ import numpy as np
 import pytest
 from support.controls import GOLDEN, golden
 from support.gates import ran
+from support.nights_parts import RealControl, Story, nights, nights_of
 
-from postprocessors import _base as posts
-from postprocessors._base import load, program
+import postprocessors as posts
+from postprocessors import load, program
 from sim_controller.simulate import simulate
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, as_found, proves
-from tango_cnc.commands._night_world import RealControl
 from tango_cnc.commands._proofs import keys_of
-from tango_cnc.commands._simulated_nights import Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from support.answers import answered
+from support.nights_parts import Event, Story
 
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import same_pace

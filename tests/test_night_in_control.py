@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from support.compensated import ROOT, example, first, measured
+from support.nights_parts import as_of, nights_of
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
 from tango_cnc.cli import tango
-from tango_cnc.commands._cell_nights import as_of, nights_of
 from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate.space import Poses
 from tango_cnc.files import read_cell

@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from tango_cnc.files.nightly import Nightly
-from tango_cnc.link._measure import _written
+from tango_cnc.link.measure import _written
 from tango_cnc.nightly import Ports
 from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import _twice

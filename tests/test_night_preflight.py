@@ -14,17 +14,15 @@ from typing import Any
 
 import pytest
 from support.controls import GOLDEN, golden
+from support.nights_parts import RealControl, nights_of, warm
 from support.runs import Result
 from test_bodies import YOKE, trunnion
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._cell_nights import nights_of
-from tango_cnc.commands._night_warm import warm
-from tango_cnc.commands._night_world import RealControl
 from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.history import opened
-from tango_cnc.link._layout import read_layout
+from tango_cnc.link.layout import read_layout
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, InputError, LinkError, Obstacle, Plan, World
 

@@ -128,7 +128,8 @@ def test_pages_show_the_alarm_of_the_old_name_and_what_to_do(renamed: Path, path
 
 @pytest.mark.long
 def test_every_night_under_a_new_name_says_what_waits_under_the_old_one(root: Path, tmp_path: Path) -> None:
-    from tango_cnc.commands._simulated_nights import Story, nights
+    from support.nights_parts import Story, nights
+
     from tango_cnc.files import read_cell, read_world
     from tango_cnc.files.nightly import Nightly
     from tango_cnc.nightly.words import message

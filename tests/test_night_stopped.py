@@ -13,9 +13,9 @@ import pytest
 from click.testing import CliRunner, Result
 from support.histories import knowledge, record
 from support.nights import knock
+from support.nights_parts import nights_of
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._cell_nights import nights_of
 from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, History, opened

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.answers import answered
+from support.nights_parts import Event, Story
 
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.nightly.control import reached
 from tango_cnc.nightly.course import is_steady

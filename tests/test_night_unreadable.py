@@ -14,11 +14,9 @@ import pytest
 from click.testing import CliRunner
 from support.controls import GOLDEN
 from support.histories import knowledge
+from support.nights_parts import Nobody, RealDisk, Time, machine_of, settings_of
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._night_world import RealDisk
-from tango_cnc.commands._simulated_nights import Nobody, Time
-from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
 from tango_cnc.nightly import Finding, Measured, Ports, night

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.answers import answered
+from support.nights_parts import Event, Story, followed
 
-from tango_cnc.commands._many_nights import followed
-from tango_cnc.commands._simulated_nights import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.nightly.lookback import looked_back
 from tango_cnc.report.course import course, drift_told

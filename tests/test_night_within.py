@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 from support.midway import knocked
+from support.nights_parts import Event, Story, nights
 from support.spoilt import FIRST, SPOILT, fault, judged_in_full, said, spoilt
 
-from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.nights_parts import Event, Story, nights
 
-from tango_cnc.commands._simulated_nights import Event, Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened

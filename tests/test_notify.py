@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.nights_parts import RealDisk
 
-from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.nightly import notify
 from tango_cnc.nightly.night import delivered
 from tango_cnc.nightly.notify import Notifier, shown

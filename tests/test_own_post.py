@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from postprocessors._base import load, mark_of, unverified
+from postprocessors import load, mark_of, unverified
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan

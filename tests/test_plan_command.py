@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postprocessors._base import mark_of
+from postprocessors import mark_of
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_artefact, read_cell, read_strategy
 from tango_cnc.files.plan import plan_lines, read_plan, write_together
@@ -295,7 +295,7 @@ def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, caps
 
 OWN = """
 from dataclasses import replace
-from postprocessors._base import load
+from postprocessors import load
 
 POST = replace(load("linuxcnc"), title="Ours", extension="txt", stem=lambda job: "ours")
 """

@@ -14,7 +14,7 @@ import pytest
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree, controller
 
-from postprocessors._base import Post, companions, load, mark_of, names, of_part, program, settings
+from postprocessors import Post, companions, load, mark_of, names, of_part, program, settings
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash, split

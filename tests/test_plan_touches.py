@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan, plan_hash, split
 from tango_cnc.plan.touches import PLACES, Planned

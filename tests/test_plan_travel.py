@@ -15,7 +15,7 @@ from tango_cnc.check import Solid, solid
 from tango_cnc.check.solid import Body
 from tango_cnc.plan import plan
 from tango_cnc.plan.travel import DROP, MARGIN, Roof, Travels, parts
-from tango_cnc.records import Array, Artefact, Obstacle, Probe
+from tango_cnc.records import Array, Artefact, Ball, Obstacle, Probe
 
 PROBE = Probe(150.0, 3.0, 0.0005, stylus_radius=1.5, body_radius=20.0, body_length=60.0, nose_radius=45.0)
 FAR = 1e6  # mm: as high as anybody wants
@@ -174,3 +174,58 @@ def test_a_facet_that_is_touched_again_at_once_is_left_no_further_than_the_drop(
     low, up = kinematics.tip(chain, places)
     assert np.linalg.norm(up - low) == pytest.approx(DROP)
     assert (up - low) @ kinematics.spindle_axis(chain, places[:1])[0] == pytest.approx(DROP)
+
+
+def ball_under(centre: Array, radius: float, travel: tuple[Array, Array, Array], wide: float) -> float:
+    """→ mm, the highest point of a ball within `wide` of a travel seen along the tool, −inf where it is beside: by its points."""
+    start, end, up = travel
+    way = end - start - ((end - start) @ up) * up
+    length = float(np.linalg.norm(way))
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(20_000, 3))
+    points = centre + radius * points / np.linalg.norm(points, axis=1)[:, None]
+    seen = points - start
+    flat = seen - (seen @ up)[:, None] * up
+    ahead = np.clip(flat @ way / length, 0.0, length)
+    near = np.linalg.norm(flat - ahead[:, None] * way / length, axis=1) <= wide
+    return float((points @ up)[near].max(initial=-np.inf))
+
+
+def test_over_a_ball_the_way_is_as_high_as_its_highest_point_under_the_probe() -> None:
+    """A ball right under a level way, at its side, ahead of it and behind it, and one that the probe passes beside."""
+    up = np.array([0.0, 0.0, 1.0])
+    start, end = np.array([-60.0, 0.0, 30.0]), np.array([60.0, 0.0, 30.0])
+    level = Travels(start[None], end[None], up[None])
+    for centre in ((0.0, 0.0), (5.0, 48.0), (95.0, 12.0), (-100.0, -20.0), (0.0, 80.0), (20.0, 300.0)):
+        ball = Ball("501", (*centre, 40.0), 25.0)
+        (lift,), (down,) = Roof(solid(Artefact("ball", {}, balls={ball.id: ball})), PROBE).lifts(level, np.array([FAR]))
+        heights = [
+            ball_under(np.array(ball.centre), ball.radius, (start, end, up), radius + MARGIN) - begin + MARGIN
+            for begin, radius in parts(PROBE)
+        ]
+        assert (lift, down) == pytest.approx((max(max(heights) - 30.0, DROP),) * 2, abs=0.3), centre
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("seed", range(3))
+def test_no_part_of_the_probe_comes_within_the_margin_of_a_ball(seed: int) -> None:
+    """Parts as lines with a radius, walked along slanted ways. A way that no ball is near goes up by no more than the drop."""
+    rng = np.random.default_rng(200 + seed)
+    balls = tuple(Ball(str(501 + i), tuple(rng.uniform(-90, 90, 3)), float(rng.uniform(8, 30))) for i in range(3))
+    many = travels(rng, 14)
+    far = Travels(many.start + 5000, many.end + 5000, many.spindle)
+    roof = Roof(solid(Artefact("balls", {}, balls={ball.id: ball for ball in balls})), PROBE)
+    up, down = roof.lifts(many, np.full(14, FAR))
+    start, end = many.start + up[:, None] * many.spindle, many.end + down[:, None] * many.spindle
+    for row in range(14):
+        way = start[row] + np.linspace(0, 1, 60)[:, None] * (end[row] - start[row])
+        for ball in balls:
+            seen = np.array(ball.centre) - way
+            high = seen @ many.spindle[row]
+            for begin, radius in parts(PROBE):  # a cylinder that goes up from `begin`
+                aside = np.sqrt(np.maximum((seen**2).sum(axis=1) - high**2, 0.0))
+                gap = np.hypot(np.maximum(aside - radius, 0.0), np.maximum(begin - high, 0.0))
+                assert gap.min() >= ball.radius + MARGIN - 1e-6, (row, ball.id)
+    lifts = np.array(roof.lifts(far, np.full(14, FAR)))
+    rise = np.einsum("ij,ij->i", far.end - far.start, far.spindle)
+    assert (lifts.min(axis=0) <= DROP + 1e-9).all() and (lifts.sum(axis=0) <= 2 * DROP + np.abs(rise) + 1e-6).all()

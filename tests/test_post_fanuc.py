@@ -10,14 +10,14 @@ import pytest
 from support import controls
 from support.controls import ACTIVE, GOLDEN, assert_as_planned, shifted
 
-from postprocessors._base import number, rolled
+from postprocessors import number, rolled
 from sim_controller.languages import Alarm
 from sim_controller.languages.macro_b import Control, default_profile
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Touched
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Begun, Touched
+from tango_cnc.link.words import record
 from tango_cnc.plan import last_motion, part, plan
 from tango_cnc.records import Artefact, Cell, Find, InputError, Plan, World
 

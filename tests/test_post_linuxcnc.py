@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support.few import every
 
-from postprocessors._base import load, may_roll, program
+from postprocessors import load, may_roll, program
 from tango_cnc.files import read_cell
 from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import InputError, Plan

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan
 from tango_cnc.program import programs

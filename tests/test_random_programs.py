@@ -26,14 +26,14 @@ from support.grbl import driven
 from support.randomplans import EXAMPLES, POSES, WISHES, Drawn, example, options, posts, random_plans, settings
 from support.stored import NOTHING, stored
 
-from postprocessors._base import names, program
+from postprocessors import names, program
 from sim_controller import solids
 from sim_controller.languages import Alarm
 from sim_controller.motion import Motion, MotionStop
 from sim_controller.probing import Rig, home, rig
 from sim_controller.session import language
 from sim_controller.world import TrueMachine, nominal_machine, place
-from tango_cnc.link._client import Ended
+from tango_cnc.link.client import Ended
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Array, Artefact, Ball, Facet, Indexation, InputError, Machine, Obstacle, Plan, World
 

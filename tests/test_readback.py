@@ -14,7 +14,7 @@ import pytest
 from support.blockcell import NORMALS, block, cell, machine
 from support.readback import GOLDEN, bare, changed, counted, golden, lines_of, read_back, refused, renumbered
 
-from postprocessors._base import load, names
+from postprocessors import load, names
 from tango_cnc.cli import guarded, tango
 from tango_cnc.plan import part, plan
 from tango_cnc.readback import check
@@ -588,7 +588,7 @@ def call(*arguments: object) -> int:
 
 OWN = """
 from dataclasses import replace
-from postprocessors._base import load
+from postprocessors import load
 
 fanuc = load("fanuc")
 POST = replace(fanuc, title="Ours", retract=lambda job, leg: ["(UP)"])

@@ -13,7 +13,7 @@ import pytest
 from support.readback import Beside, golden, lines_of, refused
 from support.rehearsed import Endless, Trace, carried_out, compared, short, worlds
 
-from postprocessors._base import companions, load
+from postprocessors import companions, load
 from tango_cnc.records import Plan
 
 EDITS = [

@@ -22,7 +22,7 @@ from support.programmutants import mutant
 from support.readback import GOLDEN, MACRO_B, bare, counted, read_back, refused
 from support.rehearsed import Endless, Trace, carried_out, compared, short, worlds
 
-from postprocessors._base import names
+from postprocessors import names
 from tango_cnc.files import read_cell
 from tango_cnc.plan import part, plan
 from tango_cnc.records import Find, Plan

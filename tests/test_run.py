@@ -24,15 +24,15 @@ from support.runs import (
     run,
 )
 
-from postprocessors._base import BLANK, mark_of
+from postprocessors import BLANK, mark_of
 from tango_cnc.cli import tango
 from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.files.origin import look_up
-from tango_cnc.link._rest import durations, repeatable
 from tango_cnc.link.entries import Reading
 from tango_cnc.link.journal import read_journal
+from tango_cnc.link.rest import durations, repeatable
 from tango_cnc.plan import last_motion, plan
 from tango_cnc.plausible.data import remarks
 from tango_cnc.records import InputError

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from support.controls import GOLDEN, golden
+from support.nights_parts import RealControl
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._common import dialect
-from tango_cnc.commands._night_world import RealControl
 from tango_cnc.commands._proofs import keys_of
 from tango_cnc.files import read_cell
 from tango_cnc.files.commissioning import Proof, add_proofs

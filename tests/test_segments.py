@@ -10,8 +10,8 @@ from support.runs import cell as seven_touches  # noqa: F401  a fixture
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
-from tango_cnc.link._readings import readings_of
 from tango_cnc.link.entries import Reading, Segment
+from tango_cnc.link.readings import readings_of
 from tango_cnc.plan import plan
 
 MOVED = (0.008, -0.005, 0.003)  # mm, machine frame, towards which everything sits after the pause

@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 from support import blind
+from support.diagnosis_parts import Chosen, candidate
 from support.imports import modules, statements, tree
 
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import Finding, _seen, diagnose
-from tango_cnc.diagnose._candidates import candidate
-from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._size import _one, _told
 from tango_cnc.diagnose.sentences import _words, advice, chance, covariate, meaning, minutes, said
 from tango_cnc.diagnose.words import telling

@@ -9,7 +9,7 @@ from support.controls import ACTIVE, golden, run_on
 from support.readback import lines_of, refused
 
 from sim_controller.languages import siemens
-from tango_cnc.link._client import Touched
+from tango_cnc.link.client import Touched
 from tango_cnc.records import InputError
 
 MOVED = []  # what the machine did in the last program

@@ -10,7 +10,7 @@ from support import controls
 from support.controls import Ran, assert_as_it_happened, golden, run_on
 from support.gates import ran
 
-from postprocessors._base import load, program, settings
+from postprocessors import load, program, settings
 from sim_controller.languages import centroid
 from sim_controller.session import language, profile
 from tango_cnc import readback

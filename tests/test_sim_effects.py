@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from support.effect_parts import names
 from support.effectparts import CELL, EXAMPLES, MACHINE, PLAIN, STYLUS, TOUCHES, early, uses_chance, world
 
 from sim_controller import effects
 from sim_controller.effects import Disturbance, History, lever
-from sim_controller.effects._apply import names
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.simulate import simulate

@@ -10,7 +10,7 @@ import pytest
 from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 
-from postprocessors._base import load, settings
+from postprocessors import load, settings
 from sim_controller.languages import fagor
 from tango_cnc.readback import check
 from tango_cnc.records import Artefact, InputError, Plan

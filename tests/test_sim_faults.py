@@ -1,10 +1,10 @@
 """Faults on purpose: the same seed gives the same ones, and each kind does what its name says."""
 
 import pytest
+from support.effect_parts import Tape
 from support.simulated_runs import controller
 
 from sim_controller.faults import KINDS, LINE_KINDS, WORDS, Disturbance, faults, line_faults
-from sim_controller.protocols._tape import Tape
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import InputError
 

@@ -13,7 +13,7 @@ from postprocessors.heidenhain import mask
 from sim_controller.languages import Alarm, klartext
 from sim_controller.languages.klartext.expressions import formula, text_of
 from tango_cnc import commission
-from tango_cnc.link._client import Ended
+from tango_cnc.link.client import Ended
 from tango_cnc.records import Artefact, InputError, Plan
 
 MASK = ("TNC:\\TANGO.A", *mask())

@@ -13,15 +13,15 @@ import pytest
 from support.controls import golden
 from support.gates import ran
 
-from postprocessors._base import companions, load, program, settings
+from postprocessors import companions, load, program, settings
 from sim_controller.languages import Alarm, mach4
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Touched
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Touched
+from tango_cnc.link.words import record
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, Plan, World
 

@@ -12,8 +12,8 @@ from support.controls import GOLDEN, Ran, run_on
 
 from sim_controller.languages import rs274
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Ended, Touched
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Begun, Ended, Touched
+from tango_cnc.link.words import record
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, Plan, World
 

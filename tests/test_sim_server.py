@@ -18,12 +18,12 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.effect_parts import Tape
 
 from sim_controller import protocols
 from sim_controller.__main__ import run
 from sim_controller.lines import ParityLine, even
 from sim_controller.protocols import Talk
-from sim_controller.protocols._tape import Tape
 
 TALKS = sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"

@@ -12,11 +12,11 @@ from support import controls
 from support.controls import ACTIVE, Ran, assert_as_planned, far_away, golden, run_on, shifted, untouchable
 from support.gates import ran as gated
 
-from postprocessors._base import load
-from postprocessors._base import settings as settings_of
+from postprocessors import load
+from postprocessors import settings as settings_of
 from sim_controller.languages import siemens
 from sim_controller.languages.siemens.expressions import Reader
-from tango_cnc.link._client import Ended
+from tango_cnc.link.client import Ended
 from tango_cnc.records import Artefact, InputError, Plan
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.nights_parts import Story, nights
 
 from sim_controller.simulate import simulate
 from tango_cnc import state as s
-from tango_cnc.commands._simulated_nights import Story, nights
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly

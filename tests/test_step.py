@@ -11,8 +11,8 @@ import pytest
 from support.controls import golden
 from support.gates import NEAR, ran
 
-from postprocessors._base import companions, load, names, program
-from postprocessors._base import settings as settings_of
+from postprocessors import companions, load, names, program
+from postprocessors import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.gate import STEP, step
 from tango_cnc.plan import plan_hash

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import yaml
 from support import blind
+from support.diagnosis_parts import candidate
 from support.few import every
 
 from sim_controller.effects import names as simulated
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import Diagnosis
-from tango_cnc.diagnose._candidates import candidate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_terms
 from tango_cnc.records import InputError, Readings

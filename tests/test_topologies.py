@@ -15,7 +15,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_strategy, read_world
 from tango_cnc.identify import select, subset_terms
 from tango_cnc.model import STYLUS, Model, linearise, setup_coefficient
-from tango_cnc.records import Cell, Readings, Strategy, World
+from tango_cnc.records import Approach, Artefact, Ball, Cell, Facet, Indexation, Readings, ScaleBar, Strategy, World
 from tango_cnc.terms import find
 from tango_cnc.touches import from_readings
 
@@ -87,6 +87,49 @@ def test_four_axes_have_five_and_three_have_their_squarenesses():
     assert inter_axis_names(four) == {"EC0Y", "EB0Z", "EA0Z", "EA0C", "EB0C"}
     three = [c.name for c in subset_terms(machine_of("wXYfZ(S)t"), 2, 3)]
     assert inter_axis_names(three) == {"EC0X", "EA0Z", "EB0Z"}
+
+
+def pallet(bar: bool) -> Artefact:
+    """Six facets around a block, and two balls 200 mm apart along X."""
+    sides = {"1": (1, 0, 0), "2": (-1, 0, 0), "3": (0, 1, 0), "4": (0, -1, 0), "5": (0, 0, 1), "6": (0, 0, 1)}
+    places = {
+        "1": (160, 60, -50),
+        "2": (-160, 60, -50),
+        "3": (60, 160, -50),
+        "4": (60, -160, -50),
+        "5": (120, 90, 0),
+        "6": (-90, -90, 0),
+    }
+    facets = {name: Facet(name, places[name], sides[name]) for name in sides}
+    balls = {"1": Ball("1", (-100.0, 0.0, -5.0), 10.0), "2": Ball("2", (100.0, 0.0, -5.0), 10.0)}
+    for ball in balls.values():
+        for i, side in enumerate(((0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0))):
+            point = tuple(c + ball.radius * n for c, n in zip(ball.centre, side, strict=True))
+            facets[f"{ball.id}ball{i}"] = Facet(f"{ball.id}ball{i}", point, side, ball=ball.id)
+    if not bar:
+        return Artefact("pallet", {name: facets[name] for name in sides})
+    return Artefact("pallet", facets, balls, ScaleBar(("1", "2"), 200.0, 0.0005))
+
+
+@pytest.mark.parametrize("bar", [True, False])
+def test_a_head_with_one_axis_tells_the_scale_of_x_by_a_bar_and_else_that_of_z_against_it(bar):
+    """B turns Z into X: without a bar only the difference of their scales is known. S3 once left EXX1 out without a word."""
+    machine, artefact = machine_of("wXYfZB(S)t"), pallet(bar)
+    turns = [0.0, -1.5, -1.0, -0.5, 0.4, 0.9, 1.4]
+    indexations = [
+        Indexation({"B": b, "S": 0.0}, tuple(artefact.facets) if b == 0 else ("1", "2", "3", "4", "5", "6")) for b in turns
+    ]
+    indexations += [Indexation({"B": 0.0, "S": s * np.pi / 2}, ("1", "2", "3", "4")) for s in range(1, 4)]
+    strategy = Strategy("turns", Approach(8.0, 4.0, 180.0), tuple(indexations))
+    readings = simulate(machine, artefact, strategy, World(errors={"EXX1": 15e-6, "EZZ1": -34e-6}))
+    result = estimate(machine, artefact, readings, ["S3"])
+    found = {name: p.value for name, p in result.parameters.items()}
+    if bar:
+        assert (found["EXX1"], found["EZZ1"]) == pytest.approx((15e-6, -34e-6), abs=1e-9)
+    else:
+        assert found["EZZ1-EXX1"] == pytest.approx(-49e-6, abs=1e-9)
+        assert not {"EXX1", "EZZ1"} & set(found)
+        assert "EXX1" in {c.names[0] for c in result.selection.unseen}
 
 
 @pytest.fixture(scope="module")

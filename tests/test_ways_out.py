@@ -11,7 +11,7 @@ from support.controls import Ran, golden
 from support.dialects import EVERY, klartext
 from support.gates import ran
 
-from postprocessors._base import companions, load, names, program, settings
+from postprocessors import companions, load, names, program, settings
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from tango_cnc import readback

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from postprocessors import _base as posts
+import postprocessors as posts
 
 from ..compensate import loop
 from ..duration import duration
@@ -23,7 +23,7 @@ from ..files.checked import suggestion
 from ..files.nightly import NAME, Nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
-from ..link._rest import durations
+from ..link.rest import durations
 from ..nightly.analysis import Nights, Timed
 from ..nightly.doubt import Judged
 from ..plan import last_motion

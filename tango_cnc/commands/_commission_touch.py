@@ -18,7 +18,7 @@ from ._proofs import told
 from ._written import conducted, written
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
 FOLDER = Path("commissioning", "touch")  # of the cell
 AGAIN = "'tango commission --touch' makes them again"

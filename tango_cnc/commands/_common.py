@@ -21,7 +21,7 @@ from ..records import Cell, Controller, InputError
 from . import _trusted
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
 LEAST = 24  # columns that the last column of a table needs beside the others
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -153,7 +153,7 @@ def cells_in(folder: Path) -> list[Path]:
 
 def dialect(cell: Cell) -> Post:
     """cell with a controller → its post; one that is a file stands in the cell. Raises InputError when there is none."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     assert cell.controller is not None
     name = cell.controller.post

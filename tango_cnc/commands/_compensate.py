@@ -126,12 +126,24 @@ def text(proposal: Proposal) -> str:
         own = [h for h in proposal.held if h.table == name]
         most = max(abs(proposal.numbers[h.place] - proposal.present[h.place]) for h in own)
         lines.append(f"  {name}: table of {len(own)} numbers, largest change {most:.6f} {own[0].unit}")
+    lines += pinned(proposal)
     lines += _together(proposal)
     if not proposal.given:
         lines += ["", "present values: taken as empty tables and the geometry of machine.yaml; give them with --present"]
     lines += ["", "not confirmed; check each on your control before you write:"]
     lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
     return "\n".join(lines)
+
+
+def pinned(proposal: Proposal) -> list[str]:
+    """proposal → a sentence that names the centers and directions that keep their values, as no touch shows them."""
+    if not proposal.pinned:
+        return []
+    listed = ", ".join(proposal.pinned[:6]) + (f" and {len(proposal.pinned) - 6} more" if len(proposal.pinned) > 6 else "")
+    return [
+        f"these keep their present values, as no touch shows them: {listed}. Either the axis hardly turned in this run, or the "
+        "length of the tool and the set-up of the workpiece take them out. Where the axis is to turn, touch with it turned",
+    ]
 
 
 def _together(proposal: Proposal) -> list[str]:

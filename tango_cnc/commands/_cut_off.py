@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
-from ..link._readings import readings_of
 from ..link.entries import Segment
 from ..link.journal import look_at, salvaged
 from ..link.lock import cut_off
+from ..link.readings import readings_of
 from ..plan import plan_hash
 from ..records import LinkError, Plan, TangoError
 from ..texts import say

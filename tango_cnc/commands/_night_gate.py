@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from postprocessors import _base as posts
-from postprocessors._base import Post
+import postprocessors as posts
+from postprocessors import Post
 
 from ..files import read_readings
 from ..gate import from_above, proving_touch

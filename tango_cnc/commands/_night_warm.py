@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..files.nightly import Nightly
-from ..link._sensors import FILE, read_sensors
+from ..link.sensors import FILE, read_sensors
 from ..link.transport._sensors import Watch
 from ..nightly import Finding
 from ..records import InputError

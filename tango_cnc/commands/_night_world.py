@@ -189,7 +189,7 @@ class RealControl:
         return found
 
     def _control(self, kind: str, touches: Sequence[int]) -> Finding:
-        from ..link._measure import protocol_of
+        from ..link.measure import protocol_of
         from ..link.session import listen
         from ..link.transport import open_port
 
@@ -263,7 +263,7 @@ class RealControl:
 
     def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
-        from ..link._measure import Wanted, measure
+        from ..link.measure import Wanted, measure
         from ._live import Live
         from .run import keep, written_for
 

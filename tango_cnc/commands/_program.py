@@ -85,7 +85,7 @@ def language_of(file: Path, cell: Cell, given: str | None) -> ModuleType:
 
 def _written(cell: Cell) -> str | None:
     """cell → language of its dialect; empty for a post of the user's own, which only runs where it is asked for; None: none."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     if cell.controller is None:
         return None
@@ -193,6 +193,8 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
         "split": account.split,
         "points": account.count,
         "extrapolated": account.outside,
+        "turning_rapids": account.turning,
+        "turning_rapid_lines": account.turning_lines,
         **unstated(account),
         "largest_before_um": round(account.before, 4),
         "largest_before_line": account.worst_block,
@@ -215,13 +217,25 @@ def said(data: dict[str, Any]) -> str:
         if data["extrapolated"]
         else ""
     )
+    turning = _turning(data["turning_rapids"], data["turning_rapid_lines"])
     stand = "".join(f"{line}\n" for line in unstated_lines(data, "corrections"))
     return (
         f"{data['blocks']} blocks, {data['compensated']} compensated, {data['arcs']} arcs written as lines, {data['split']} split"
-        f"{more}\n{given}{stand}{beyond}"
+        f"{more}\n{given}{stand}{beyond}{turning}"
         f"tip against where the program means it, with rapids: largest {data['largest_before_um']:.1f} µm before "
         f"(line {data['largest_before_line']}), {data['largest_after_um']:.2f} µm after; rms {data['rms_before_um']:.1f} and "
         f"{data['rms_after_um']:.2f} µm, as far as the errors are known\n→ {data['program']}, {data['lines']} lines"
+    )
+
+
+def _turning(count: int, lines: list[int]) -> str:
+    """rapids that turn a rotary axis, the first of their lines → what to think of them; '' without any."""
+    if not count:
+        return ""
+    listed = ", ".join(map(str, lines)) + (" …" if count > len(lines) else "")
+    return (
+        f"{count} rapids turn a rotary axis (lines {listed}): their ends are corrected, the way between is not split, as many "
+        "controls do not move in a line in rapid. Near the part write a feed move (G1) there\n"
     )
 
 

@@ -13,18 +13,18 @@ import click
 from ..commission import Experiment, Judged, experiments, keys
 from ..files import write_text
 from ..files.commissioning import Proof, add_proofs, latest, read_commissioning
-from ..link._secrets import shown
+from ..link.secrets import shown
 from ..records import Cell
 from . import _trusted
 from ._common import json_text, table
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
 
 def keys_of(cell: Cell, post: Post) -> dict[str, str]:
     """cell with a controller, its post → {belief: key of what it depends on}. Raises InputError for unknown options."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     assert cell.controller is not None
     name = cell.controller.post

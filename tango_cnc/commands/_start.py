@@ -11,7 +11,7 @@ from ..records import Cell, InputError, Plan
 from ._progress import said
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
 DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
 
@@ -55,7 +55,7 @@ def unattended(cell: Cell, post: Post) -> None:
 
 def gate_of(cell: Cell, post: Post) -> str:
     """cell, its post → what proves the probe alive in its programs."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     assert cell.controller is not None
     with blamed_on(cell.folder / "tango.yaml"):
@@ -64,7 +64,7 @@ def gate_of(cell: Cell, post: Post) -> str:
 
 def obeys(cell: Cell, post: Post) -> bool:
     """cell, its post → whether the feed override acts on measuring moves, by its profile or by what is known of the control."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     assert cell.controller is not None
     with blamed_on(cell.folder / "tango.yaml"):

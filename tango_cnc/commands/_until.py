@@ -17,7 +17,7 @@ from ..records import Cell, InputError, LinkError
 
 if TYPE_CHECKING:
     from ..design.until import Until
-    from ..link._measure import Wanted
+    from ..link.measure import Wanted
 
 
 def wanted_by(cell: Cell, text: str) -> Until:

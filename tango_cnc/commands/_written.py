@@ -16,7 +16,7 @@ from ._common import attended, controller_of, start_patience
 from ._start import ask, obeys, unattended, unproven_of
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
     from ..program import Program
     from ._live import Live
@@ -27,7 +27,7 @@ def written(cell: Cell, target: Path, post: Post, made: Plan, options: Mapping[s
 
     Raises InputError for what the post or the read-back refuses; then nothing is written.
     """
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     from ..files.plan import Content, plan_lines, write_together
     from ..program import programs
@@ -70,8 +70,8 @@ def conducted(
     first. `then`: what to do when it breaks off. `misses`, `timeout`: as in `Wanted`. Raises InputError before anything moves,
     LinkError where a program does not come to its end.
     """
-    from ..link._measure import Wanted, measure
-    from ..link._secrets import shown
+    from ..link.measure import Wanted, measure
+    from ..link.secrets import shown
     from .check import positioning_feed
 
     someone = attended()

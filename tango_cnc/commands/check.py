@@ -81,7 +81,7 @@ def command(
 
 def positioning_feed(cell: Cell) -> float | None:
     """cell → mm/min of protected moves in the programs of its post; None without a post or when it has no such option."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     if cell.controller is None:
         return None
@@ -96,7 +96,7 @@ def _postable(cell: Cell, made: Plan) -> float | None:
 
     Raises InputError for what 'tango plan' would refuse: the whole program is made and read back.
     """
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     from ..program import programs
 
@@ -111,7 +111,7 @@ def _postable(cell: Cell, made: Plan) -> float | None:
 
 
 def _port(port: str, link: str, made: Plan) -> None:
-    from ..link._measure import protocol_of
+    from ..link.measure import protocol_of
 
     try:
         module, address = protocol_of(port, link)

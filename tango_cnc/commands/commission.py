@@ -211,7 +211,7 @@ def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]
 
 def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:
     """what stood on the screen, post, options → the same with the text of an alarm of the program that is there by its number."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     own = post.alarms(posts.settings(post, options))
     found = next((own[number] for number in re.findall(r"\d+", said) if number in own), "")
@@ -220,7 +220,7 @@ def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:
 
 def _file_of(address: str, post: Any) -> str | None:
     """port, post → what the control writes its records into: '' where it is not on this computer, None for a line."""
-    from ..link._address import written_into
+    from ..link.address import written_into
 
     return written_into(address) if post.filed else None
 
@@ -258,9 +258,9 @@ def _tried(
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
     from ..link import entries
-    from ..link._measure import Wanted, measure, protocol_of
     from ..link.journal import read_journal
     from ..link.lock import holding
+    from ..link.measure import Wanted, measure, protocol_of
 
     target = cell.folder / FOLDER / "readings.csv"
     journal = target.with_suffix(".journal")

@@ -13,7 +13,7 @@ import click
 
 from ..compensate import as_json, capped, loop, propose, targets, trial
 from ..compensate.contradicted import contradicted
-from ..compensate.outcome import asked_otherwise, outcome, ran, switched
+from ..compensate.outcome import Outcome, asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
 from ..compensate.trusted import as_far_as_trusted, worth_acting
 from ..estimate import Estimate
@@ -24,7 +24,7 @@ from ..loaded import IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from ..verify.apart import apart
-from . import _compensate, _program, _scales
+from . import _compensate, _program, _scales, _short_check
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
 from ._present import contained, ended, present, rows
@@ -67,9 +67,14 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--check", "checked", type=path, metavar="DIR", help="Compare the files of a compensation with what was written.")
 @click.option("--written", type=int, metavar="N", help="Note that compensation N has been loaded into the control.")
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
+@click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
+@click.option("--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs.")
+@click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
-@click.option("--tcp/--no-tcp", default=None, help="With --present, --measured: tool center point control on, off, in the run.")
+@click.option(
+    "--tcp/--no-tcp", default=None, help="With --present, --measured, --short-check: whether tool center point control is on."
+)
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -105,6 +110,8 @@ def command(**options: Any) -> int:
     cell = read_cell(folder)
     if options["measured"] is not None:
         return _measured(cell, options)
+    if options["short"] is not None:
+        return _short_check.choose(cell, options["short"], options)
     if options["sign_of"] is not None:
         return _sign_of(cell, options)
     if options["source"] is not None:
@@ -149,7 +156,11 @@ def command(**options: Any) -> int:
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
         return 0
-    kept = loop.store(folder, proposal, _now(), options["out"], rows(current(folder, options["file"])), simulated=simulated)
+    source = current(folder, options["file"])
+    terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
+    known = _short_check.made_from(source.read_text(encoding="utf-8-sig"), terms, options["degree"], tcp=options["tcp"] is True)
+    by_hand = _short_check.by_hand(cell, proposal, result, tcp=options["tcp"] is True)
+    kept = loop.store(folder, proposal, _now(), options["out"], rows(source), simulated=simulated, made_from=known, by_hand=by_hand)
     if options["out"] is None:
         recorded(folder)
     click.echo(_next(folder, kept, proposal, counted=options["out"] is None), err=taken)
@@ -202,9 +213,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
     steps = "\n".join(f"  {line}" for line in lines)
     names = ", ".join(proposal.files)
     after = (
-        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n"
-        f"  tango run -C {folder} --readings after.csv\n"
-        f"{_measure(folder, kept)}"
+        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n{_measure(folder, kept)}"
         if counted
         else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
@@ -225,21 +234,35 @@ def _written(folder: Path, number: int) -> int:
     loop.note(folder, kept, _now(), "written")
     recorded(folder)
     click.echo(
-        f"compensation {number} ({kept.record['target']}) is noted as written. Measure again:\n"
-        f"  tango run -C {folder} --readings after.csv\n"
+        f"compensation {number} ({kept.record['target']}) is noted as written. Look whether it has helped:\n"
         f"{_measure(folder, kept)}"
     )
     return 0
 
 
 def _measure(folder: Path, kept: loop.Kept) -> str:
-    """cell, compensation → the command that judges it by the run before, as it stands: programs of this project probe without
-    tool center point control.
+    """cell, compensation → the commands that judge it: by a short check, by the whole strategy, or by hand where touches cannot.
+
+    Programs of this project probe without tool center point control.
     """
-    line = f"  tango compensate -C {folder} --measured {kept.number} --readings after.csv"
-    if not any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"]):
-        return line
-    return f"{line} --no-tcp\n(--tcp in place of --no-tcp where tool center point control was on in that run)"
+    if hand := [text for text in kept.record["steps"] if "--turned" in text]:
+        return f"  the last steps of {kept.folder / loop.STEPS} say how: {hand[0].partition('. ')[2]}"
+    tcp = any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"])
+    how = " --no-tcp" if tcp else ""
+    check, here = folder / loop.FOLDER / f"{loop.CHECK}{kept.number:03d}", f"  tango compensate -C {folder}"
+    short = [
+        f"{here} --short-check {kept.number}",
+        f"  tango run -C {check}",
+        f"{here} --measured {kept.number} --readings {check / 'readings.csv'}{how}",
+        "or with the whole strategy, which says more:",
+    ]
+    lines = [
+        *(short if "made_from" in kept.record else []),
+        f"  tango run -C {folder} --readings after.csv",
+        f"{here} --measured {kept.number} --readings after.csv{how}",
+        *(["(--tcp in place of --no-tcp where tool center point control was on in that run)"] if tcp else []),
+    ]
+    return "\n".join(lines)
 
 
 def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
@@ -265,6 +288,8 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
             f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
             f"('tango compensate --written {number}')"
         )
+    if options["turned"] is not None:
+        return _noted(cell, kept, *_short_check.turned(cell, kept, options["turned"]), tcp=True, json_file=options["json_file"])
     file: Path | None = options["file"]
     if file is None:
         raise InputError(
@@ -273,37 +298,41 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         )
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
+    if file.exists() and _short_check.is_short(kept, file):
+        found, places = _short_check.judged(cell, kept, file, options["tcp"])
+    else:
+        found, places = _by_itself(cell, kept, options)
+    return _noted(cell, kept, found, places, tcp=bool(options["tcp"]), json_file=options["json_file"])
+
+
+def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
+    """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
+    figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
+    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
+    recorded(cell.folder)
+    data = {"format": "tango-compensation-outcome/1", "compensation": kept.number, "verdict": found.verdict, **figures}
+    data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
+    if not write_json(json_file, data):
+        click.echo(f"compensation {kept.number}: {found.verdict}: {found.text}")
+    return 0 if found.verdict == "kept" else TangoError.exit_code
+
+
+def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Outcome, list[str]]:
+    """cell, compensation, options → outcome of a run that determines everything by itself, places that act with TCP only."""
     result, judgement = _estimate(cell, options)
-    again = propose(
-        result,
-        kept.record["target"],
-        _compensate.settings_of(kept.record),
-        None,
-        "probed",
-        _compensate.volume_of(_compensate.volume_text(kept.record), cell.machine),
-    )
-    places = switched(kept.record, again.held)
+    held = _short_check.held_of(cell, kept, result.model.coefficients)
+    places = switched(kept.record, held)
     if places and options["tcp"] is None:
-        raise InputError(
-            f"--measured: found neither --tcp nor --no-tcp, and compensation {number} changes {places[0]}"
-            f"{f' and {len(places) - 1} more' if len(places) > 1 else ''}, which act with tool center point control only; allowed: "
-            "--no-tcp when the second run was made without it, as the probing programs of this project are; --tcp when with it"
-        )
-    tcp, held = bool(options["tcp"]), list(again.held)
+        raise InputError(_short_check.neither(kept.number, places))
+    tcp = bool(options["tcp"])
     found = outcome(kept, result, held, tcp=tcp)
     if places and found.verdict != "kept":
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
     if not options["despite"]:
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
-    figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
-    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
-    recorded(cell.folder)
-    data = {"format": "tango-compensation-outcome/1", "compensation": number, "verdict": found.verdict, **figures}
-    data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
-    if not write_json(options["json_file"], data):
-        click.echo(f"compensation {number}: {found.verdict}: {found.text}")
-    return 0 if found.verdict == "kept" else TangoError.exit_code
+    readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
+    return _short_check.by_place(found, cell, kept, readings, tcp), places
 
 
 def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any], *, simulated: bool) -> int:

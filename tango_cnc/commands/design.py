@@ -240,7 +240,7 @@ def _wish(
 
 def gate_of(cell: Cell) -> str:
     """cell → what proves the probe alive in its programs: its time is part of the run."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     if cell.controller is None:
         return "none"

@@ -94,6 +94,7 @@ def command(
     """
     from ..history import Standing, opened
     from ..history.clock import asks, in_future, told
+    from ..report.age import night_of_stamp
     from ..report.characters import sparkline
     from ..report.texts import code, texts
 
@@ -164,7 +165,11 @@ def command(
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
             early = [] if row.cell is None else unsent(row.cell, row.cut_off)
             cut = joined(
-                "; ", [t(f"cli.nightly.{'ended_before' if stamp in early else 'cut_off'}", stamp=stamp) for stamp in row.cut_off]
+                "; ",
+                [
+                    t(f"cli.nightly.{'ended_before' if stamp in early else 'cut_off'}", stamp=night_of_stamp(stamp))
+                    for stamp in row.cut_off
+                ],
             )
             rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, joined("; ", (cut or None, row.said or None))])
         click.echo(table(rows, "<<<><<<", on_terminal()))

@@ -90,9 +90,9 @@ def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
 @click.option("--out", type=Output(), metavar="FILE", help="Where the readings go; default: salvaged.csv beside the journal.")
 def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path | None) -> int:
     """Writes the readings of all lines that are whole, before and after the damage. The journal stays as it is."""
-    from ..link._readings import readings_of
     from ..link.entries import Segment
     from ..link.journal import look_at, salvaged
+    from ..link.readings import readings_of
     from ..plan import by_stylus, plan, plan_hash
 
     file = file or folder / LAST

@@ -38,9 +38,9 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
 
     Nothing is sent that moves the machine. Exit status 1 when the control was not recognised or cannot be worked with as it is.
     """
-    from ..link._heard import heard, noise
-    from ..link._measure import protocol_of
     from ..link._punched import compared
+    from ..link.heard import heard, noise
+    from ..link.measure import protocol_of
     from ..link.session import listen
     from ..link.transport import open_port
 

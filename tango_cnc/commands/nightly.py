@@ -263,7 +263,7 @@ def _status(
     from ..history.clock import told as told_of
     from ..history.former import formers, of_folder
     from ..nightly.words import answer
-    from ..report.age import measured_on, nights_old
+    from ..report.age import measured_on, night_of_stamp, nights_old
     from ..report.morning import next_night
     from ..report.repeated import shortened
     from ..report.texts import code
@@ -358,7 +358,7 @@ def _status(
             click.echo("  " + t("cli.nightly.waits", stamp=stamp))
         for stamp in unfinished:
             key = "ended_before" if stamp in early else "cut_off" if stamp in cut else "begun"
-            click.echo("  " + t(f"cli.nightly.{key}", stamp=stamp))
+            click.echo("  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp)))
         if coming:
             click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
     wanted = standing is None or standing.wants_somebody or stale > 0

@@ -77,7 +77,7 @@ def command(
     json_file: str | None,
 ) -> None:
     """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     from .. import plan as planner
     from ..program import parts, programs, stale

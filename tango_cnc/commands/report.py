@@ -289,6 +289,8 @@ def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | N
         alarms, decisions = unclosed(history, machine, today)
         events = recorded(history, machine)
         too_old = nights_old(measured_on(record, before), today, settings.answers_for)
+        who = {"owner": record.get("owner") or settings.owner, "deputy": settings.deputy or record.get("deputy")}
+        record = {**record, **who}
         found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, events, too_old)
         waits, has = answered(found, record)
         lately = history.nights(machine, last=LATELY)

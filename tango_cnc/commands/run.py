@@ -29,7 +29,7 @@ from ._until import run_until, wanted_by
 from ._written import say_beside
 
 if TYPE_CHECKING:
-    from postprocessors._base import Post
+    from postprocessors import Post
 
     from ..program import Program
 
@@ -99,10 +99,10 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
-    from ..link._follow import follow
-    from ..link._measure import Wanted, measure, protocol_of
-    from ..link._secrets import shown
+    from ..link.follow import follow
     from ..link.lock import holding
+    from ..link.measure import Wanted, measure, protocol_of
+    from ..link.secrets import shown
     from ..plan import plan
     from .check import positioning_feed
 
@@ -237,7 +237,7 @@ def keep(cell: Cell, post: Post, whole: Plan, part: Plan, programs: Sequence[Pro
 
     Raises OSError when they cannot be written.
     """
-    from postprocessors import _base as posts
+    import postprocessors as posts
 
     from ..files.plan import Content, plan_lines, write_together
     from ..plan import plan_hash

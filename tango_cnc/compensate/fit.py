@@ -22,6 +22,7 @@ from .space import LONGER, REACH, Held, Poses, direction_matrix, matrix
 
 EXACT, NONE = 0.995, 0.02  # share of a coefficient's effect on the tip that counts as held exactly, as not held
 WORTH = 2e-3  # mm rms over the volume that a mm of correction is to take away: less is not worth a larger number
+SHOWN = 0.05  # mm at a touch that a mm of a center (or the angle that is as much at `REACH`) has to make for a touch to show it
 DEGREE = 4  # of the smooth functions of a table, for what it does not hold by name
 Solve = Callable[[Array], Array]
 
@@ -70,7 +71,7 @@ class Known:
 def known(result: Estimate, poses: Poses, command: str = "compensate", so: str = "there is nothing to compensate") -> Known:
     """estimate → its part that a control could know. Raises TangoError, by the command, when it holds no error of the machine."""
     model = result.model
-    own = [i for i, c in enumerate(model.coefficients) if _posed(c, poses.touches)]
+    own = [i for i, c in enumerate(model.coefficients) if posed(c, poses.touches)]
     if not own:
         raise TangoError(result.selection.without_machine(command, so))
     return Known(
@@ -78,7 +79,8 @@ def known(result: Estimate, poses: Poses, command: str = "compensate", so: str =
     )
 
 
-def _posed(c: Coefficient, touches: Touches) -> bool:
+def posed(c: Coefficient, touches: Touches) -> bool:
+    """coefficient, poses → whether it is an error of the machine that depends on the pose alone."""
     return c.slot.stage not in ("stylus", "table") and steady(c, touches)
 
 
@@ -121,6 +123,7 @@ class Holding:
     reversal: NDArray[np.bool_]  # (p,) whether a coefficient depends on the last motion
     space: Array  # (3n, h) mm that a unit of every number takes away
     best: Array  # (h, p) numbers per unit of every coefficient
+    pinned: NDArray[np.bool_]  # (h,) which keep their present value, as no touch shows them
 
     def numbers(self, found: Known, present: Mapping[str, float], unseen: Array | None = None) -> tuple[Array, Array]:
         """what is known, the control's present numbers → (h,) best changes, exact and as the control can store them.
@@ -129,10 +132,10 @@ class Holding:
         """
         exact = self.best @ found.values
         if unseen is not None:
-            exact = exact - unseen
+            exact = np.where(self.pinned, 0.0, exact - unseen)
         now = np.array([h.value(present.get(h.place, h.base)) for h in self.held])
         stored = [h.value(h.number(n + c)) - n for h, n, c in zip(self.held, now, exact, strict=True)]
-        return exact, np.array(stored)
+        return exact, np.where(self.pinned, 0.0, stored)
 
     def now(self, found: Known, unseen: Array | None = None) -> Array:
         """what is known, (h,) what the control takes away unseen → (k, m, n) mm, draws of the error as it is now."""
@@ -145,14 +148,19 @@ class Holding:
         return likely(found.values, found.covariance, self.levers, self.levers - self.taken, rest, found.freedom)
 
 
-def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
-    """coefficients of an estimate, what the control can hold, poses → what that is worth, before any size is known."""
+def holding(found: Known, held: Sequence[Held], poses: Poses, touches: Touches | None = None) -> Holding:
+    """coefficients of an estimate, what the control can hold, poses → what that is worth, before any size is known.
+
+    `touches`: those of the estimate, where centers and directions that they do not show are to keep their values.
+    """
+    pinned = np.zeros(len(held), dtype=np.bool_) if touches is None else not_shown(held, Poses(touches))
     levers = poses.free(found.levers(poses))
     space = matrix(held, poses)
     weight = np.array([1.0 if h.kind == "length" else 1 / REACH for h in held])
     gauge = anchored(held)
     basis = gauge @ smooth(held, poses.machine) * weight[:, None]
     direct = gauge @ by_name(found, held, poses)
+    basis[pinned] = direct[pinned] = 0.0
     # What the target takes away of every coefficient: by name first, the rest by fitted shapes where that is worth it. A fit of
     # what the target cannot hold finds a little of it in any table, and writes numbers that help nobody.
     rest = levers - space @ direct
@@ -160,7 +168,7 @@ def holding(found: Known, held: Sequence[Held], poses: Poses) -> Holding:
     gain = _size(rest) - _size(rest - space @ fitted)
     best = direct + np.where(gain > NONE * _size(levers), fitted, 0.0)
     reversing = np.asarray(found.reversal(poses).any(axis=0))
-    return Holding(tuple(held), poses, levers, space @ best, reversing, space, best)
+    return Holding(tuple(held), poses, levers, space @ best, reversing, space, best, pinned)
 
 
 def fit(
@@ -196,6 +204,19 @@ def fit(
         with_programs(programs, program_increment),
         rms(holds.space @ (change - exact)),
     )
+
+
+def not_shown(held: Sequence[Held], at: Poses) -> NDArray[np.bool_]:
+    """entries, touches → (h,) centers and directions that no touch shows: the axis hardly turned, or the set-up takes them out.
+
+    A number fitted to what others leave would be written there, and act where the axis turns further.
+    """
+    found = np.zeros(len(held), dtype=np.bool_)
+    for j, h in enumerate(held):
+        if h.tcp:
+            felt = at.free(h.lever(at).reshape(-1, 1))
+            found[j] = np.sqrt(np.sum(felt**2) / len(at)) < SHOWN * (1.0 if h.kind == "length" else REACH)
+    return found
 
 
 def _size(columns: Array) -> Array:
@@ -246,7 +267,7 @@ def anchored(held: Sequence[Held]) -> Array:
     reference point of most machines; a table that does not reach it is zero at the end that is nearer.
     """
     gauge = np.eye(len(held))
-    if not any(h.tcp and h.kind == "length" for h in held):
+    if not any(h.kind == "length" and (h.tcp or (h.at is None and h.slot is not None and h.slot.stage == "inter")) for h in held):
         return gauge
     tables: dict[tuple[str, int], list[int]] = {}
     for j, h in enumerate(held):

@@ -26,7 +26,10 @@ from .proposal import FORMAT, Proposal, as_json
 from .targets import SIGN_TRIAL, unconfirmed
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
+CHECK = "check-"  # with the number: the cell of a short check, beside the compensation
 STEPS, CELL = "steps.txt", "tango.yaml"
+NUMBER = "{N}"
+MADE_FROM = "made-from.csv"  # the readings of the run that a compensation was made from
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
@@ -53,6 +56,7 @@ SHAPE = {
     "on_paper?": [str],
     "simulated?": str,
     "readings_rows?": [str],
+    "made_from?": {"readings": str, "terms": list, "degree": int, "tcp": bool},
 }
 
 
@@ -74,22 +78,30 @@ def store(
     *,
     simulated: bool = False,
     trial: bool = False,
+    made_from: Mapping[str, Any] | None = None,
+    by_hand: Sequence[str] = (),
 ) -> Kept:
     """folder of a cell, proposal, UTC, check values of the rows of its readings → its folder, whole; its first line of history.
 
     `simulated`: the readings come from no machine. Then steps, record and a file beside them say so first. `trial`: it is a sign
-    trial itself.
+    trial itself. `made_from`: text of the readings, terms, degree, whether with TCP; a short check rests on it.
+    `by_hand`: steps by which a person sees whether kinematics act, where touches cannot; `NUMBER` in them becomes its number.
     """
     number = max((k.number for k in found(cell)), default=0) + 1
     place = folder or cell / FOLDER / f"{number:03d}-{proposal.target}"
     if place.exists() and any(place.iterdir()):
         raise InputError(f"-o: found {place}, which is not empty; allowed: a new folder")
-    steps = [f"{i}. {text}" for i, text in enumerate(_asked(cell, proposal, trial=trial), 1)]
+    asked = _asked(cell, proposal, trial=trial)
+    if folder is None and made_from is not None:
+        asked += afterwards(cell, number, proposal, [text.replace(NUMBER, str(number)) for text in by_hand])
+    steps = [f"{i}. {text}" for i, text in enumerate(asked, 1)]
     first = {"simulated": SIMULATED} if simulated else {}
     record = first | as_json(proposal) | {"created_utc": now, "steps": steps, "files": proposal.files, "undo": proposal.undo}
     if doubts := unconfirmed(proposal.module):
         record["on_paper"] = [UNCONFIRMED, *(f"- {text}" for text in doubts)]
     record["readings_rows"] = list(rows)
+    if made_from is not None:
+        record["made_from"] = dict(made_from)
     record["digest"] = digest(record)
     for name, text in proposal.files.items():
         write_text(place / name, text)
@@ -117,12 +129,28 @@ def _asked(cell: Path, proposal: Proposal, *, trial: bool) -> list[str]:
     return [text for text in steps if text != said] if trial else steps
 
 
+def afterwards(cell: Path, number: int, proposal: Proposal, by_hand: Sequence[str]) -> list[str]:
+    """cell, number, proposal, steps for kinematics alone → what a person does once the files are in the control, in order."""
+    here = f"tango compensate -C {shlex.quote(str(cell))}"
+    own = shlex.quote(str(cell / FOLDER / f"{CHECK}{number:03d}"))
+    changed = [h for h in proposal.held if proposal.numbers[h.place] != proposal.present[h.place]]
+    if by_hand:
+        return [f"Note it: {here} --written {number}", *by_hand]
+    how = " --no-tcp" if any(h.tcp for h in changed) else ""
+    return [
+        f"Note it: {here} --written {number}",
+        f"Look whether it has helped, by a few touches that it changes most: {here} --short-check {number}, then "
+        f"tango run -C {own}, then {here} --measured {number} --readings {own}/readings.csv{how}",
+    ]
+
+
 def _beside(record: Mapping[str, Any]) -> dict[str, str]:
     """record → {name: text} of the files beside those for the control: for the person at the machine, and the record itself."""
     remark = [record["simulated"]] if "simulated" in record else []
     return {
         STEPS: "".join(f"{line}\n" for line in (*remark, *record["steps"], *record.get("on_paper", ()))),
         **({REMARK: f"{record['simulated']}\n"} if remark else {}),
+        **({MADE_FROM: record["made_from"]["readings"]} if "made_from" in record else {}),
         RECORD: json.dumps(record, indent=1, ensure_ascii=False) + "\n",
     }
 

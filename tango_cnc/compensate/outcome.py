@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -84,14 +85,14 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     calculated = ""
     if run.told.any():
         calculated = f". What the kinematics hold ({rms(run.told):.2f} µm) is taken off by calculation: this run could not see it"
-    share = _share(helped) if helped is not None else ""
+    share = said_share(helped) if helped is not None else ""
     again = "Measure again with the strategy and the terms that the compensation was made from"
     if helped is None and run.told.any():
         text = (
             "a run without tool center point control sees too little of what was changed to decide anything. Measure again "
-            "with it on, and state --tcp"
+            "with it on, and state --tcp; or where kinematics alone were changed, by hand, as steps.txt says (--turned)"
         )
-    elif helped is None or _spans(helped):
+    elif helped is None or spans(helped):
         why = "these touches see too little of what was changed" if helped is None else share
         text = f"{why}: that decides nothing. {again}"
     elif verdict == "undecided":
@@ -99,22 +100,27 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     elif verdict == "no help":
         text = (
             f"{left}: it has not helped; {share}{calculated}. Now {undo}, and note it: "
-            f"tango compensate --rolled-back {kept.number} --reason TEXT. "
+            f"{rolled_back(kept)}. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
         )
     elif verdict == "kept":
         text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
         if run.told.any():
             text = f"as far as this run could see. {text[0].upper()}{text[1:]}. {TRY_KINEMATICS}"
-        if not _less(measured, before):
+        if not less(measured, before):
             text += f". Whether less is left than before ({before.low:.2f} to {before.high:.2f} µm), these touches cannot tell"
     else:
         text = f"{left}, but no more than {promised.high:.2f} µm were promised; {share}{calculated}. "
-        if _less(measured, before):
+        if less(measured, before):
             text += f"It has helped in part: look for a table that the control does not use; to go back, {undo}"
         else:
             text += f"The control uses what was written: look for what else has changed since (a knock, warmth); to go back, {undo}"
     return Outcome(before, promised, measured, verdict, text)
+
+
+def rolled_back(kept: Kept) -> str:
+    """compensation → the command that notes that it was taken out."""
+    return f"tango compensate -C {shlex.quote(str(kept.folder.parent.parent))} --rolled-back {kept.number} --reason TEXT"
 
 
 def promises(record: Mapping[str, Any]) -> tuple[Figure, Figure]:
@@ -129,21 +135,22 @@ def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | 
     No help is what has evidence against it: less than half is gone, or so much more than all that no less is left than
     before. The sizes alone prove nothing: where little was to be gained, their intervals overlap in any case.
     """
-    if helped is None or _spans(helped):
+    if helped is None or spans(helped):
         return "undecided"
-    too_much = helped.low > 2 - HELPED and measured.low > promised.high and not _less(measured, before)
+    too_much = helped.low > 2 - HELPED and measured.low > promised.high and not less(measured, before)
     if helped.high < HELPED or too_much:
         return "no help"
-    if not (_less(measured, before) or HELPED < helped.low < 2 - HELPED):
+    if not (less(measured, before) or HELPED < helped.low < 2 - HELPED):
         return "undecided"
     return "kept" if measured.low <= promised.high else "not as promised"
 
 
-def _spans(helped: Figure) -> bool:
+def spans(helped: Figure) -> bool:
+    """share that is gone → whether none of it and all of it are possible."""
     return helped.low <= 0 < 1 <= helped.high
 
 
-def _less(measured: Figure, before: Figure) -> bool:
+def less(measured: Figure, before: Figure) -> bool:
     """→ whether less is left than before, beyond both intervals."""
     return measured.high < before.low
 
@@ -171,7 +178,8 @@ def asked_otherwise(found: Outcome, other: Outcome, *, tcp: bool) -> Outcome:
     return replace(found, verdict="undecided", text=text)
 
 
-def _share(helped: Figure) -> str:
+def said_share(helped: Figure) -> str:
+    """share that is gone → the same for people."""
     if helped.high < 0:
         more = _percent(Figure(-helped.value, -helped.high, -helped.low))
         return f"of what it could see of the compensation, the run finds {more} added instead of taken away"
@@ -179,7 +187,8 @@ def _share(helped: Figure) -> str:
 
 
 def _percent(share: Figure) -> str:
-    return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
+    value, low, high = (round(100 * v) + 0 for v in (share.value, share.low, share.high))  # a whole number has no minus before 0
+    return f"{value} % ({low} to {high})"
 
 
 def _moved(kept: Kept, held: Sequence[Held], at: Poses, which: Sequence[bool]) -> Array:

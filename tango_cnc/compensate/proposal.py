@@ -39,6 +39,7 @@ class Proposal:
     over: str
     uncorrected: Mapping[str, float]  # by place: what a control that corrects nothing stores where tool center point control acts
     unseen: float  # µm rms over the volume that the control takes away and the readings do not contain
+    pinned: tuple[str, ...] = ()  # places of centers and directions that keep their values, as no touch shows them
     not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
 
     @property
@@ -98,8 +99,8 @@ def propose(
     unseen = hidden.unseen(held, now, before)
     if tcp is None:
         hidden.asked(held, unseen)
-    holds = holding(found, held, at)
-    unseen = np.zeros(len(held)) if tcp else unseen
+    holds = holding(found, held, at, touches)
+    unseen = np.where(holds.pinned, 0.0, np.zeros(len(held)) if tcp else unseen)
     best = fit(found, holds, now, unseen=unseen)
     numbers = {
         h.place: h.number(h.value(now[h.place]) + float(c)) if c else now[h.place] for h, c in zip(held, best.change, strict=True)
@@ -107,7 +108,8 @@ def propose(
     given, size = present is not None, rms(holds.space @ unseen)
     said = over if not volume else "as given"
     not_shown = tuple(c.text for c in result.selection.unseen)
-    return Proposal(target, module, request, best, numbers, now, given, said, before, size, not_shown)
+    pinned = tuple(h.place for h, kept in zip(held, holds.pinned, strict=True) if kept)
+    return Proposal(target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown)
 
 
 def _some(places: set[str]) -> str:
@@ -189,6 +191,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "over": proposal.over,
         "present_given": proposal.given,
         "unseen_um": round(proposal.unseen, 4),
+        "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),
         "promise": {
             "rms_before_um": figure(best.rms_before),

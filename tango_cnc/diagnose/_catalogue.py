@@ -8,7 +8,7 @@ data drawn from the fitted noise go through the same search, and the largest sco
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -24,6 +24,8 @@ EXPECTED_LEVEL = 0.01  # of a false name, for a cause that every machine has: it
 SHAPE_LEVEL = 0.01  # of a false "something is there", outliers likewise
 TRIALS = 200
 FEWEST_TRIED = 90  # a cause with few variants has no advantage over one with as many as there are error motions
+TURNS = 6  # in which two settings of one cause are refined by turns, at most
+SETTLED = 0.05  # log likelihood that such a turn has to gain for another one
 STRAIGHT = 1.0  # log likelihood by which a straight line must beat every exponential
 APART = 4.0  # evidence by which one of two names must be ahead: the wrong one is in 2.3 % at most, 1 − Φ(√4), whatever both are
 STRONG = 6.0  # evidence by which what has more settings, or follows more, must beat what is plainer (Kass & Raftery 1995)
@@ -186,33 +188,38 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
         return beside.likelihood(place.project(c.columns))
 
     best, score = start, value(start)
-    for name, way in cat.refine.get(start.cause, {}).items():
-        if name not in start.setting or not isinstance(start.setting[name], (int, float)):
-            continue
-        step = {"log": 0.25, "wave": 0.01, "linear": 16.0, "touch": 4.0, "order": 8.0}[way]
-        least = {"log": 0.01, "wave": 2e-4, "linear": 1.0, "touch": 0.9, "order": 0.9}[way]
-        while step > least:
-            moved = False
-            for sign in (-1, 1):
-                at = float(best.setting[name])
-                new = at * np.exp(sign * step) if way in ("log", "wave") else at + sign * step
-                if not inside[name][0] <= new <= inside[name][1]:
-                    continue
-                try:
-                    c = cat.rebuild(best.cause, {**best.setting, name: int(new) if way in ("touch", "order") else float(new)})
-                except (ValueError, IndexError):
-                    continue
-                if np.linalg.norm(place.project(c.columns)) < 1e-3 * np.linalg.norm(start.columns):
-                    continue
-                found = value(c)
-                if found > score + 1e-3:
-                    best, score, moved = c, found, True
-                    break
-            if not moved:
-                step /= 2
+    ways = {n: w for n, w in cat.refine.get(start.cause, {}).items() if isinstance(start.setting.get(n), (int, float))}
+    for turn in range(
+        TURNS if len(ways) > 1 else 1
+    ):  # where a scale is held says how fast it seems to grow, and the other way round
+        begun = score
+        for name, way in ways.items():
+            step = {"log": 0.25, "wave": 0.01, "linear": 16.0, "touch": 4.0, "order": 8.0}[way] / 2**turn
+            least = {"log": 0.01, "wave": 2e-4, "linear": 1.0, "touch": 0.9, "order": 0.9}[way]
+            while step > least:
+                moved = False
+                for sign in (-1, 1):
+                    at = float(best.setting[name])
+                    new = at * np.exp(sign * step) if way in ("log", "wave") else at + sign * step
+                    if not inside[name][0] <= new <= inside[name][1]:
+                        continue
+                    try:
+                        c = cat.rebuild(best.cause, {**best.setting, name: int(new) if way in ("touch", "order") else float(new)})
+                    except (ValueError, IndexError):
+                        continue
+                    if np.linalg.norm(place.project(c.columns)) < 1e-3 * np.linalg.norm(start.columns):
+                        continue
+                    found = value(c)
+                    if found > score + 1e-3:
+                        best, score, moved = c, found, True
+                        break
+                if not moved:
+                    step /= 2
+        if score < begun + SETTLED:
+            break
     if best.setting.get("shape") == "linear" and settings:
         # A straight line is the beginning of an exponential: the time constant is told where the data allow one.
-        curved = [c for c in cat.candidates if c.cause == best.cause and _bends(c, best)]
+        curved = [c for c in cat.candidates if c.cause == best.cause and _bends(c, best, ways)]
         if curved:
             other = refined(place, cat, max(curved, key=value), others, settings)
             if value(other.candidate) > score - STRAIGHT:
@@ -231,10 +238,16 @@ def searched_range(cat: Catalogue, cause: str) -> dict[str, tuple[float, float]]
     return {name: (min(v), max(v)) for name, v in found.items()}
 
 
-def _bends(c: Candidate, line: Candidate) -> bool:
-    """Whether a candidate is the exponential of the same place as a straight line."""
-    place = [{k: v for k, v in x.setting.items() if k not in ("shape", "tau")} for x in (c, line)]
-    return c.setting.get("shape") == "exponential" and "tau" in c.setting and place[0] == place[1]
+def _bends(c: Candidate, line: Candidate, refined: Collection[str]) -> bool:
+    """Whether a candidate is the exponential of the same place as a straight line, but for what is refined."""
+    own = ("shape", "tau", *refined)
+    place = [{k: v for k, v in x.setting.items() if k not in own} for x in (c, line)]
+    return (
+        c.setting.get("shape") == "exponential"
+        and "tau" in c.setting
+        and place[0] == place[1]
+        and c.setting.keys() == line.setting.keys()
+    )
 
 
 def coefficients(place: Space, selected: Array, columns: Array, ratios: tuple[float, ...]) -> Array:

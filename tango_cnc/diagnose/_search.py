@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -167,11 +167,15 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
         others = [*found[:i], *found[i + 1 :]]
         selected = columns_of(place, others)
         options = []
-        for cause in cat.plainer.get(old.candidate.cause, ()):
-            if cause not in cat.causes:
+        # With a place of its own (where a scale or a screw is held) it has as many settings: then evidence alone decides.
+        placed = [k for k, way in cat.refine.get(old.candidate.cause, {}).items() if way == "linear" and k in old.candidate.setting]
+        for cause in (*cat.plainer.get(old.candidate.cause, ()), old.candidate.cause):
+            if not _without(cat, cause, placed) or (cause == old.candidate.cause and not placed):
                 continue
             ratios, _ = best_noise(place, selected)
-            new = rival(place, cat, cause, selected, ratios)[1]
+            new = rival(place, cat, cause, selected, ratios, placed)[1]
+            if cause == old.candidate.cause and not new.candidate.setting.keys() < old.candidate.setting.keys():
+                continue
             twice = any(c.candidate.cause == cause and _axis(c) == _axis(new) for c in others)
             if not twice and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
                 options.append((total(place, [*others, new]), new))
@@ -229,11 +233,23 @@ def awaited(place: Space, cat: Catalogue, chosen: Sequence[Chosen], usual: Array
     return found
 
 
-def rival(place: Space, cat: Catalogue, cause: str, selected: Array, ratios: tuple[float, ...]) -> tuple[float, Chosen]:
-    """cause, selected (m, s), their noise → twice its best log likelihood less its price, and it; any smaller noise is tried."""
+def _without(cat: Catalogue, cause: str, names: Collection[str]) -> bool:
+    """catalogue, a cause, settings → whether one of its variants has none of them."""
+    return any(c.cause == cause and c.setting.keys().isdisjoint(names) for c in cat.candidates)
+
+
+def rival(
+    place: Space, cat: Catalogue, cause: str, selected: Array, ratios: tuple[float, ...], without: Collection[str] = ()
+) -> tuple[float, Chosen]:
+    """cause, selected (m, s), their noise, settings that it is not to have → twice its best log likelihood less its price, and it;
+    any smaller noise is tried.
+    """
     near = below(ratios)
     ratio, _ = scan(place, cat.library, selected, near)
-    score = np.where(cat.group == cat.causes.index(cause), 2 * ratio[:, 0] - cat.price, -np.inf)
+    own = cat.group == cat.causes.index(cause)
+    if without:
+        own = own & np.array([c.setting.keys().isdisjoint(without) for c in cat.candidates])
+    score = np.where(own, 2 * ratio[:, 0] - cat.price, -np.inf)
     best = refined(place, cat, cat.candidates[int(np.argmax(score))], selected, near)
     smaller = [r for r in place.grid() if all(a <= b for a, b in zip(r, ratios, strict=True))]
     return 2 * likelihood(place, np.hstack([selected, best.columns]), smaller) - best.price, best

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from .. import terms as families
 from ..records import Array
 from ..texts import joined, say
 from ..touches import Touches
@@ -212,7 +213,7 @@ def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Cho
     """explanation, a cause and its alternatives → which few touches would tell them apart, in words."""
     found = extras(e, touches, one, others, 2)
     names = joined(say("unseen_said.and"), dict.fromkeys(o.candidate.cause for o in others))
-    result = []
+    result: list[str] = []
     for x in found:
         place = ", ".join(
             f"{a} {np.degrees(touches.position[x.row, touches.machine.column(a)]):.0f}" for a in touches.machine.rotary
@@ -228,7 +229,15 @@ def separate(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Cho
                 names=names,
             )
         )
+    result += parted(one.candidate.cause, [o.candidate.cause for o in others])
     return tuple(dict.fromkeys(result))  # six facets stand in a proposal, so two of more facets may read alike
 
 
-__all__ = ["Extra", "Test", "axes_of", "bins", "columns_of", "extras", "seen_over", "separate", "tests"]
+def parted(cause: str, others: Sequence[str]) -> list[str]:
+    """name of a cause, of its alternatives → what their files say to do beside the touches of the plan, so that they differ."""
+    known = families.causes()
+    pairs = [(a, b) for other in others if cause in known and other in known for a, b in ((cause, other), (other, cause))]
+    return [known[a].parted[b] for a, b in pairs if b in known[a].parted]
+
+
+__all__ = ["Extra", "Test", "axes_of", "bins", "columns_of", "extras", "parted", "seen_over", "separate", "tests"]

@@ -26,11 +26,16 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    mismatch: bool  # absolute scale unseen: the gains of Y and Z are told against X
+    relative: frozenset[str] = frozenset()  # absolute scale unseen: gains that are told against that of X
+
+    @property
+    def mismatch(self) -> bool:
+        """→ whether gains are told against that of X, as nothing shows the absolute scale."""
+        return bool(self.relative)
 
     def label(self, name: str) -> str:
         """coefficient → the name under which its value may be reported."""
-        return f"{name}-EXX1" if self.mismatch and name in ("EYY1", "EZZ1") else name
+        return f"{name}-EXX1" if name in self.relative else name
 
     def without_machine(self, command: str, so: str) -> str:
         """command, what follows → the sentence for a model without an error of the machine: not asked for, or not seen."""
@@ -51,10 +56,19 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     kept, left = [c for c in kept if c.name not in noisy], left | noisy
     names = {c.name for c in kept}
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
-    mismatch = "EXX1" in left and any(c.name == "EXX1" for c in wanted) and {"EYY1", "EZZ1"} <= names
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
-    return Selection(model, unseen, mismatch)
+    relative = _told_against_x(left["EXX1"], names) if "EXX1" in {*left} & asked else frozenset()
+    return Selection(model, unseen, relative)
+
+
+def _told_against_x(scale: Combination, fitted: set[str]) -> frozenset[str]:
+    """what moves the touches as EXX1 does (EXX1 alone where it is merely too faint), fitted coefficients → gains of which only the
+    difference to it is known.
+    """
+    gains = {"EYY1", "EZZ1"} & fitted
+    known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))
+    return frozenset(name for name in gains if not known or abs(known.get(name, 0.0) - 1) < 0.01)
 
 
 def _wanted(machine: Machine, terms: Sequence[TermItem], degree: int) -> list[Coefficient]:
@@ -90,7 +104,8 @@ def subset_terms(machine: Machine, subset: int, degree: int) -> tuple[Coefficien
     touches = rich_plan(machine)
     setup = [setup_coefficient(name) for name in (*STYLUS, *(() if machine.rotary else PLACEMENT))]
     kept = _visible(touches, setup, candidates)[0]
-    names = {c.name for c in kept}
+    # A bar lies along one axis only, and on few chains another one shows as much: which scales are seen depends on the plan.
+    names = {*(c.name for c in kept), *(c.name for c in error_motion.scales(machine))}
     return tuple(c for c in candidates if c.name in names)
 
 

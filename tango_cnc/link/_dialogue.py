@@ -10,7 +10,7 @@ import math
 from collections.abc import Generator
 
 from ..records import Machine, Move, Touch
-from ._client import Client, Event, Failed
+from .client import Client, Event, Failed
 
 LINE_LIMIT = 1024  # characters kept of a line that does not end
 Talk = Generator[str, str, None]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Generator, Mapping
 
-from ._client import Identified, Task
 from ._dialogue import Dialogue, Stop, Talk
 from ._grbl import ALARMS, ERRORS
+from .client import Identified, Task
 
 INCH = 25.4
 LETTERS = "XYZABC"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ._client import Client, Ended, Event, Failed, Refused, Task, Touched
 from ._punched import CODES
-from ._words import SUM
+from .client import Client, Ended, Event, Failed, Refused, Task, Touched
+from .words import SUM
 
 
 class Listener(Client):

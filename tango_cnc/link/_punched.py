@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ._heard import parity_of
+from .heard import parity_of
 
 CODES = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])  # leader and flow codes
 PERCENT = (b"%", b"\xa5")  # without and with even parity; with odd parity it is the former

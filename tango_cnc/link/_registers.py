@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping, Sequence
 from urllib.parse import unquote
 
-from ._client import Task
 from ._dialogue import Dialogue, Stop
-from ._layout import ANEW, OLD, ORDER, PATTERN, Layout, read_layout
+from .client import Task
+from .layout import ANEW, OLD, ORDER, PATTERN, Layout, read_layout
 
 UNANSWERED = 5  # requests in a row
 WRITES = 3  # of one thing, each after a look at what the one before has done

@@ -23,7 +23,7 @@ from pathlib import Path
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
-from ._process import alive, born
+from .process import alive, born
 
 NAME = ".tango.lock"
 ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day

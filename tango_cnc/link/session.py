@@ -14,13 +14,13 @@ import numpy as np
 from ..plan import last_motion
 from ..records import LinkError, Machine
 from . import entries
-from ._client import Asked, Begun, Client, Ended, Event, Failed, Identified, Refused, Task, Touched
-from ._secrets import without
-from ._trust import Distrust, Judged, Leeway, judge, next_in_order
+from .client import Asked, Begun, Client, Ended, Event, Failed, Identified, Refused, Task, Touched
 from .entries import Again, Doubted, End, Identity, Reading
 from .journal import Journal
+from .secrets import without
 from .transport import Lost, Transport
 from .transport._line import reason
+from .trust import Distrust, Judged, Leeway, judge, next_in_order
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes

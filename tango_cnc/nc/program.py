@@ -21,6 +21,10 @@ MOST = 2000  # parts of a block
 STRETCH = np.pi / 6  # rad that a rotary axis turns at most between two looks at a line
 
 
+WARNING = " FROM SIMULATED READINGS, FOR NO MACHINE"  # in the mark
+NAMED = 12  # lines that an answer names
+
+
 @dataclass
 class Account:
     """What was done; deviations of the tip in µm, largest and sums for the mean square."""
@@ -41,6 +45,8 @@ class Account:
     worst_block: int = 0
     assumed: set[str] = field(default_factory=set)  # rotary axes that are taken to be at 0, while something is cut
     unknown: dict[str, int] = field(default_factory=dict)  # M functions that may do anything: the line where each stands first
+    turning: int = 0  # rapids that turn a rotary axis: only their ends are corrected
+    turning_lines: list[int] = field(default_factory=list)  # of the first of them
     changes: list[tuple[str, list[str]]] = field(default_factory=list)
 
 
@@ -68,11 +74,13 @@ def compensated(
 ) -> Iterator[str]:
     """lines, language, set-up, what is known of the machine → lines without their ends.
 
-    A program with the mark comes out as it went in. Raises InputError by name for what cannot be followed.
+    A program with this mark comes out as it went in. Raises InputError by name for what cannot be followed, and for a program with
+    the mark of another estimate or zero.
     """
     source = iter(lines)
     head = [line.rstrip("\r\n") for line in islice(source, HEAD)]
-    if marked(head) is not None:
+    if (line_of := marked(head)) is not None:
+        _same(head[line_of - 1], mark, line_of)
         account.marked = True
         for line in chain(head, (line.rstrip("\r\n") for line in source)):
             account.blocks += 1
@@ -126,6 +134,11 @@ def _batch(
             account.unknown.setdefault(name, m.block.number)
     rotary = set(setup.machine.rotary) if settings.rotary else set()
     chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
+    for m in chosen:
+        if m.block.kind == "rapid" and m.known and not m.block.target.keys().isdisjoint(setup.machine.rotary):
+            account.turning += 1
+            if len(account.turning_lines) < NAMED:
+                account.turning_lines.append(m.block.number)
     written: dict[int, list[Array]] = {}
     for length in {m.length for m in chosen}:
         if length not in machinery:
@@ -279,6 +292,18 @@ def _judge(
     account.outside += int(beyond(setup.machine, at, settings.touched).sum())
 
 
+def _same(line: str, mark: str, number: int) -> None:
+    """line with a mark, the mark that would be written, number of the line → nothing. Raises InputError where they differ."""
+    own = mark.upper().removeprefix(MARK).removeprefix(WARNING.upper()).strip()
+    if own not in line.upper():
+        raise refused(
+            number,
+            line.strip(),
+            f"the mark of a program that was compensated with another estimate or zero than now ({own}): its words are moved "
+            "already. Take the program that it was made from",
+        )
+
+
 def made_with(digest: str, zero: Mapping[str, float]) -> str:
     """hash of the errors, zero of the program → what the mark says of them."""
     return f"{digest} ZERO {' '.join(f'{a}{v:g}' for a, v in zero.items())}"
@@ -286,5 +311,5 @@ def made_with(digest: str, zero: Mapping[str, float]) -> str:
 
 def mark_text(digest: str, zero: Mapping[str, float], *, simulated: bool = False) -> str:
     """hash of the errors, zero of the program, whether they are those of no machine → the text of the mark."""
-    warning = " FROM SIMULATED READINGS, FOR NO MACHINE" if simulated else ""
+    warning = WARNING if simulated else ""
     return f"{MARK}{warning} {made_with(digest, zero)}"

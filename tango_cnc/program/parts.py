@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from postprocessors import _base as posts
+import postprocessors as posts
 
 from .. import plan as planner
 from ..records import InputError, Plan

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from postprocessors import _base as posts
+import postprocessors as posts
 
 from .. import plan as planner
 from .. import readback

@@ -107,8 +107,8 @@ def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
     if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
         known = [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
-        first, *more = known or [""]
-        return [x for x in (f"{f.nights.cause} {first}".strip(), *more, c.todo) if x]
+        *before, last = known or [""]  # what is wrong stands before what is to be done about it, not before what comes first
+        return [x for x in (*before, f"{f.nights.cause} {last}".strip(), c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:

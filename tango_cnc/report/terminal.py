@@ -23,7 +23,8 @@ def summary(found: Facts, columns: int | None = None) -> str:
     level = LEVELS[told.answer.may]
     head = f"{SIGNS[level]} {t('may.ask')} {told.answer.word}{', ' + told.answer.old if told.answer.old else ''}."
     how = t("todo.limit_none") if told.answer.may == "unknown" and found.wishes.limit is None else ""
-    said = (f"{told.answer.numbers}." if told.answer.numbers else "", told.run, told.cause, told.answer.why, how, told.basis)
+    number = f"{told.answer.numbers}." if told.answer.numbers else ""
+    said = (told.answer.why, number, told.run, told.cause, how, told.basis)  # what to do first stands first
     lines = _headed(head, " ".join(x for x in said if x), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
     lines += _headed(head, sentence(judged, t), judged.level, columns)

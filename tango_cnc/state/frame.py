@@ -89,7 +89,7 @@ def frame(touches: Touches, terms: Sequence[TermItem], degree: int = 3, warm: bo
     selection = select(touches, terms, degree)
     model = selection.model
     count = len(model.coefficients)
-    families = [_family(c.slot.axis, c.name, c.unit) for c in model.coefficients]
+    families = [family(c.slot.axis, c.name, c.unit) for c in model.coefficients]
     families += ["table"] * (len(model.names) - count)
     units = [*(c.unit for c in model.coefficients), *["mm"] * (len(model.names) - count)]
     moved = [i for i in range(count) if families[i] in ("location", "angle", "gain")] if warm else []
@@ -106,7 +106,8 @@ def frame(touches: Touches, terms: Sequence[TermItem], degree: int = 3, warm: bo
     )
 
 
-def _family(axis: str, name: str, unit: str) -> str:
+def family(axis: str, name: str, unit: str) -> str:
+    """axis of a slot, name and unit of an unknown → key of `WANDER`."""
     if axis in ("t", "w"):
         return "stylus"
     if name.endswith("b"):

@@ -15,6 +15,8 @@ from . import GAP, Coefficient, Shape
 Pattern = Callable[[Touches], Array]
 Variants = Iterator[dict[str, Any]]
 HOUR = 3600.0
+WIDE = 10.0  # mm: an axis that goes less has no screw to speak of
+BEYOND = 0.15  # of the touched way: how far behind its end a screw or scale is held, where nobody has stated it
 FEWEST = 6  # touches before and after a moment at which something moved
 
 
@@ -126,6 +128,19 @@ def slow(touches: Touches, number: int = 7) -> Variants:
 def turns(touches: Touches) -> bool:
     """touches → whether the table turns between them; where it does not, table and machine frame are the same."""
     return not np.allclose(touches.normal, touches.machine_normal, atol=1e-6)
+
+
+def ends(touches: Touches, axis: str) -> tuple[float, float]:
+    """touches, linear axis → readings in mm, a little beyond what was touched, at which its screw or scale may be held."""
+    low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
+    return round(low - BEYOND * (high - low)), round(high + BEYOND * (high - low))
+
+
+def places(touches: Touches, axis: str) -> list[float]:
+    """touches, linear axis → `ends`, and two places between them, in mm; none of them is zero."""
+    low, high = ends(touches, axis)
+    between = [round(low + part * (high - low)) for part in (0.3, 0.7)]
+    return [float(place) for place in (low, *between, high) if place]
 
 
 def need(cause: str, name: str, value: Any, allowed: Sequence[Any]) -> None:

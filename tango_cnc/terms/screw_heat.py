@@ -10,12 +10,10 @@ from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
 from . import Cause, Coefficient, Shape
-from ._cause import HOUR, Variants, fraction, label, moved_axes, need, times
+from ._cause import HOUR, WIDE, Variants, ends, fraction, label, moved_axes, need, times
 from .move_length_memory import way
 
 METRE = 1000.0  # mm
-WIDE = 10.0  # mm: an axis that goes less has no screw to speak of
-BEYOND = 0.15  # of the touched way: how far behind its end the screw is held, where nobody has stated it
 
 
 def heat(touches: Touches, axis: str, tau: float) -> Array:
@@ -40,12 +38,6 @@ def variants(touches: Touches) -> Variants:
                 yield {"axis": axis, "tau": part * run, "zero": zero}
 
 
-def ends(touches: Touches, axis: str) -> tuple[float, float]:
-    """touches, linear axis → readings in mm, a little beyond what was touched, at which its screw may be held."""
-    low, high = float(touches.axis(axis).min()), float(touches.axis(axis).max())
-    return round(low - BEYOND * (high - low)), round(high + BEYOND * (high - low))
-
-
 def make(machine: Machine, axis: str, tau: float = HOUR / 4, zero: float = 0.0) -> list[Coefficient]:
     """machine, linear axis, time constant s, reading mm where the screw is held → growth in mm/mm a m of way."""
     need("screw_heat", "axis", axis, machine.linear)
@@ -67,6 +59,10 @@ TERM = Cause(
     frame="axis",
     mistaken=("scale_drift", "thermal_drift"),
     plainer=("scale_drift", "thermal_drift"),  # on most plans an axis goes about as far every minute: both grow alike
+    parted={
+        "scale_drift": "let all axes stand for an hour, then repeat an indexation: a screw that its way has warmed is short again, "
+        "a scale that warms with the machine is not"
+    },
     says="the screw of {axis} warms with its way; the touch that feels it most is off by {size}",
     meaning="a part made after much rapid motion of this axis differs along it from one made after little",
     advice="measure this axis by a linear scale, cool its screw, move it before calibrating as work moves it, or keep the term",

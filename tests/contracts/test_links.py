@@ -18,12 +18,12 @@ from support.linkparts import job
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
 from tango_cnc.link import _punched
-from tango_cnc.link._address import SCHEMES, parse, spoken
-from tango_cnc.link._client import Asked, Begun, Ended, Failed, Identified, Refused, Touched
-from tango_cnc.link._heard import NAMES
-from tango_cnc.link._measure import protocol_of
-from tango_cnc.link._ways import ways
+from tango_cnc.link.address import SCHEMES, parse, spoken
+from tango_cnc.link.client import Asked, Begun, Ended, Failed, Identified, Refused, Touched
+from tango_cnc.link.heard import NAMES
+from tango_cnc.link.measure import protocol_of
 from tango_cnc.link.protocols import dnc, load, names, schemes
+from tango_cnc.link.ways import ways
 from tango_cnc.records import InputError
 
 FLOW = {"DC1": 0x11, "DC2": 0x12, "DC3": 0x13, "DC4": 0x14}  # ISO/IEC 646 and ISO 6983: send, print, stop sending, end of print
@@ -318,7 +318,7 @@ def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(
 
 def test_a_protocol_with_a_scheme_is_one_file(monkeypatch):
     """A file of the folder is enough: its scheme is known, its URL is taken apart, and its setting reaches the client."""
-    monkeypatch.setattr("tango_cnc.link._address.schemes", lambda: {"toy": ("toy", "socket")})
+    monkeypatch.setattr("tango_cnc.link.address.schemes", lambda: {"toy": ("toy", "socket")})
     assert spoken("toy://192.168.1.20:8193") == "toy"
     address = parse("toy://192.168.1.20:8193?pace=slow", {"pace": ("fast", "slow")})
     assert (address.scheme, address.target, address.options) == ("socket", "192.168.1.20:8193", {"pace": "slow"})

@@ -17,13 +17,13 @@ from typing import Any
 
 import pytest
 
-from postprocessors._base import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
+from postprocessors import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
 from sim_controller.session import families
 from tango_cnc import commission, readback
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
-from tango_cnc.link._client import Refused, Touched
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Refused, Touched
+from tango_cnc.link.words import record
 from tango_cnc.plan import part, plan, plan_hash
 from tango_cnc.records import Cell, InputError, Plan
 

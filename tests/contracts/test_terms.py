@@ -16,12 +16,12 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
+from support.diagnosis_parts import candidate, pattern
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
 from tango_cnc import terms
 from tango_cnc.diagnose import sentences
-from tango_cnc.diagnose._candidates import candidate, pattern
 from tango_cnc.estimate import estimate
 from tango_cnc.records import InputError
 from tango_cnc.touches import Touches
@@ -54,6 +54,7 @@ def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name:
     assert module.frame and module.advice and module.meaning and module.says
     assert set(module.mistaken) <= set(CAUSES), "mistaken for something that is not in the catalogue"
     assert set(module.plainer) <= set(module.mistaken), "plainer than it, and not mistaken for it"
+    assert set(module.parted) <= set(module.mistaken), "to be parted from it, and not mistaken for it"
     assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), "variants or a spread, never both"
 
 

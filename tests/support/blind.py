@@ -253,8 +253,7 @@ class Eyes:
 
 @cache
 def eyes(b: Bench) -> Eyes:
-    from tango_cnc.diagnose._candidates import named
-    from tango_cnc.diagnose._gain import residual_maker
+    from support.diagnosis_parts import named, residual_maker
     from tango_cnc.estimate import estimate
     from tango_cnc.kinematics import Slot
     from tango_cnc.model import known, linearise
@@ -558,7 +557,7 @@ def recorded(file: Path) -> list[Outcome]:
 
 def _measured(eye: Eyes, hidden: Visible, d: Diagnosis, cause: str, within: list[bool], worth: list[bool]) -> None:
     """Size against the truth on the touches (whatever it is called there), and gain against that of the true pattern."""
-    from tango_cnc.diagnose._gain import measure, scattered
+    from support.diagnosis_parts import measure, scattered
     from tango_cnc.model import known, linearise
 
     f = next(f for f in d.findings if f.cause == cause)

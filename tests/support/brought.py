@@ -18,7 +18,7 @@ from unittest.mock import patch
 
 import click
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from sim_controller.languages import Alarm, Silence
 from sim_controller.probing import Rig, rig
 from sim_controller.session import Session, Setup, tape
@@ -27,9 +27,9 @@ from support.dialects import OWN, usual
 from support.linkparts import MARK, job
 from support.mutants import Reader
 from support.nights import knock, night
+from support.nights_parts import machine_of, settings_of
 from support.remembered import remembered
 from support.shopfiles import whole
-from tango_cnc.commands._unreadable import machine_of, settings_of
 from tango_cnc.commands.capability import _merge
 from tango_cnc.commands.history import restore
 from tango_cnc.history import _database, opened

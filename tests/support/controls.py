@@ -12,14 +12,14 @@ from typing import Any, Protocol
 import numpy as np
 import pytest
 
-from postprocessors._base import companions, load, program
+from postprocessors import companions, load, program
 from sim_controller.faults import faults
 from sim_controller.languages import Alarm
 from sim_controller.motion import Motion, Note
 from sim_controller.probing import rig
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Begun, Ended, Touched
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Begun, Ended, Touched
+from tango_cnc.link.words import record
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Artefact, Plan, World
 

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from postprocessors._base import companions, load, names, program
+from postprocessors import companions, load, names, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link._client import Begun, Ended, Failed, Identified, Task, Touched
-from tango_cnc.link._trust import Leeway, judge
-from tango_cnc.link._words import record
+from tango_cnc.link.client import Begun, Ended, Failed, Identified, Task, Touched
 from tango_cnc.link.protocols.grbl import Client
+from tango_cnc.link.trust import Leeway, judge
+from tango_cnc.link.words import record
 from tango_cnc.plan import last_motion, plan, plan_hash
 from tango_cnc.records import Cell, Plan, Readings, World
 

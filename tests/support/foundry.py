@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_controller.effects import History, lever
-from sim_controller.effects._history import unit
+from support.effect_parts import unit
 
 from .judge import LINEAR, MACHINES, TILT, TURN, Axes, Kinds, planned, recorded, table, tried
 from .outside import DIRECTION, HISTORY, PROBE, TIME, Array, _axis, _part, _scaled

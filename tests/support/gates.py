@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
-from postprocessors._base import companions, load, program
+from postprocessors import companions, load, program
 from sim_controller.languages import Alarm
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from support.controls import Ran
 from support.dialects import EVERY, klartext
-from tango_cnc.link._client import Asked, Begun, Ended, Failed, Task, Touched
+from tango_cnc.link.client import Asked, Begun, Ended, Failed, Task, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import Artefact, Machine, Plan, World

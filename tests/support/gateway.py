@@ -13,7 +13,7 @@ import random
 from dataclasses import dataclass, field
 
 from support.linkparts import job
-from tango_cnc.link._client import Ended, Event, Failed, Touched
+from tango_cnc.link.client import Ended, Event, Failed, Touched
 from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import Lost
 

@@ -1,6 +1,6 @@
 """What several tests share of link grbl."""
 
-from tango_cnc.link._client import Ended, Failed, Task
+from tango_cnc.link.client import Ended, Failed, Task
 from tango_cnc.link.protocols.grbl import Client
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_controller.effects import History, lever
-from sim_controller.effects._history import unit
+from support.effect_parts import unit
 from tango_cnc.diagnose import diagnose
 
 from . import blind, trials

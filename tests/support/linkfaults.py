@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from sim_controller import motion as motions
 from sim_controller.faults import WORDS, Disturbance, Faults
 from sim_controller.languages import Alarm, Silence, grbl, macro_b
@@ -29,12 +29,13 @@ from sim_controller.protocols.grbl import Input
 from sim_controller.protocols.modbus import IDLE, STATUS, TICKET, Registers
 from support.linkparts import FakeClock
 from tango_cnc.files import read_cell, read_readings, read_world
-from tango_cnc.link import _measure, _rest
-from tango_cnc.link._client import Failed, Task
-from tango_cnc.link._layout import read_layout
-from tango_cnc.link._measure import Wanted, measure
-from tango_cnc.link._wire import Parity
+from tango_cnc.link import measure as measuring
+from tango_cnc.link import rest as resting
+from tango_cnc.link.client import Failed, Task
+from tango_cnc.link.layout import read_layout
+from tango_cnc.link.measure import Wanted, measure
 from tango_cnc.link.transport import Lost
+from tango_cnc.link.wire import Parity
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.program import Program
 from tango_cnc.records import LinkError, Plan
@@ -395,7 +396,7 @@ def _touched(strategy) -> tuple:
 
 post = remembered(_post, lambda part: _touched(part.strategy))
 hashed = remembered(plan_hash, lambda part: _touched(part.strategy))
-lasting = remembered(_measure.durations, lambda part: _touched(part.strategy))
+lasting = remembered(measuring.durations, lambda part: _touched(part.strategy))
 replanned = remembered(plan, lambda cell, obstructed: _touched(cell.strategy))
 SEARCHES = {name: remembered(search) for name, search in vars(motions).items() if name.startswith("first_")}
 gaps = remembered(
@@ -416,11 +417,11 @@ def moves_remembered(monkeypatch) -> None:
 def patched(monkeypatch, clock: FakeClock) -> None:
     """Whole sessions in memory: no waiting, no disk."""
     moves_remembered(monkeypatch)
-    monkeypatch.setattr(_measure, "time", SimpleNamespace(monotonic=clock))
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
-    monkeypatch.setattr(_rest, "make_plan", replanned)
-    monkeypatch.setattr(_measure, "plan_hash", hashed)
-    monkeypatch.setattr(_measure, "durations", lasting)
+    monkeypatch.setattr(resting, "make_plan", replanned)
+    monkeypatch.setattr(measuring, "plan_hash", hashed)
+    monkeypatch.setattr(measuring, "durations", lasting)
     monkeypatch.setattr("tango_cnc.link.protocols.modbus.read_layout", layout)
 
 
@@ -442,7 +443,7 @@ def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tupl
         faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
         return Parity(Tape(ledger, clock, faults, ledger.disturbance(there, chance.randrange(1 << 30)), disturb, cut), False)
 
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     return ledger, _until_all_is_measured("socket://localhost:1?tv=even", "dnc", folder)
 
 
@@ -465,7 +466,7 @@ def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple
             devices[0] = Registers(Motion(truth, ledger.note), ledger.note, clock=clock, ticket=devices[0].words[TICKET] + 1)
         return Bus(devices[0], clock, chance, rates, injected=ledger.injected)
 
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     return ledger, _until_all_is_measured("modbus+tcp://localhost:1/1", "dnc", folder)
 
 
@@ -498,7 +499,7 @@ def resident_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> 
         )
         return Bus(device, clock, chance, rates, turns[0], ledger.injected)
 
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     resumed = _until_all_is_measured("modbus+tcp://localhost:1/1?run=program", "dnc", folder, posting=brought)
     turns[0].end()
     return ledger, resumed
@@ -538,7 +539,7 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
         there, back = (ledger.disturbance(part, chance.randrange(1 << 30)) for part in rates)
         return Cable(state["control"], state["into"], ledger, clock, there, back, cut)
 
-    monkeypatch.setattr(_measure, "open_port", opened)
+    monkeypatch.setattr(measuring, "open_port", opened)
     return ledger, _until_all_is_measured("grbl+serial:///dev/ttyACM0", "dnc", folder, turning=False)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from tango_cnc.link._client import Task
+from tango_cnc.link.client import Task
 from tango_cnc.link.transport import Lost
 from tango_cnc.records import Approach, Artefact, Axis, Facet, Indexation, Machine, Plan, Probe, Strategy, Touch, Turn
 

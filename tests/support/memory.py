@@ -18,7 +18,7 @@ from pathlib import Path
 
 import yaml
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from tango_cnc.check import collision
 from tango_cnc.files import read_cell, read_strategy, strategy_text
 from tango_cnc.files.plan import plan_lines

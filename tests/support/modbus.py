@@ -1,6 +1,6 @@
 """What several tests share of link modbus."""
 
-from tango_cnc.link._layout import STANDARD
+from tango_cnc.link.layout import STANDARD
 
 
 def edited(tmp_path, old, new):

@@ -26,8 +26,9 @@ from sim_controller.probing import rig
 from support import linkfaults
 from support.opcua import Gone
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link import _measure, _rest
-from tango_cnc.link._measure import Wanted, measure
+from tango_cnc.link import measure as measuring
+from tango_cnc.link import rest as resting
+from tango_cnc.link.measure import Wanted, measure
 from tango_cnc.link.transport import _lsv2, _opcua, _remote, _stores
 from tango_cnc.plan import plan
 from tango_cnc.records import LinkError
@@ -286,9 +287,9 @@ def patched(monkeypatch) -> None:
     monkeypatch.setattr(linkfaults, "TOUCHES", TOUCHES)
     linkfaults.moves_remembered(monkeypatch)
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
-    monkeypatch.setattr(_rest, "make_plan", linkfaults.replanned)
-    monkeypatch.setattr(_measure, "plan_hash", linkfaults.hashed)
-    monkeypatch.setattr(_measure, "durations", linkfaults.lasting)
+    monkeypatch.setattr(resting, "make_plan", linkfaults.replanned)
+    monkeypatch.setattr(measuring, "plan_hash", linkfaults.hashed)
+    monkeypatch.setattr(measuring, "durations", linkfaults.lasting)
     for name, value in {"LOOK": 0.005, "AGAIN": 0.2, "BETWEEN": 0.02}.items():
         monkeypatch.setattr(_remote, name, value)
     for name, value in {"AGAIN": 0.3, "BETWEEN": 0.02, "ANSWER": 0.5, "LOOK": 0.002}.items():

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_controller.effects import History, lever
-from sim_controller.effects._history import unit
+from support.effect_parts import unit
 
 Array = NDArray[np.float64]
 Kind = Callable[[History, np.random.Generator], Array]
@@ -105,15 +105,13 @@ def breathing_scale(h: History, rng: np.random.Generator) -> Array:
     return np.sin(2 * np.pi * _part(h) * rng.uniform(1.5, 3)) * _scaled(h, "XYZ"[i]) * h.normal[:, i]
 
 
-def screw_heat(h: History, rng: np.random.Generator) -> Array:
-    """The screw of an axis warms by its own moves and cools with a time constant; the nut end moves."""
-    i = int(rng.integers(3))
-    way = np.abs(h.move[:, h.column("XYZ"[i])])
-    tau, heat, state = np.ptp(h.time) * 0.06, np.zeros(len(h)), 0.0
-    for row, (step, gone) in enumerate(zip(np.diff(h.time, prepend=h.time[0]), way, strict=True)):
-        state = state * np.exp(-step / tau) + gone
-        heat[row] = state
-    return heat * (1 + _scaled(h, "XYZ"[i])) * h.normal[:, i]
+def floating_slide(h: History, rng: np.random.Generator) -> Array:
+    """A slide rides up on its oil, the faster it came and the nearer it is to the pump, and sinks in the time until the touch."""
+    i, j = rng.choice(3, 2, replace=False)
+    q, gap = _axis(h, "XYZ"[i]), np.maximum(np.diff(h.time, prepend=h.time[0] - 10.0), 0.1)
+    speed = np.abs(np.diff(q, prepend=q[:1])) / gap
+    lift = np.sqrt(speed / max(float(speed.max()), 1e-9)) * np.exp(-gap / rng.uniform(5, 20))
+    return lift * (1.5 + _scaled(h, "XYZ"[i])) * h.normal[:, j]
 
 
 def worn_guide(h: History, rng: np.random.Generator) -> Array:
@@ -267,7 +265,7 @@ KINDS: Mapping[str, Outside] = {
         (warming_rotary, (TIME, "B")),
         (wearing_backlash, (TIME, DIRECTION)),
         (breathing_scale, (TIME, "X", "Y", "Z")),
-        (screw_heat, (TIME, HISTORY, "X", "Y", "Z")),
+        (floating_slide, (TIME, HISTORY, "X", "Y", "Z")),
         (worn_guide, ("X", "Y", "Z")),
         (magnetised_scale, ("X", "Y", "Z")),
         (twisted_bed, ("X", "Y", "Z")),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from postprocessors._base import load
+from postprocessors import load
 from support.dialects import EXAMPLE
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan

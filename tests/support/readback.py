@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from postprocessors import heidenhain
-from postprocessors._base import companions, load, names, program, settings
+from postprocessors import companions, heidenhain, load, names, program, settings
 from support.dialects import klartext
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from sim_controller import compensation
 from support.brought import BROUGHT
 from support.databases import DATABASES
@@ -46,13 +46,13 @@ from tango_cnc.files.plan import plan_lines, read_plan
 from tango_cnc.files.targets import sources, spared
 from tango_cnc.instruments import read_measured
 from tango_cnc.iso230.temperature import read_thermal
-from tango_cnc.link._layout import STANDARD, read_layout
-from tango_cnc.link._measure import protocol_of
-from tango_cnc.link._nodes import STANDARD as NODES
-from tango_cnc.link._nodes import read_nodes
-from tango_cnc.link._sensors import read_sensors
 from tango_cnc.link.entries import Begun, End, Reading, Segment
 from tango_cnc.link.journal import Journal, digest_of, look_at, read_journal, salvaged
+from tango_cnc.link.layout import STANDARD, read_layout
+from tango_cnc.link.measure import protocol_of
+from tango_cnc.link.nodes import STANDARD as NODES
+from tango_cnc.link.nodes import read_nodes
+from tango_cnc.link.sensors import read_sensors
 from tango_cnc.link.transport._sensors import current, payload
 from tango_cnc.nc import features
 from tango_cnc.nc.follow import Setup, follow

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postprocessors._base import load, program
+from postprocessors import load, program
 from sim_controller.probing import home
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan, plan_hash

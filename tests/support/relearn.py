@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from sim_controller import simulate as simulator
+from support.diagnosis_parts import candidate
 from tango_cnc.diagnose import as_term, diagnose
-from tango_cnc.diagnose._candidates import candidate
 from tango_cnc.estimate import tips
 
 from . import blind

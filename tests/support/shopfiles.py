@@ -11,15 +11,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from postprocessors import _base as posts
+import postprocessors as posts
 from support.histories import knowledge, record
 from support.mutants import Reader, spoilt
+from support.nights_parts import RealDisk
 from support.remembered import remembered
-from tango_cnc.commands._night_world import RealDisk
 from tango_cnc.commands._trusted import digest, parts
 from tango_cnc.files import read_cell
-from tango_cnc.link._secrets import secret
 from tango_cnc.link.lock import NAME, Holder, holding
+from tango_cnc.link.secrets import secret
 from tango_cnc.nc import blocks
 from tango_cnc.nc.follow import Setup, follow
 from tango_cnc.nightly.night import UNKEPT, _added, _packed

@@ -7,15 +7,15 @@ from typing import Any
 
 import pytest
 
-from postprocessors._base import companions, load, program
+from postprocessors import companions, load, program
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.session import language
 from support.controls import GOLDEN, Ran, run_on
 from support.dialects import DRIVEN, EVERY, OFFSETS, driven, klartext
 from tango_cnc.files import read_cell
-from tango_cnc.link._client import Failed, Touched
-from tango_cnc.link._trust import Leeway, judge
+from tango_cnc.link.client import Failed, Touched
+from tango_cnc.link.trust import Leeway, judge
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import Plan, World
 

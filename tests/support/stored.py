@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from postprocessors._base import companions
+from postprocessors import companions
 from support.dialects import EVERY
 from support.randomplans import posts
 from tango_cnc.records import Plan

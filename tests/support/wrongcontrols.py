@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from postprocessors._base import Post, load
+from postprocessors import Post, load
 from sim_controller.world import nominal_machine, tip_in_table
 from support.dialects import EVERY
 from tango_cnc.records import Cell, Machine, Plan

@@ -22,7 +22,7 @@ from sqlalchemy import create_engine, event
 from sqlalchemy.pool import StaticPool
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._cell_nights import nights_of
+from support.nights_parts import nights_of
 from tango_cnc.files import readings_text
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History

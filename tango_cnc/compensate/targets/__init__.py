@@ -14,6 +14,7 @@ manual or in source code, or is somebody's memory that has to be confirmed), `OP
 from __future__ import annotations
 
 import importlib
+import math
 import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,6 +46,7 @@ class Option:
     default: Any
     text: str
     allowed: tuple[Any, ...] | None = None
+    within: tuple[float, float] | None = None  # of a number
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,10 @@ def options(target: ModuleType, given: Sequence[str]) -> dict[str, Any]:
             raise InputError(f"--set: {name}: found {value!r}; allowed: {type(option.default).__name__} ({option.text})") from None
         if option.allowed is not None and result[name] not in option.allowed:
             raise InputError(f"--set: {name}: found {value!r}; allowed: {', '.join(map(str, option.allowed))}")
+        low, high = option.within or (-math.inf, math.inf)
+        if isinstance(result[name], int | float) and not (low <= result[name] <= high and math.isfinite(result[name])):
+            limits = f"{low:g} to {high:g}" if option.within else "a finite number"
+            raise InputError(f"--set: {name}: found {value!r}; allowed: {limits} ({option.text})")
         points = name == "points" and not 2 <= result[name] <= 1000
         if points:
             raise InputError(f"--set: points: found {value}; allowed: 2 to 1000")

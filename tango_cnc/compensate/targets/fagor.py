@@ -18,9 +18,9 @@ FACTS = (
     Fact("VALUE plus OFFSET is what the kinematics use, with the sign of machine coordinates", SOURCE, confirmed=False),
 )
 OPTIONS = {
-    "kin": Option(1, "number of the kinematics"),
-    "first": Option(1, "nb of X of the first rotary axis"),
-    "max_offset": Option(0.2, "MAX OFFSET of the maker, mm: a larger one would be cut off"),
+    "kin": Option(1, "number of the kinematics", within=(1, 99)),
+    "first": Option(1, "nb of X of the first rotary axis", within=(1, 99)),
+    "max_offset": Option(0.2, "MAX OFFSET of the maker, mm: a larger one would be cut off", within=(0.001, 10)),
 }
 derived = none_derived
 

@@ -16,7 +16,7 @@ FACTS = (
     Fact("X and Y of the table's center, Z of the tilting axis, and both axes meet", "memory", confirmed=False),
     Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
 )
-OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm")}
+OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm", within=(1e-7, 0.01))}
 derived = none_derived
 
 

@@ -48,7 +48,7 @@ OPTIONS = {
     "directions": Option("yes", "write the directions of the rotary axes V1, V2", ("yes", "no")),
     "tables": Option("yes", "write CEC and ENC_COMP", ("yes", "no")),
     "rotary_tables": Option("yes", "CEC with a rotary axis as input", ("yes", "no")),
-    "carrier": Option(1, "number of the tool carrier"),
+    "carrier": Option(1, "number of the tool carrier", within=(1, 9999)),
     "sign_cec": Option(-1, "-1: correction, added to the command; 1: as a sign trial may find", (1, -1)),
     "sign_enc": Option(1, "1: error, added to the encoder; -1: as a sign trial may find", (1, -1)),
     "only": Option(

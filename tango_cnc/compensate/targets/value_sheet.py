@@ -22,7 +22,7 @@ OPTIONS = {
     "pitch": Option("yes", "positioning error of each axis", ("yes", "no")),
     "straightness": Option("no", "straightness and squareness of each linear axis", ("yes", "no")),
     "reversal": Option("yes", "reversal values", ("yes", "no")),
-    "increment": Option(0.001, "what the control stores in steps of, mm or degrees"),
+    "increment": Option(0.001, "what the control stores in steps of, mm or degrees", within=(1e-7, 0.01)),
 }
 check = any_machine
 derived = none_derived

@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import Protocol, cast
 
 from ...records import InputError
-from .._client import Client
+from ..client import Client
 
 
 class Module(Protocol):

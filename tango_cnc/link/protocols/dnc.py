@@ -8,7 +8,7 @@ With program=stored nothing is sent: the control has the program already, and on
 The control prints (`DPRNT`, `PRINT`, `PUT`) lines ended by CR, LF, CR LF or LF CR CR, with NUL and DEL as leader, most between
 DC2 and DC4, some without. What is no record is complained of where records are printed; elsewhere it is somebody else's.
 DC1 and DC3 are obeyed here, whatever the driver of a serial port does about them as well: behind a pty or a TCP converter
-nobody else does. The line has no check sums; what a record is worth is decided by `_words` and `_trust`.
+nobody else does. The line has no check sums; what a record is worth is decided by `words` and `trust`.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ...records import InputError
-from .._client import Begun, Event, Refused, Task
-from .._heard import noise
 from .._listener import Listener
-from .._words import record
+from ..client import Begun, Event, Refused, Task
+from ..heard import noise
+from ..words import record
 
 DC1, DC2, DC3, DC4 = 0x11, 0x12, 0x13, 0x14
 NUL, DEL = 0x00, 0x7F

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from .._client import Begun, Ended, Event, Identified, Refused, Task
 from .._listener import Listener
-from .._words import record
+from ..client import Begun, Ended, Event, Identified, Refused, Task
+from ..words import record
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "from": ("now", "last"),  # of the transport: what is written from now on; or from the last start mark on

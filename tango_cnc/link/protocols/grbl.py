@@ -23,9 +23,9 @@ from ...gate import PROVING, TOUCH, gate, served
 from ...records import OFF, Axis, InputError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
-from .._client import Asked, Begun, Ended, Event, Refused, Task, Touched
 from .._dialogue import Stop, Talk, low
 from .._grbl_control import Control, Lines
+from ..client import Asked, Begun, Ended, Event, Refused, Task, Touched
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "feed": (),  # mm/min of guarded moves

@@ -20,9 +20,9 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 
 from ...records import Machine, Plan, Touch
-from .._client import Begun, Ended, Identified, Refused, Task, Touched
 from .._dialogue import Dialogue, Stop, Talk
-from .._words import record
+from ..client import Begun, Ended, Identified, Refused, Task, Touched
+from ..words import record
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "file": (),  # where LinuxCNC finds the program; written by the transport

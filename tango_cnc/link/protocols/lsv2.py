@@ -24,7 +24,7 @@ import hashlib
 from collections.abc import Mapping
 from urllib.parse import unquote
 
-from .._client import Asked, Begun, Event, Identified, Task
+from ..client import Asked, Begun, Event, Identified, Task
 from . import file
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {

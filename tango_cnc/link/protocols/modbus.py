@@ -25,10 +25,10 @@ from typing import Any
 
 from ...records import InputError, Move
 from .. import _registers
-from .._client import Begun, Ended, Event, Identified, Refused, Task, Touched
 from .._dialogue import Stop, low
-from .._layout import RUN, read_layout
 from .._registers import CLOSE, READS, WORD, WRITES, Registers, Talk, Words, identified
+from ..client import Begun, Ended, Event, Identified, Refused, Task, Touched
+from ..layout import RUN, read_layout
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "layout": (),  # a file

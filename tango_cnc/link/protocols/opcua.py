@@ -24,9 +24,9 @@ from collections.abc import Generator, Mapping
 from urllib.parse import unquote
 
 from ...records import InputError
-from .._client import Begun, Ended, Event, Identified, Refused, Task, Touched
 from .._dialogue import Dialogue, Stop, Talk
-from .._nodes import DIGITS, Nodes, read_nodes
+from ..client import Begun, Ended, Event, Identified, Refused, Task, Touched
+from ..nodes import DIGITS, Nodes, read_nodes
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {
     "nodes": (),  # a file with the names of the variables

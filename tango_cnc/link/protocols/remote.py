@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 
-from .._client import Event, Task
+from ..client import Event, Task
 from . import file
 
 OPTIONS: Mapping[str, tuple[str, ...]] = {

@@ -23,10 +23,10 @@ import serial
 from serial.tools import list_ports
 
 from ...records import LinkError
-from .._address import Address
-from .._address import parse as parse
-from .._ways import ways
-from .._wire import Paced, Parity
+from ..address import Address
+from ..address import parse as parse
+from ..ways import ways
+from ..wire import Paced, Parity
 from ._line import Lost as Lost
 from ._line import Transport as Transport
 from ._line import reason

@@ -10,8 +10,8 @@ from typing import BinaryIO
 
 from ...duration import spoken
 from ...records import InputError, LinkError
-from .._address import Address
-from .._ways import Way
+from ..address import Address
+from ..ways import Way
 from ._line import Lost, reason
 
 LOOK = 0.2  # s between two looks

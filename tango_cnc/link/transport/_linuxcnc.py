@@ -8,8 +8,8 @@ from pathlib import Path
 
 from ...files.targets import same
 from ...records import InputError, LinkError
-from .._address import Address
-from .._ways import Way
+from ..address import Address
+from ..ways import Way
 from ._line import REST, SLICE, Lost, reason
 from ._tcp import Tcp
 

@@ -17,8 +17,8 @@ from typing import Any
 from urllib.parse import quote
 
 from ...records import LinkError
-from .._address import Address
-from .._ways import Way
+from ..address import Address
+from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
 from ._remote import HEAD, START, Remote, foreseen

@@ -10,8 +10,8 @@ import time
 from typing import Any
 from urllib.parse import quote, urlsplit
 
-from .._address import DEFAULTS, Address
-from .._ways import Way
+from ..address import DEFAULTS, Address
+from ..ways import Way
 from ._line import REST, Lost, reason
 
 ANSWER = 1.0  # s that a device may take to answer

@@ -11,9 +11,9 @@ from typing import Any
 from urllib.parse import quote
 
 from ...records import InputError, LinkError
-from .._address import Address
-from .._nodes import read_nodes
-from .._ways import Way
+from ..address import Address
+from ..nodes import read_nodes
+from ..ways import Way
 from ._line import Lost, reason
 from ._remote import HEAD, OURS
 from ._stores import needed

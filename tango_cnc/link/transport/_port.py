@@ -10,9 +10,9 @@ from typing import Any
 
 import serial
 
-from .._address import DEFAULTS, Address
-from .._ways import Way
-from .._wire import unmarked
+from ..address import DEFAULTS, Address
+from ..ways import Way
+from ..wire import unmarked
 from ._line import SLICE, Lost, reason
 
 

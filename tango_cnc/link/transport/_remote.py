@@ -10,8 +10,8 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from ...records import InputError, LinkError
-from .._address import Address
-from .._ways import Way
+from ..address import Address
+from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
 from ._stores import PORTS, Store, needed, store

@@ -14,7 +14,7 @@ from urllib.parse import unquote, urlsplit
 from xml.parsers import expat
 
 from ...records import InputError
-from .._sensors import Sensor, Sensors
+from ..sensors import Sensor, Sensors
 
 LARGEST = 4 << 20  # bytes of an answer or a message
 ANSWER = 5.0  # s that an agent may take

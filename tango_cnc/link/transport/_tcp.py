@@ -6,8 +6,8 @@ import select
 import socket
 from urllib.parse import urlsplit
 
-from .._address import Address
-from .._ways import Way
+from ..address import Address
+from ..ways import Way
 from ._line import PATIENCE, Lost, reason
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ..blocks import Block, Modal, Word, arc_of, refused
 
-NUMBER = r"[-+]?\s*(?:\d+\.?\d*|\.\d+)"
+NUMBER = r"[-+]?\s*(?:[0-9]+\.?[0-9]*|\.[0-9]+)"  # no other digits that Unicode has: no control reads them
 AXES = "XYZABC"
 PLANES = {17: ("X", "Y", "Z"), 18: ("Z", "X", "Y"), 19: ("Y", "Z", "X")}
 INSIDE = re.compile(r"\([^)]*\)|<[^>]*>")  # a comment within a word: X(half)10

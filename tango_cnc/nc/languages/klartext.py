@@ -93,7 +93,7 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         return block
     head = upper.split()[0]
     if upper.startswith("TOOL CALL"):
-        found = re.match(r"TOOL CALL\s+(\d+)(?![\d.])(?:\s+([XYZUVW])\b)?", upper)
+        found = re.match(r"TOOL CALL\s+([0-9]+)(?![\d.])(?:\s+([XYZUVW])\b)?", upper)
         if found and found[2] not in (None, "Z"):
             raise refused(number, rest, "tools along another axis than Z are not followed")
         if not found and not re.match(r"TOOL CALL\s*(Z\b|S|F|$)", upper):
@@ -112,7 +112,7 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
             raise refused(number, rest, why)
     kind = {"L": "L", "CC": "CC", "C": "C", "CR": "CR"}.get(head)
     if kind is None:
-        if not re.fullmatch(r"(M\d+\s*)+", upper):
+        if not re.fullmatch(r"(M[0-9]+\s*)+", upper):
             raise refused(number, rest, "what this does to the path is not known")
         for code in re.findall(r"\d+", upper):
             _function(number, float(code), modal)

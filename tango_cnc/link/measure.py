@@ -29,15 +29,15 @@ from ..plan import plan_hash
 from ..program.record import Program
 from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
-from ._address import Address, linked, parse, spoken
-from ._client import Task
-from ._process import boot
-from ._readings import missing, provenance, readings_of
-from ._rest import durations, repeatable, rest_of
-from ._secrets import shown
-from ._sensors import read_sensors
+from .address import Address, linked, parse, spoken
+from .client import Task
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
+from .process import boot
+from .readings import missing, provenance, readings_of
+from .rest import durations, repeatable, rest_of
+from .secrets import shown
+from .sensors import read_sensors
 from .session import Moved, News, Session
 from .transport import foreseen, open_port, said_before
 from .transport._sensors import Watch

@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from ._client import Begun, Ended, Event, Refused, Touched
+from .client import Begun, Ended, Event, Refused, Touched
 
 NUMBER = r"(?P<sign>[+-]?) *(?P<digits>\d+\.\d*|\.\d+|\d+)"
 WORD = re.compile(rf" *(?P<letter>[A-Z]) *{NUMBER}(?![\d.]) *")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import Array, Machine, Touch
-from ._client import Touched
+from .client import Touched
 
 FARTHEST = 100_000.0  # mm; controls print any place at a miss, but none beyond their scales
 STEPS_AHEAD = 3  # records lost in a row before a touch number is more likely wrong than the ones between are lost

@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from ._address import Address
+    from .address import Address
 
 
 def _nothing(address: Address) -> None:

@@ -11,9 +11,9 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 from ..files.checked import printable
 from ..nearest import suggestion
 from ..records import InputError
-from ._secrets import SECRET, named_only, revealed, shown
-from ._ways import ways
 from .protocols import schemes
+from .secrets import SECRET, named_only, revealed, shown
+from .ways import ways
 
 LINE: Mapping[str, tuple[str, ...]] = {
     "baud": ("9600", "110", "300", "600", "1200", "2400", "4800", "19200", "38400", "57600", "115200"),

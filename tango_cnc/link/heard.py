@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ._client import Begun, Ended, Touched
-from ._words import record
+from .client import Begun, Ended, Touched
+from .words import record
 
 NAMES = {0x11: "DC1 (send)", 0x12: "DC2 (print begins)", 0x13: "DC3 (stop sending)", 0x14: "DC4 (print ends)"}
 ENOUGH = 8  # characters from which parity is told

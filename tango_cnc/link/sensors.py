@@ -8,7 +8,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from ..files.checked import Node, load
-from ._secrets import named_only, secret
+from .secrets import named_only, secret
 
 FILE = "sensors.yaml"
 NAME = re.compile(r"[A-Za-z0-9_]{1,40}")

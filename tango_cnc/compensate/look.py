@@ -1,0 +1,234 @@
+"""The touches of a short check: those of the cell's strategy that tell soonest which parts of a compensation are in the control.
+
+Every touch of the strategy is one that can be made, and its facet is known from the full run. So a check is a choice of these, in
+their order: one after the other that touch is taken that lowers the variances of the shares (`shares.py`) most for its time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..design.order import again
+from ..duration import of_moves, proof
+from ..plan import last_motion, plan
+from ..records import Array, Cell, InputError, Plan
+from ..touches import of_facets
+from .fit import posed, rms
+from .promise import Figure
+from .shares import System, apart, system
+from .short import Short, asked_for, levers_of
+from .space import Poses
+
+WHOLE = "all of it together"
+GOAL = 0.2  # standard deviation of a share
+FEWEST = 16  # touches: fewer show nothing that does not fit
+USUAL, LONGEST = 5.0, 8.0  # minutes at most, where nobody states a time
+DECIDES, BETTER = 0.25, 0.9  # with that of all shares a check decides; what the longer ones have to reach of the shorter ones'
+ROW = 3  # touches of a facet in a row, at most
+AT_ONCE = 8  # touches that are weighed together at a place the check has not come to
+TRIES = 6
+INDEXATIONS = 3  # at least, that a check goes to: of fewer an axis that turned has hardly any say
+
+Count = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Seconds of a touch with its way, of the same once more, and (m,) of coming to each indexation."""
+
+    touch: float
+    again: float
+    turns: Array
+
+
+@dataclass(frozen=True)
+class Look:
+    """Touches of a short check, and what they will tell."""
+
+    cell: Cell
+    plan: Plan
+    seconds: float
+    names: tuple[str, ...]  # of the parts that matter, and `WHOLE`
+    std: tuple[float, ...]  # of the share of each
+    small: tuple[str, ...]  # parts that take too little away to be asked for
+
+
+def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None) -> Look:
+    """short check, cell with the strategy to choose from, µm before, mm/min of protected moves, gate, minutes at most → touches.
+
+    Raises InputError where nothing that changed is seen by touches like these.
+    """
+    made = plan(cell, "leave-out")
+    machine = cell.machine
+    position = np.array([touch.contact for touch in made.touches])
+    touches = of_facets(machine, cell.artefact, [t.facet for t in made.touches], position, last_motion(made))
+    parts, at = asked.parts, asked.poses
+    if not parts:
+        raise InputError(
+            f"--short-check: found compensation {asked.kept.number}, which changes kinematics alone: touches without tool center "
+            "point control do not see them; allowed: --tcp, for a program that runs with it on"
+        )
+    sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
+    matter = np.array([asked_for(size, before, asked.before.sigma) for size in sizes])
+    if not matter.any():
+        matter[int(np.argmax(sizes))] = True
+    ready = system(asked.before, touches, parts)
+    where = np.array([touch.indexation for touch in made.touches])
+    touch, turns = _costs(made, where, feed)
+    costs = Costs(touch, min(again(cell, feed), touch), turns)
+    wanted = np.zeros((int(matter.sum()) + 1, len(ready.root)))
+    wanted[np.arange(len(wanted) - 1), np.flatnonzero(matter) + len(ready.root) - len(parts)] = 1.0
+    wanted[-1] = _whole(asked, ready, at)
+    names = np.array([part.name for part in parts])
+    job = _Job(cell, made, feed, proof(made, gate, feed), ready, asked.before.sigma, where, costs, wanted)
+    words = (*names[matter].tolist(), WHOLE), tuple(names[~matter].tolist())
+    if minutes:  # whoever states a time wants to know as much as that allows
+        return job.made_of(60 * minutes, 0.0, *words)
+    found, longer = (job.made_of(60 * m, GOAL, *words) for m in (USUAL, LONGEST))
+    return longer if max(found.std) > DECIDES and max(longer.std) < BETTER * max(found.std) else found
+
+
+@dataclass(frozen=True)
+class _Job:
+    """All that a choice of touches needs."""
+
+    cell: Cell
+    made: Plan
+    feed: float | None
+    alive: float  # s that it takes to prove the probe alive
+    ready: System
+    sigma: float
+    where: Count
+    costs: Costs
+    wanted: Array  # (k, q) what is to be known
+
+    def made_of(self, seconds: float, goal: float, names: tuple[str, ...], small: tuple[str, ...]) -> Look:
+        """s at most, standard deviation that does, names of what is to be known and of what is not → the touches."""
+        most = seconds - self.alive
+        for _ in range(TRIES):
+            chosen = _chosen(self.ready, self.sigma, self.where, self.costs, self.wanted, most, goal)
+            if not chosen.any():
+                raise InputError(f"--minutes: found {seconds / 60:.3g}; allow more time: no touch can be made in it")
+            found = _with(self.cell, self.made, chosen)
+            planned = plan(found, "leave-out")
+            takes = self.alive + sum(of_moves(planned, self.feed))
+            if takes <= seconds:
+                break
+            most -= takes - seconds + 1.0
+        std = _std(self.ready, self.sigma, chosen, self.wanted)
+        return Look(found, planned, takes, names, tuple(std.tolist()), small)
+
+
+def _whole(asked: Short, ready: System, at: Poses) -> Array:
+    """short check, its system, poses → (q,) what of all that the compensation takes away, seen together, each unknown makes."""
+    model = asked.before.result.model
+    own = [j for j, c in enumerate(model.coefficients) if posed(c, at.touches)]
+    moved = at.free(np.stack([part.moved(at).ravel() for part in asked.parts], axis=1))
+    whole = moved.sum(axis=1)
+    found = np.zeros(len(ready.root))
+    found[own] = -(whole @ at.free(levers_of(model, own, at))) / float(whole @ whole)
+    found[-len(asked.parts) :] = whole @ moved / float(whole @ whole)
+    return found
+
+
+def _costs(made: Plan, where: Count, feed: float | None) -> tuple[float, Array]:
+    """plan, indexation of every touch → s of a touch with its way, (m,) s of coming to each indexation."""
+    spent = np.zeros(len(where))
+    turning = np.zeros(int(where.max()) + 1)
+    row = {touch.number: i for i, touch in enumerate(made.touches)}
+    first = np.r_[True, np.diff(where) != 0]
+    for move, seconds in zip(made.moves, of_moves(made, feed), strict=True):
+        i = row[move.touch]
+        if first[i] and move.kind in ("retract", "clear", "index"):
+            turning[where[i]] += seconds
+        else:
+            spent[i] += seconds
+    return float(np.mean(spent)), turning
+
+
+def _chosen(ready: System, sigma: float, where: Count, costs: Costs, wanted: Array, seconds: float, goal: float) -> Count:
+    """system of all touches, their indexations, costs, shares to be known, s, goal → (n,) how often each is made.
+
+    Where the probe is already one touch more is weighed; elsewhere as many together as are worth the turn.
+    """
+    draft = _Draft(ready.rows @ ready.root / sigma, wanted @ ready.root, np.eye(len(ready.root)), np.zeros_like(where), goal)
+    visited: set[int] = set()
+    while True:
+        enough = draft.worst <= goal and draft.count.sum() >= FEWEST and len(visited) >= min(INDEXATIONS, len(costs.turns))
+        best: tuple[float, _Draft, float] | None = None
+        at = -1
+        for place in () if enough else range(len(costs.turns)):
+            turn = 0.0 if place in visited else float(costs.turns[place])
+            found = draft.best_of(np.flatnonzero(where == place), costs, turn, seconds)
+            if found is not None and (best is None or found[0] > best[0]):
+                best, at = found, place
+        if best is None:
+            return draft.count
+        _, draft, price = best
+        visited.add(at)
+        seconds -= price
+
+
+@dataclass(frozen=True)
+class _Draft:
+    """Touches in what is independent before them, shares that are to be known, the covariance after those chosen so far."""
+
+    rows: Array  # (n, q)
+    aim: Array  # (k, q)
+    covariance: Array  # (q, q)
+    count: Count  # (n,) how often each is made
+    goal: float
+
+    @property
+    def worst(self) -> float:
+        """→ largest standard deviation of a share that matters."""
+        return float(stds(self.aim @ self.covariance @ self.aim.T).max())
+
+    def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, _Draft, float] | None:
+        """touches of one place, costs, s of coming there, s that are left → gain a second, draft with them, s; None: no time."""
+        draft, price, total, best = self, turn, 0.0, None
+        for _ in range(AT_ONCE if turn else 1):
+            free = own[draft.count[own] < ROW]
+            each = np.where(draft.count[free] > 0, costs.again, costs.touch)
+            free, each = free[each <= seconds - price], each[each <= seconds - price]
+            if not len(free):
+                break
+            variance = np.einsum("kq,qr,kr->k", draft.aim, draft.covariance, draft.aim)
+            # A variance below the goal counts less than one above it: more of it helps nobody.
+            weight = np.maximum(variance, 0.05 * max(self.goal, 0.05) ** 2)
+            seen = draft.rows[free] @ draft.covariance
+            lever = 1.0 + np.einsum("nq,nq->n", seen, draft.rows[free])
+            gain = ((seen @ draft.aim.T) ** 2 / lever[:, None]) @ weight
+            at = int(np.argmax(gain / each))
+            total, price = total + float(gain[at]), price + float(each[at])
+            count = draft.count.copy()
+            count[free[at]] += 1
+            draft = replace(draft, covariance=draft.covariance - np.outer(seen[at], seen[at]) / lever[at], count=count)
+            if best is None or total / price > best[0]:
+                best = total / price, draft, price
+        return best
+
+
+def _std(ready: System, sigma: float, chosen: Count, wanted: Array) -> Array:
+    rows = np.repeat(ready.rows, chosen, axis=0) @ ready.root / sigma
+    inner = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
+    return stds(wanted @ ready.root @ inner @ (wanted @ ready.root).T)
+
+
+def stds(covariance: Array) -> Array:
+    """(k + 1, k + 1) covariance of shares and of all together → (k + 1,) with which each is told from none."""
+    return np.append(apart(covariance[:-1, :-1]), covariance[-1, -1] ** 0.5)
+
+
+def _with(cell: Cell, made: Plan, chosen: Count) -> Cell:
+    """cell, its plan, how often each touch is made → the cell with these alone, in their order."""
+    indexations = []
+    for number, indexation in enumerate(cell.strategy.indexations):
+        own = [(t.facet, n) for t, n in zip(made.touches, chosen, strict=True) if t.indexation == number]
+        facets = tuple(facet for facet, n in own for _ in range(n))
+        if facets:
+            indexations.append(replace(indexation, facets=facets))
+    return replace(cell, strategy=replace(cell.strategy, name="short check", indexations=tuple(indexations)))

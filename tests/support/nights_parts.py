@@ -1,0 +1,35 @@
+"""What several tests of nights need of the command: nights of a simulated machine, those of a cell, the world around one."""
+
+from __future__ import annotations
+
+from tango_cnc.commands._again import again
+from tango_cnc.commands._cell_nights import as_of, nights_of
+from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned, told_of_signals
+from tango_cnc.commands._many_nights import followed
+from tango_cnc.commands._night_warm import warm
+from tango_cnc.commands._night_world import RealControl, RealDisk
+from tango_cnc.commands._simulated_nights import Event, Nobody, Story, Time, nights
+from tango_cnc.commands._unreadable import machine_of, settings_of
+
+__all__ = [
+    "JOURNAL",
+    "KEPT",
+    "PLANNED",
+    "Event",
+    "Nobody",
+    "RealControl",
+    "RealDisk",
+    "Story",
+    "Time",
+    "again",
+    "as_of",
+    "followed",
+    "keep_readings",
+    "machine_of",
+    "nights",
+    "nights_of",
+    "note_planned",
+    "settings_of",
+    "told_of_signals",
+    "warm",
+]

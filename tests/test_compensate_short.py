@@ -1,0 +1,293 @@
+"""A short check after a compensation was written: it decides in minutes, and takes no stylus, table or missing file for help."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections import Counter, defaultdict
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from support.closing import SETTINGS
+from support.compensated import ROOT, example, truth, write
+from test_compensate_promise import drawn
+
+from sim_controller.compensation import read
+from sim_controller.simulate import simulate
+from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
+from tango_cnc import kinematics
+from tango_cnc.cli import tango
+from tango_cnc.commands._compensate import text
+from tango_cnc.commands.check import positioning_feed
+from tango_cnc.commands.design import gate_of
+from tango_cnc.compensate import Proposal, loop, propose, turned
+from tango_cnc.compensate.hidden import Present
+from tango_cnc.compensate.look import Look, look
+from tango_cnc.compensate.outcome import Outcome, outcome
+from tango_cnc.compensate.shares import Before
+from tango_cnc.compensate.short import Short, asked_for, by_part, not_all, short_outcome
+from tango_cnc.estimate import Estimate, estimate
+from tango_cnc.noise import honest
+from tango_cnc.records import Cell, InputError, World
+from tango_cnc.touches import from_readings
+
+SEEDS = int(os.environ.get("TANGO_SEEDS") or "5")
+FIRST = int(os.environ.get("TANGO_SEED") or "0")
+EXAMPLES = ("trunnion", "hu40t", "split", "fork_head", "huron", "three_axis_calibrated")
+TARGETS = tuple((os.environ.get("TANGO_TARGETS") or "siemens fanuc heidenhain linuxcnc iso230").split())
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(tango, [str(a) for a in arguments])
+
+
+@cache
+def before(name: str, seed: int) -> tuple[Cell, World, Estimate]:
+    """Example, seed → cell, a true machine with errors of its size (below 0: that of the example), estimate with scatter."""
+    cell, world = example(name)
+    true = world if seed < 0 else drawn(cell, world, seed)
+    readings = simulate(cell.machine, cell.artefact, cell.strategy, true, seed=1000 + seed)
+    return cell, true, honest(estimate(cell.machine, cell.artefact, readings, cell.terms))
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A compensation that a check is to judge, the check, and where files are written."""
+
+    cell: Cell
+    true: World
+    proposal: Proposal
+    asked: Short
+    look: Look
+    folder: Path
+
+    def control(self, numbers: dict[str, float], name: str) -> Control:
+        """Numbers by place → what a control with them does."""
+        made = replace(self.proposal, numbers=numbers)
+        return read(write(made, self.folder / name), self.cell.machine, tcp=self.asked.tcp)
+
+    def without(self, tables: set[str], name: str) -> Control:
+        """Tables that are not loaded → the control with all others."""
+        held, p = self.proposal.held, self.proposal
+        return self.control({h.place: (p.present if h.table in tables else p.numbers)[h.place] for h in held}, name)
+
+    def judged(self, control: Control | None, seed: int, world: World | None = None) -> Outcome:
+        """What the control has, seed, the machine if it is another one by now → what the check says."""
+        cell = self.cell
+        few = simulate(cell.machine, cell.artefact, self.look.cell.strategy, world or self.true, seed=seed, control=control)
+        return short_outcome(self.asked, from_readings(cell.machine, cell.artefact, few))
+
+
+def loaded(name: str, target: str, seed: int, folder: Path, *, tcp: bool) -> Loaded:
+    """Example, target, seed, folder → a compensation made from a full run, and its short check."""
+    cell, true, result = before(name, seed)
+    proposal = propose(result, target, SETTINGS.get(target, ()))
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "tango.yaml").write_text("tango: 1\n")
+    kept = loop.store(folder, proposal, "2026-01-01T00:00:00Z")
+    asked = Short(kept, Before(result, 1.0), proposal.held, tcp, first_tcp=False)
+    chosen = look(asked, cell, proposal.fit.rms_before, positioning_feed(cell), gate_of(cell))
+    return Loaded(cell, true, proposal, asked, chosen, folder)
+
+
+def disturbed(cell: Cell, world: World, seed: int) -> World:
+    """The same machine with another stylus in the spindle and the table set up anew."""
+    rng = np.random.default_rng([31, seed])
+    shift, turn, stylus = rng.normal(size=3) * 0.05, rng.normal(size=3) * 1e-4, rng.normal(size=3) * 0.05
+    facets = {
+        n: world.facets.get(n, 0.0) + float((shift + np.cross(turn, f.point)) @ np.array(f.normal))
+        for n, f in cell.artefact.facets.items()
+    }
+    old = dict(world.stylus)
+    names = ("EXt", "EYt", "EZt")
+    return replace(
+        world,
+        stylus={n: old.get(n, 0.0) + float(d) for n, d in zip(names, stylus, strict=True)},
+        facets={**world.facets, **facets},
+    )
+
+
+def cases(one: Loaded, seed: int, parts: int = 99) -> dict[str, tuple[Outcome, float]]:
+    """Compensation, seed of the check, how many parts go missing → {what is in the control: outcome, µm that are truly left}."""
+    p, found = one.proposal, {}
+
+    def add(what: str, control: Control | None, world: World | None = None) -> None:
+        whole = control if one.asked.tcp or control is None else one.control(dict(p.numbers), "loaded")
+        found[what] = one.judged(control, seed, world), truth(one.cell, one.true, p, whole)
+
+    everything = one.control(dict(p.numbers), "loaded")
+    add("loaded", everything)
+    add("loaded, another stylus, table moved", everything, disturbed(one.cell, one.true, seed))
+    add("not loaded", None)
+    add("not loaded, another stylus, table moved", None, disturbed(one.cell, one.true, seed))
+    wrong = {h.place: h.number(2 * h.value(p.present[h.place]) - h.value(p.numbers[h.place])) for h in p.held}
+    add("wrong sign", one.control(wrong, "wrong"))
+    poses = one.asked.poses
+    at_all = [(part, float(np.sqrt(np.mean(np.sum(_free(poses, part) ** 2, axis=1)))) * 1e3) for part in one.asked.parts]
+    for part, size in at_all[:parts]:
+        if len(at_all) > 1:
+            kind = "a part missing" if asked_for(size, p.fit.rms_before, one.asked.before.sigma) else "a small part missing"
+            add(f"{kind}: {part.name} {size:.1f}", one.without({part.name}, f"without{len(found)}"))
+    return found
+
+
+def _free(poses, part):  # type: ignore[no-untyped-def]
+    return poses.free(part.moved(poses).reshape(-1, 1)).reshape(-1, 3)
+
+
+@pytest.mark.parametrize(("name", "target", "tcp"), [("trunnion", "fanuc", True)])
+def test_a_short_check_decides(name: str, target: str, tcp: bool, tmp_path: Path) -> None:
+    one = loaded(name, target, 1, tmp_path, tcp=tcp)
+    assert one.look.seconds <= 8 * 60
+    found = cases(one, 77, parts=1)
+    said = {what: one.verdict for what, (one, _) in found.items()}
+    print(said)
+    assert said.pop("loaded") == said.pop("loaded, another stylus, table moved") == "kept"
+    assert said.pop("not loaded") == said.pop("not loaded, another stylus, table moved") == said.pop("wrong sign") == "no help"
+    assert all(word != "kept" for what, word in said.items() if what.startswith("a part"))
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("tcp", [True, False], ids=["tcp", "no-tcp"])
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_short_checks_of_many_machines(name: str, tcp: bool, tmp_path: Path) -> None:
+    """Loaded is never no help, not loaded, wrong sign or a part that matters missing never kept."""
+    faults = []
+    for target in TARGETS:
+        counts: dict[str, Counter[str]] = defaultdict(Counter)
+        minutes, touches, within = [], [], Counter[bool]()
+        for seed in range(FIRST, FIRST + SEEDS):
+            try:
+                one = loaded(name, target, seed, tmp_path / f"{target}{seed}", tcp=tcp)
+            except InputError as error:
+                assert "allowed:" in str(error)
+                counts["refused"][str(error)[:60]] += 1
+                continue
+            minutes.append(one.look.seconds / 60)
+            touches.append(len(one.look.plan.touches))
+            for what, (found, true) in cases(one, 5000 + seed).items():
+                counts[what.partition(":")[0]][found.verdict] += 1
+                within[found.measured.low <= true <= found.measured.high] += 1
+                wrong = {"loaded": ("no help",), "not loaded": ("kept",), "wrong sign": ("kept",), "a part missing": ("kept",)}
+                if found.verdict in wrong.get(what.partition(":")[0].partition(",")[0], ()):
+                    faults.append(f"{name} {target} {tcp} {seed} {what}: {found.verdict}: true {true:.2f}: {found.text}")
+        if minutes:
+            print(
+                f"{name} {target} {'tcp' if tcp else 'no-tcp'}: full {len(before(name, FIRST)[2].residuals)}, check "
+                f"{min(touches)} to {max(touches)} touches in {min(minutes):.1f} to {max(minutes):.1f} min; within {dict(within)}"
+            )
+        for what, count in counts.items():
+            print(f"    {what}: {dict(count)}")
+    print("\n".join(faults))
+    assert not faults
+
+
+def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    assert run("compensate", "-C", cell, "--target", "fanuc", "--simulated").exit_code == 0
+    folder = loop.one(cell, 1).folder
+    assert "--short-check 1" in (folder / "steps.txt").read_text()
+    assert run("compensate", "--check", folder).exit_code == 0
+    assert run("compensate", "-C", cell, "--written", 1).exit_code == 0
+    chosen = run("compensate", "-C", cell, "--short-check", 1, "--tcp", "--minutes", 4, "--json", "-")
+    place = cell / loop.FOLDER / "check-001"
+    data = json.loads(chosen.stdout)
+    assert data["folder"] == str(place) and data["time_s"] <= 240 and data["touches"] < 60
+    for name, given, word in (("loaded", ("--compensation", folder), "kept"), ("not", (), "no help")):
+        few = place / f"{name}.csv"
+        assert run("simulate", "-C", place, "-o", few, "--seed", 9, *given).exit_code == 0
+        found = run("compensate", "-C", cell, "--measured", 1, "--readings", few, "--tcp", "--json", "-")
+        assert json.loads(found.stdout)["verdict"] == word
+    assert [e["event"] for e in loop.history(cell)] == ["proposed", "written", "kept", "no help"]
+
+
+def test_a_table_that_is_not_loaded_is_seen_in_a_full_run_beside_centers_that_are(tmp_path: Path) -> None:
+    """The sum agrees with the promise: 1.6 µm of reversal values beside 30 µm of centers."""
+    one = loaded("trunnion", "siemens", -1, tmp_path, tcp=True)
+    for missing, word in (((), "kept"), (("reversal values",), "not as promised")):
+        control = one.without(set(missing), f"without{len(missing)}")
+        few = simulate(one.cell.machine, one.cell.artefact, one.cell.strategy, one.true, seed=5, control=control)
+        touches = from_readings(one.cell.machine, one.cell.artefact, few)
+        result = honest(estimate(one.cell.machine, one.cell.artefact, few, one.cell.terms))
+        found = outcome(one.asked.kept, result, list(one.proposal.held), tcp=True)
+        assert found.verdict == "kept"
+        found = not_all(found, by_part(one.asked, touches), one.asked.kept)
+        assert found.verdict == word
+        assert all(name in found.text for name in missing)
+
+
+@pytest.mark.parametrize("target", ["fanuc", "value_sheet"])
+def test_the_center_of_an_axis_that_never_turned_keeps_its_value(target: str) -> None:
+    cell, world = example("trunnion")
+    flat = tuple(i for i in cell.strategy.indexations if abs(i.position.get("A", 0.0)) < 1e-6)
+    readings = simulate(cell.machine, cell.artefact, replace(cell.strategy, indexations=flat), world, seed=3)
+    result = estimate(cell.machine, cell.artefact, readings, cell.terms)
+    made = propose(result, target, SETTINGS.get(target, ()))
+    kept = [h.place for h in made.held if h.tcp and "A" in h.place]
+    assert kept and set(kept) <= set(made.pinned)
+    assert all(made.numbers[place] == made.present[place] for place in kept)
+    there = {place: made.present[place] + 0.0123456 for place in kept}
+    again = propose(result, target, SETTINGS.get(target, ()), Present(there, {}), tcp=False)
+    assert all(again.numbers[place] == there[place] for place in kept)
+    assert "keep their present values" in text(made) and kept[0] in text(made)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"), [("split", ("tables=no",)), ("split", ("vectors=no", "tables=no", "fixture_offset=G54"))]
+)
+def test_kinematics_alone_are_judged_by_one_feature_at_two_angles(name: str, settings: tuple[str, ...], tmp_path: Path) -> None:
+    """Program coordinates of a boss at C 0 and C 180, by the true machine of the simulator, with scatter."""
+    cell, true, result = before(name, 3)
+    proposal = propose(result, "fanuc", settings)
+    (tmp_path / "tango.yaml").write_text("tango: 1\n")
+    kept = loop.store(tmp_path, proposal, "2026-01-01T00:00:00Z")
+    asked = Short(kept, Before(result, 1.0), proposal.held, tcp=True, first_tcp=False)
+    fixture = len(settings) > 1
+    expected = turned.turn(asked, "C", np.pi, fixture=fixture)
+    wrong = {h.place: h.number(2 * h.value(proposal.present[h.place]) - h.value(proposal.numbers[h.place])) for h in proposal.held}
+    for numbers, word in ((dict(proposal.numbers), "kept"), (dict(proposal.present), "no help"), (wrong, "no help")):
+        control = read(write(replace(proposal, numbers=numbers), tmp_path / word), cell.machine)
+        for seed in range(5):
+            seen = boss(cell, true, control, fixture=fixture) + np.random.default_rng(seed).normal(size=2) * 1e-3
+            found = turned.judged(asked, expected, seen)
+            assert found.verdict == word, found.text
+
+
+def boss(cell: Cell, world: World, control: Control, *, fixture: bool) -> np.ndarray:
+    """Cell, true machine, its control → (2,) mm by which a boss at C 180 is elsewhere in the program than at C 0."""
+    machine, chain = cell.machine, kinematics.chain(cell.machine)
+    at = np.zeros((2, len(machine.names)))
+    at[1, machine.column("C")] = np.pi
+    at[1] = kinematics.inverse(chain, at[1:], kinematics.tip(chain, at[:1]))[0]
+    still = np.zeros_like(at)
+    true = true_machine(machine, replace(world, stylus={}), control)
+    error = tip_in_table(true, at, still) - tip_in_table(nominal_machine(machine), at, still)
+    away = error[0] - error[1]
+    return (np.linalg.inv(kinematics.affine(chain, at)[2][1]) @ away if fixture else away)[:2]
+
+
+def test_steps_of_kinematics_alone_say_what_to_look_at_by_hand(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "split", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    settings = ("--set", "vectors=no", "--set", "tables=no", "--set", "fixture_offset=G54")
+    assert run("compensate", "-C", cell, "--target", "fanuc", "--simulated", *settings).exit_code == 0
+    kept = loop.one(cell, 1)
+    steps = (kept.folder / "steps.txt").read_text()
+    assert "with G54.2 on, in G54" in steps and "--measured 1 --turned C=180:X=MM,Y=MM" in steps
+    assert run("compensate", "-C", cell, "--written", 1).exit_code == 0
+    found = re.search(r"is X (\S+) Y (\S+) mm where the numbers act, and X (\S+) Y (\S+) mm where", steps)
+    assert found is not None
+    for (x, y), word in (((found[1], found[2]), "kept"), ((found[3], found[4]), "no help")):
+        asked = run("compensate", "-C", cell, "--measured", 1, "--turned", f"C=180:X={x},Y={y}", "--json", "-")
+        assert json.loads(asked.stdout)["verdict"] == word
+    refused = run("compensate", "-C", cell, "--measured", 1, "--turned", "B=90:X=0,Z=0")
+    assert "allowed: a rotary axis of the table (C)" in str(refused.exception)
