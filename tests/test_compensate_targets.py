@@ -89,3 +89,17 @@ def test_a_pivot_of_5axiskins_is_what_a_set_up_takes_out(poses: Poses) -> None:
 def test_a_setting_outside_its_limits_is_refused(target: str, setting: str) -> None:
     with pytest.raises(InputError, match=rf"--set: {setting.partition('=')[0]}: found '.*'; allowed: .* to "):
         targets.options(targets.load(target), [setting])
+
+
+def test_haas_has_one_point_for_both_axes_so_they_have_to_meet() -> None:
+    machine = example("trunnion")[0].machine
+
+    def with_table(**more: tuple[float, float, float]) -> targets.Request:
+        axes = tuple(replace(a, **more) if a.name == "C" else a for a in machine.axes)
+        return targets.Request(replace(machine, axes=axes), {}, {})
+
+    haas = targets.load("haas")
+    haas.check(with_table())
+    x, y, z = machine.axis("C").point
+    with pytest.raises(InputError, match="axes A and C that miss each other by 35 mm; allowed: axes that meet"):
+        haas.check(with_table(point=(x, y + 35, z)))

@@ -26,10 +26,11 @@ WHOLE = "all of it together"
 GOAL = 0.2  # standard deviation of a share
 FEWEST = 16  # touches: fewer show nothing that does not fit
 USUAL, LONGEST = 5.0, 8.0  # minutes at most, where nobody states a time
-DECIDES, BETTER = 0.25, 0.9  # with that of all shares a check decides; what the longer ones have to reach of the shorter ones'
+DECIDES, BETTER = 0.25, 0.95  # standard deviation that decides; of what is left open, what the longer ones have to reach
 ROW = 3  # touches of a facet in a row, at most
 AT_ONCE = 8  # touches that are weighed together at a place the check has not come to
-TRIES = 6
+TRIES = 8
+FULL = 0.93  # of the time: more of it is not looked for
 INDEXATIONS = 3  # at least, that a check goes to: of fewer an axis that turned has hardly any say
 
 Count = NDArray[np.int64]
@@ -54,6 +55,11 @@ class Look:
     names: tuple[str, ...]  # of the parts that matter, and `WHOLE`
     std: tuple[float, ...]  # of the share of each
     small: tuple[str, ...]  # parts that take too little away to be asked for
+
+    @property
+    def open(self) -> float:
+        """→ how much it leaves open: the sum of what is to be known, each not better than it has to be."""
+        return sum(max(std, GOAL) for std in self.std)
 
 
 def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None) -> Look:
@@ -88,7 +94,7 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
     if minutes:  # whoever states a time wants to know as much as that allows
         return job.made_of(60 * minutes, 0.0, *words)
     found, longer = (job.made_of(60 * m, GOAL, *words) for m in (USUAL, LONGEST))
-    return longer if max(found.std) > DECIDES and max(longer.std) < BETTER * max(found.std) else found
+    return longer if max(found.std) > DECIDES and longer.open < BETTER * found.open else found
 
 
 @dataclass(frozen=True)
@@ -107,19 +113,29 @@ class _Job:
 
     def made_of(self, seconds: float, goal: float, names: tuple[str, ...], small: tuple[str, ...]) -> Look:
         """s at most, standard deviation that does, names of what is to be known and of what is not → the touches."""
-        most = seconds - self.alive
-        for _ in range(TRIES):
+        most, least, longest = seconds - self.alive, 0.0, np.inf
+        best: Look | None = None
+        for _ in range(TRIES):  # what turns take is known when they are planned
             chosen = _chosen(self.ready, self.sigma, self.where, self.costs, self.wanted, most, goal)
             if not chosen.any():
-                raise InputError(f"--minutes: found {seconds / 60:.3g}; allow more time: no touch can be made in it")
+                least, most = most, (most + longest) / 2 if np.isfinite(longest) else 2 * most
+                continue
             found = _with(self.cell, self.made, chosen)
             planned = plan(found, "leave-out")
             takes = self.alive + sum(of_moves(planned, self.feed))
-            if takes <= seconds:
+            if takes > seconds:
+                longest = most
+                most = max(most * seconds / takes, (least + most) / 2 if best else 0.0)
+                continue
+            std = _std(self.ready, self.sigma, chosen, self.wanted)
+            made = Look(found, planned, takes, names, tuple(std.tolist()), small)
+            best = made if best is None or made.open < best.open else best
+            if max(made.std) <= goal or takes > FULL * seconds or not np.isfinite(longest):
                 break
-            most -= takes - seconds + 1.0
-        std = _std(self.ready, self.sigma, chosen, self.wanted)
-        return Look(found, planned, takes, names, tuple(std.tolist()), small)
+            least, most = most, (most + longest) / 2
+        if best is None:
+            raise InputError(f"--minutes: found {seconds / 60:.3g}; allow more time: no touch can be made in it")
+        return best
 
 
 def _whole(asked: Short, ready: System, at: Poses) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ...records import InputError
 from ..space import Held, Lever
 from . import Fact, Option, Request, none_derived
@@ -16,6 +18,7 @@ FACTS = (
     Fact("X and Y of the table's center, Z of the tilting axis, and both axes meet", "memory", confirmed=False),
     Fact("VPS writes the same settings: do not run it afterwards without need", "memory", confirmed=False),
 )
+MEET = 0.05  # mm by which nominal axes may miss each other
 OPTIONS = {"increment": Option(0.0001, "what the control stores in steps of, mm", within=(1e-7, 0.01))}
 derived = none_derived
 
@@ -26,6 +29,19 @@ def check(request: Request) -> None:
     if tool or len(work) != 2 or not parallel(request.machine):
         raise InputError(
             f"--target haas: found {request.machine.topology}; allowed: a rotary table on a tilting axis, parallel to X Y Z"
+        )
+    swing, table = (request.machine.axis(name) for name in work)
+    if abs(table.direction[2]) < 1 - 1e-9:
+        raise InputError(
+            f"--target haas: found the table {table.name}, which turns about no Z; allowed: a table C, whose X and Y are 255, 256"
+        )
+    way = np.cross(swing.direction, table.direction)
+    gap = abs(float(np.subtract(table.point, swing.point) @ way)) / float(np.linalg.norm(way))
+    if gap > MEET:
+        raise InputError(
+            f"--target haas: found axes {swing.name} and {table.name} that miss each other by {gap:.4g} mm; allowed: "
+            "axes that meet, as settings 255 to 257 are one point for both. State the points of machine.yaml as they are; for axes "
+            "that do not meet take another target, or compensate programs"
         )
 
 
