@@ -110,7 +110,7 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "measure", "follow", "layout", "nodes", "secrets", "sensors"}
+LINK_WITH_IO = {"transport", "session", "journal", "lock", "process", "measure", "follow", "layout", "nodes", "secrets", "sensors"}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

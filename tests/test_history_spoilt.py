@@ -57,6 +57,35 @@ def test_a_changed_night_is_refused_and_named_by_verify(what: str, tmp_path: Pat
             assert "tango history restore" in str(error)
 
 
+SLIPPED = {
+    "a hash of readings": ("UPDATE night_readings SET sha256 = 'f' || substr(sha256, 2)", "is not what was added"),
+    "a number of touches": ("UPDATE night_readings SET rows = rows + 1", "is not what was added"),
+    "a value for a trend": (
+        "INSERT INTO night_parameter SELECT machine_id, 'EXX1', 999, start_utc, 5.0, std, unit FROM night_parameter LIMIT 1",
+        "night_parameter 999 belongs to no entry",
+    ),
+    "readings": (
+        "INSERT INTO night_readings SELECT 999, rows, sha256, csv FROM night_readings LIMIT 1",
+        "night_readings 999 belongs to no",
+    ),
+    "a record": ("INSERT INTO night_record SELECT 999, json FROM night_record LIMIT 1", "night_record 999 belongs to no entry"),
+    "an estimate": (
+        "INSERT INTO night_estimate SELECT 999, names, numbers FROM night_estimate LIMIT 1",
+        "night_estimate 999 belongs to no",
+    ),
+    "the name of the machine": ("DELETE FROM machine", "entries of a machine that is not there"),
+}
+
+
+@pytest.mark.parametrize("what", SLIPPED)
+def test_what_was_slipped_in_or_hidden_shows(what: str, tmp_path: Path) -> None:
+    change, said = SLIPPED[what]
+    with opened(spoilt(tmp_path, "SELECT 1"), create=False) as history:
+        assert history.verify() == ()
+    with opened(spoilt(tmp_path, change), create=False) as history:
+        assert any(said in text for text in history.verify())
+
+
 @pytest.mark.long
 def test_readings_that_unpack_to_gigabytes_are_not_unpacked(tmp_path: Path) -> None:
     packed = zlib.compress(bytes(100 << 20))

@@ -14,7 +14,8 @@ from support.runs import STRATEGY, Control, Result
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link import lock
-from tango_cnc.link.lock import NAME, holding
+from tango_cnc.link.lock import NAME, at_work, holding
+from tango_cnc.link.process import alive, born
 from tango_cnc.records import LinkError
 
 HOLD = """
@@ -160,9 +161,50 @@ def test_nothing_is_planned_or_simulated_into_a_folder_where_a_run_is_at_work(tm
 def test_a_killed_process_that_nobody_has_asked_for_yet_is_at_work_no_more() -> None:
     """Right after a kill its number is still taken (state Z)."""
     killed = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    assert lock._alive(killed.pid)
+    assert alive(killed.pid)
     killed.kill()
     os.waitid(os.P_PID, killed.pid, os.WEXITED | os.WNOWAIT)  # has ended, and is not asked for
     os.kill(killed.pid, 0)
-    assert not lock._alive(killed.pid)
+    assert not alive(killed.pid)
     killed.wait()
+
+
+@pytest.mark.parametrize("locks", [True, False])
+def test_a_number_that_another_process_has_by_now_holds_nothing(tmp_path, monkeypatch, locks):
+    """The system gives the number of a killed night to another process, at the latest after the next start of the computer."""
+    other = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    (tmp_path / "nights" / "begun").mkdir(parents=True)
+    (tmp_path / "nights" / "begun" / "2026-03-10T020003Z").write_text("{}")
+    holder = {"what": "tango nightly", "pid": other.pid, "host": socket.gethostname(), "since": "2026", "process": "x", "thread": 1}
+
+    def none(handle):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    if not locks:
+        monkeypatch.setattr(lock, "lock", none)
+    try:
+        (tmp_path / NAME).write_text(json.dumps(holder | {"born": born(other.pid)}))
+        assert "tango nightly" in at_work(tmp_path) and not lock.cut_off(tmp_path)
+        (tmp_path / NAME).write_text(json.dumps(holder))  # of an older version
+        assert "tango nightly" in at_work(tmp_path)
+        (tmp_path / NAME).write_text(json.dumps(holder | {"born": "another start of the computer 17"}))
+        assert at_work(tmp_path) == ""
+        assert lock.cut_off(tmp_path) == ["2026-03-10T020003Z"]
+        with holding(tmp_path, "tango run"):
+            assert json.loads((tmp_path / NAME).read_text())["born"] == born(os.getpid()) != ""
+    finally:
+        other.kill()
+        other.wait()
+
+
+def test_two_processes_have_begun_at_two_times():
+    first, second = (subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) for _ in range(2))
+    try:
+        assert alive(first.pid, born(first.pid)) and born(first.pid) == born(first.pid)
+        first.kill()
+        first.wait()
+        assert not alive(first.pid) and born(first.pid) == ""
+        assert alive(second.pid, born(second.pid)) and not alive(second.pid, "then")
+    finally:
+        second.kill()
+        second.wait()

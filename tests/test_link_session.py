@@ -110,6 +110,7 @@ def test_the_commanded_end_is_a_miss(tmp_path):
 def test_a_line_of_wrong_settings_is_given_up_after_ten_records(tmp_path):
     run = Run(tmp_path, after_the_program(printed(*["P1 H1 X~~~"] * 12)))
     assert "10 records in a row were not believed" in run.error
+    assert len(run.kinds("refused")) == 10
     assert "settings of the line" in run.error
 
 

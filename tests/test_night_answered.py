@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.answers import UNTIL, accept_stylus, answered, decide
+from support.histories import knowledge
 from support.histories import record as kept
 from support.nights_parts import Event, Story
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, History, opened
 from tango_cnc.nightly.again import after_a_repair, step_by_step
-from tango_cnc.nightly.answered import undone
+from tango_cnc.nightly.answered import repaired, undone
 from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
 from tango_cnc.nightly.words import headline, message
@@ -54,6 +55,32 @@ def test_a_repair_has_helped_where_no_more_is_left_than_touches_leave_open(now: 
 )
 def test_what_is_ignored_is_what_was_seen_and_what_a_drift_has_added_since(now: float, grown: float, beyond: bool) -> None:
     assert one(0.01, now).beyond(grown) == beyond
+
+
+@pytest.mark.parametrize(
+    ("utc", "after", "judged", "counts"),
+    [
+        ("2026-10-03T08:00:00Z", True, False, True),  # the morning after
+        ("2026-10-03T01:59:58Z", True, False, True),  # the same by a clock that is behind
+        ("2026-10-03T02:10:00Z", False, False, True),  # while the night measured, which did not know it
+        ("2026-10-03T02:10:00Z", False, True, False),  # and which did
+        ("2026-10-02T08:00:00Z", False, False, False),  # the evening before: that night has seen it
+    ],
+)
+def test_a_repair_is_measured_by_the_night_after_it_whatever_clocks_say(
+    tmp_path: Path, utc: str, after: bool, judged: bool, counts: bool
+) -> None:
+    said = Decision("2026-10-02-1", "repaired", "Ann", utc=utc)
+    night = {"start_utc": "2026-10-03T02:00:00Z", "end_utc": "2026-10-03T02:30:00Z"}
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(kept(2, alarms=[{"id": "2026-10-02-1", "cause": "step"}]), "touch\n1\n", knowledge(2))
+        if not after:
+            history.decide("M", said)
+        told = {"repaired": [{"alarm": "2026-10-02-1"}]} if judged else {}
+        history.add_night(kept(3, **night, **told), "touch\n1\n", knowledge(3))
+        if after:
+            history.decide("M", said)
+        assert [d.alarm for d in repaired(history, "M")] == (["2026-10-02-1"] if counts else [])
 
 
 @pytest.mark.long

@@ -7,6 +7,8 @@ import getpass
 import shutil
 import subprocess
 import sys
+import time
+from datetime import date
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +16,8 @@ import pytest
 from click.testing import CliRunner
 
 from tango_cnc.cli import tango
-from tango_cnc.nightly.install import advice, units
+from tango_cnc.commands.init import write_example
+from tango_cnc.nightly.install import advice, skipped, units
 
 
 def written(cell: Path, kind: str) -> str:
@@ -103,3 +106,33 @@ def test_units_of_a_cell_with_a_space_in_its_name_are_copied(tmp_path: Path) -> 
     command = written(tmp_path / "big mill", "systemd").replace("/etc/systemd/system/", str(place))
     typed(command, tmp_path, sudo='exec "$@"', systemctl="exit 0")
     assert sorted(f.name for f in place.iterdir()) == ["tango-big-mill.service", "tango-big-mill.timer"]
+
+
+@pytest.mark.skipif(not hasattr(time, "tzset"), reason="the zone of a process can be set on POSIX only")
+@pytest.mark.parametrize(
+    ("zone", "at", "day"),
+    [
+        ("Europe/Berlin", "02:00", date(2027, 3, 28)),
+        ("Europe/Berlin", "02:59", date(2027, 3, 28)),
+        ("Europe/Berlin", "03:30", None),
+        ("Europe/Berlin", "01:59", None),
+        ("America/New_York", "02:00", date(2027, 3, 14)),
+        ("Asia/Tokyo", "02:00", None),
+        ("UTC", "02:00", None),
+    ],
+)
+def test_a_time_that_one_day_does_not_have_is_said(
+    zone: str, at: str, day: date | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """systemd leaves out what the clock leaves out: once a year a machine would not be measured, and nobody would know why."""
+    monkeypatch.setenv("TZ", zone)
+    time.tzset()
+    try:
+        assert skipped(at, date(2026, 11, 29)) == day
+        write_example(tmp_path / "cell", "trunnion")
+        done = CliRunner().invoke(tango, ["nightly", "-C", str(tmp_path / "cell"), "--install", "systemd", "--at", at])
+        assert done.exit_code == 0 and ("daylight saving" in done.output) == (day is not None)
+        assert "daylight" not in CliRunner().invoke(tango, ["nightly", "-C", str(tmp_path / "cell"), "--install", "cron"]).output
+    finally:
+        monkeypatch.undo()
+        time.tzset()

@@ -13,8 +13,9 @@ import pytest
 
 from tango_cnc.files import read_cell
 from tango_cnc.nightly.alarms import Known, alarms_of, effect_of, said_of
+from tango_cnc.nightly.back import went_back
 from tango_cnc.nightly.dates import Since
-from tango_cnc.nightly.words import _about
+from tango_cnc.nightly.words import _about, changed
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
 from tango_cnc.state.effect import alike
@@ -81,6 +82,47 @@ def test_locations_that_no_touch_tells_apart_are_named_for_each_other(root: Path
     assert "EX0C" in alike(machine, "EX0S") and "EX0S" in alike(machine, "EX0C")
     assert "EY0C" not in alike(machine, "EY0S") and "EY0S" not in alike(machine, "EY0C")
     assert not alike(machine, "EX0S-of-nothing") and not alike(machine, "EXX1")
+
+
+LIKE = "EX0S", "EX0A", "EX0C", "EB0S"  # one distance between spindle and table of a trunnion, and the tilt of one stylus
+
+
+@pytest.mark.parametrize(("parameter", "first"), [("EX0S", "spindle"), ("EX0C", "C axis"), ("EX0A", "A axis")])
+def test_the_sentence_names_every_axis_that_no_touch_tells_from_the_first(root: Path, parameter: str, first: str) -> None:
+    cell = read_cell(root / "examples" / "trunnion")
+    h = Hypothesis("axis_location", parameter, np.eye(1), "mm", (parameter[-1],))
+    named = Named(h, np.array([20 * UM]), np.array([0.5 * UM]), 1600.0, 1600.0, 1.0, ())
+    known = Known(cell, cast(Any, SimpleNamespace(names=(parameter,))), np.zeros((1, 3, 1)))
+    tonight = cast(Any, SimpleNamespace(statistic=1600.0, scale=1.0, dof=1, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0)))
+    (alarm,) = alarms_of(known, Since("2026-11-27", "last night"), cast(Any, None), tonight, named)
+    text = alarm["text"]
+    assert text.startswith(first) and all(text.count(name) == 1 for name in ("spindle", "A axis", "C axis"))
+    assert f"(no touch tells which) has moved along X by +20.0 ± 0.5 µm since last night ({parameter})" in text
+    assert set(alarm["alike"]) == set(LIKE) - {parameter}
+    back = went_back(alarm, cast(Any, Back()), 20 * UM)[0]
+    assert "(no touch tells which) has gone back along X by" in back
+
+
+def test_an_axis_that_touches_tell_from_all_others_is_named_alone(root: Path) -> None:
+    assert alike(read_cell(root / "examples" / "trunnion").machine, "EY0C") == ()
+    assert changed("EY0C", "+20 µm") == "C axis has moved along Y by +20 µm since last night (EY0C)"
+    assert "spindle tilted about Y or spindle off in X (no" in changed("EB0S", "+9 µrad", alike=("EX0S",))
+    assert "C axis or spindle tilted about Y (no touch" in changed("EX0C", "+9 µm", alike=("EB0S",))
+
+
+class Back:
+    """A move of 20 µm of which nothing is left."""
+
+    then, unit = (20 * UM,), "mm"
+
+    def along(self) -> tuple[float, float, float]:
+        return 20 * UM, 0.0, 0.3 * UM
+
+    def least(self) -> float:
+        return UM
+
+    def seen(self) -> bool:
+        return False
 
 
 def test_a_pivot_whose_height_has_changed_is_not_told_as_a_stylus_alone(root: Path) -> None:

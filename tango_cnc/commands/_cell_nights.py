@@ -134,7 +134,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
 
     A check of few touches is judged by the nights before alone: so few cannot show which of them does not fit.
     `agrees`: the touches are where the nights before predicted them. Then a wander that the readings show by themselves is one that
-    the errors of the machine could make as well, and chance: such a night is judged without it.
+    the errors of the machine could make as well, and chance: it makes no night doubtful, however small it is.
     """
     from ..estimate import estimate
     from ..noise import honest
@@ -150,9 +150,9 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
         with suppress(np.linalg.LinAlgError, scipy.linalg.LinAlgError):
             result = honest(result)
     walk = 0.0 if result.noise is None else result.noise.walk / max(result.noise.white, 1e-9)
-    if agrees and walk > STRUCTURED:
-        result, walk = plain, 0.0
     found = judge(cell, readings, result, search=False, alone=kind == "full", agrees=agrees)
+    if agrees and walk > 0 and found.verdict != "trustworthy":
+        found, walk = judge(cell, readings, plain, search=False, alone=kind == "full", agrees=agrees), 0.0
     wandered = next((r for r in found.reasons if "wandered" in r), "") if walk > STRUCTURED else ""
     resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
     reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)

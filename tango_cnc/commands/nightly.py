@@ -191,7 +191,7 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
-    from ..nightly.install import ENCODING, advice, units
+    from ..nightly.install import ENCODING, advice, skipped, units
 
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
         raise InputError(f"--at: found {at!r}; allowed: a time of day such as 02:00")
@@ -202,6 +202,8 @@ def _install(cell: Cell, kind: str, at: str) -> int:
         write_text(target / name, text, ENCODING.get(kind, "utf-8"))
     click.echo("\n".join(str(target / name) for name in written))
     click.echo(f"{say('cli.nightly.set_going')}\n    {advice(kind, list(written), target, who)}")
+    if kind == "systemd" and (day := skipped(at, datetime.now().astimezone().date())) is not None:
+        click.echo(say("cli.nightly.skipped", at=at, date=str(day)))
     return 0
 
 

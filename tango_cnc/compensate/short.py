@@ -176,15 +176,23 @@ def _how(share: float, std: float) -> str:
 
 
 def by_part(asked: Short, touches: Touches) -> Sorted | None:
-    """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them."""
-    parts, at = asked.parts, asked.poses
-    if not parts:
-        return None
-    found = shares(asked.before, touches, parts, asked.shifted(touches))
-    sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-    if found.p_value < MISFIT:
-        return None
-    return Sorted.of(asked, found, sizes, MISSING)
+    """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them.
+
+    By table and group first; where all of these may act, by single numbers: a reversal value of one axis was lost among all.
+    """
+    at, result = asked.poses, None
+    for singly in (False, True):
+        parts = parts_of(asked.held, changes(asked.kept), tcp=asked.tcp, singly=singly)
+        if not parts:
+            return None
+        found = shares(asked.before, touches, parts, asked.shifted(touches))
+        if found.p_value < MISFIT:
+            return None
+        sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
+        result = Sorted.of(asked, found, sizes, MISSING)
+        if result.missing:
+            break
+    return result
 
 
 def not_all(found: Outcome, parts: Sorted | None, kept: Kept) -> Outcome:

@@ -78,12 +78,26 @@ _OF_ENTRIES: BindParameter[Any] = bindparam("entries", expanding=True)
 RECORDS_OF = select(t.night_record).where(t.night_record.c.entry_id.in_(_OF_ENTRIES))
 READINGS_OF = select(t.night_readings.c.entry_id, t.night_readings.c.csv).where(t.night_readings.c.entry_id.in_(_OF_ENTRIES))
 WHOLE = (  # one night, of this machine alone: all that its hash is of
-    select(t.night, t.night_record.c.json, t.night_readings.c.csv, t.night_estimate.c.names, t.night_estimate.c.numbers)
+    select(
+        *(t.night, t.night_record.c.json, t.night_estimate.c.names, t.night_estimate.c.numbers),
+        *(t.night_readings.c.csv, t.night_readings.c.rows.label("csv_rows"), t.night_readings.c.sha256.label("csv_sha256")),
+    )
     .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
     .outerjoin(t.night_readings, t.night_readings.c.entry_id == t.night.c.entry_id)
     .outerjoin(t.night_estimate, t.night_estimate.c.entry_id == t.night.c.entry_id)
     .where(t.night.c.entry_id == bindparam("entry"), _OF_MACHINE)
 )
+_KINDS = {"decision": (t.decision,), "compensation": (t.compensation,)} | {
+    "night": (t.night, t.night_record, t.night_parameter, t.night_readings, t.night_estimate)
+}
+LOOSE = {  # by table: rows that belong to no entry of their kind
+    table.name: select(table.c.entry_id)
+    .distinct()
+    .where(table.c.entry_id.not_in(select(t.entry.c.id).where(t.entry.c.kind == kind)))
+    for kind, tables in _KINDS.items()
+    for table in tables
+}
+NOBODYS = select(t.entry.c.machine_id).distinct().where(t.entry.c.machine_id.not_in(select(t.machine.c.id)))
 _p = t.night_parameter.c
 PARAMETERS = select(_p.name, _p.value, _p.std, _p.unit, _p.start_utc, _p.machine_id).where(_p.entry_id == bindparam("entry"))
 DECISIONS = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -79,6 +79,7 @@ class Decision:
     until: str | None = None  # local date, of ignore
     utc: str = ""
     machine: str = ""
+    entry: int = field(default=0, compare=False)  # its number in the history: nights after it have larger ones, whatever clocks say
 
 
 def over(d: Any, today: str) -> bool:

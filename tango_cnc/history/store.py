@@ -88,8 +88,7 @@ class History:
                 connection.execute(asked.ADD[t.night_parameter.name], parameters)
             if readings is not None:
                 packed = zlib.compress(readings.encode(), 6)
-                count = max(readings.count("\n") - 1, 0)
-                own_readings = {"entry_id": entry, "rows": count, "sha256": csv_hash, "csv": packed}
+                own_readings = {"entry_id": entry, "rows": _rows_of(readings), "sha256": csv_hash, "csv": packed}
                 connection.execute(asked.ADD[t.night_readings.name], own_readings)
             if knowledge is not None:
                 connection.execute(asked.ADD[t.night_estimate.name], {"entry_id": entry, "names": names, "numbers": numbers})
@@ -264,7 +263,7 @@ class History:
     def decisions(self, machine: str) -> tuple[Decision, ...]:
         """machine → what was decided about its alarms, oldest first."""
         rows = self._rows(asked.DECISIONS, {"machine": self._machine(machine)})
-        return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine) for r in rows)
+        return tuple(Decision(r.alarm, r.action, r.owner, r.note, r.until, r.utc, machine, r.entry_id) for r in rows)
 
     def fleet(self, now_utc: str, late_hours: float = 36.0) -> tuple[Standing, ...]:
         """moment, hours after which a machine is late → how every machine is doing, those that need somebody first."""
@@ -286,7 +285,8 @@ class History:
 
     def verify(self, machine: str | None = None) -> tuple[str, ...]:
         """machine (None: all) → what is wrong with the chain, as sentences; empty when all is as it was added."""
-        return tuple(text for name in ((machine,) if machine else self.machines()) for text in self._verified(name))
+        found = [text for name in ((machine,) if machine else self.machines()) for text in self._verified(name)]
+        return (*found, *self._loose())
 
     def newest_hashes(self) -> dict[str, tuple[int, str]]:
         """→ {machine: (number of entries, hash of the newest)}: kept elsewhere, it shows a history whose end was cut off."""
@@ -323,6 +323,13 @@ class History:
         loose = {r.entry_id for r in self._rows(of_machine)} | set(decisions) | set(compensations)
         yield from (f"{name}: entry {i} is not in the chain" for i in sorted(loose - {row.id for row in rows}))
 
+    def _loose(self) -> Iterator[str]:
+        """→ what belongs to no entry or no machine: it was slipped in, or what it belonged to was taken away."""
+        for row in self._rows(asked.NOBODYS):
+            yield f"entries of a machine that is not there (number {row.machine_id}): its name was taken away"
+        for name, rows in asked.LOOSE.items():
+            yield from (f"{name} {row.entry_id} belongs to no entry of the chain: it was slipped in" for row in self._rows(rows))
+
     def _contents(self, machine: int, entry: int) -> tuple[str, ...]:
         """id of a machine, of its entry → what its content may be: of today, and of a night from before names were in it."""
         found = self._rows(asked.WHOLE, {"machine": machine, "entry": entry})
@@ -331,7 +338,8 @@ class History:
         row = found[0]
         try:
             record = _whole.record(row.json, entry)
-            csv = None if row.csv is None else _chain.sha256(_whole.readings(row.csv))
+            text = None if row.csv is None else _whole.readings(row.csv)
+            csv = None if text is None else _chain.sha256(text)
             if row.names is not None:
                 _whole.knowledge(row.names, row.numbers)
         except InputError:
@@ -339,6 +347,8 @@ class History:
         parameters = {tuple(p) for p in self._rows(asked.PARAMETERS, {"entry": entry})}
         own, said = (record["start_utc"], machine), record.get("parameters") or {}
         if parameters != {(n, p["value"], p["std"], p.get("unit"), *own) for n, p in said.items()}:
+            return ()
+        if text is not None and (row.csv_sha256, row.csv_rows) != (csv, _rows_of(text)):
             return ()
         if any(getattr(row, key) != value for key, value in _columns(record).items()):
             return ()
@@ -379,6 +389,11 @@ def opened(where: str | Path, create: bool = True) -> Iterator[History]:
         yield history
     finally:
         history.close()
+
+
+def _rows_of(readings: str) -> int:
+    """text of readings.csv → how many touches it has."""
+    return max(readings.count("\n") - 1, 0)
 
 
 def _columns(record: Mapping[str, Any]) -> dict[str, Any]:

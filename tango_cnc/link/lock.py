@@ -2,8 +2,8 @@
 
 The lock is one that the system keeps (flock, on Windows a locked byte). It ends with its process, however that ends, so the
 file that a killed program leaves locks nothing. Its text names the holder. Where a file system keeps no locks, or does not show
-them to other computers, the text decides: a process of this computer that is gone holds nothing; of another computer only the
-person who knows can tell.
+them to other computers, the text decides: a process of this computer that is gone holds nothing, even where another one has its
+number by now (`born`); of another computer only the person who knows can tell.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from pathlib import Path
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
+from .process import alive, born
 
 NAME = ".tango.lock"
 ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day
 BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the text
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
-HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int}
+HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int, "born?": str}
 LONGEST = 2000  # bytes that are read of a lock
 
 
@@ -42,10 +43,15 @@ class Holder:
     since: str  # UTC
     process: str
     thread: int
+    born: str = ""  # when the process began; '' in locks of older versions, and where nobody can say
 
     def here(self) -> bool:
         """→ whether it is this thread itself."""
         return (self.process, self.pid, self.thread) == (ME, os.getpid(), threading.get_ident())
+
+    def gone(self) -> bool:
+        """→ whether it was a process of this computer that is at work no more."""
+        return self.host == socket.gethostname() and not alive(self.pid, self.born)
 
     def named(self) -> str:
         """→ for people."""
@@ -93,7 +99,7 @@ def at_work(folder: Path) -> str:
         holder = _holder(handle)
     finally:
         os.close(handle)
-    if holder is None or (holder.host == socket.gethostname() and not _alive(holder.pid)):
+    if holder is None or holder.gone():
         return ""
     return holder.named()
 
@@ -166,7 +172,7 @@ def _held(handle: int) -> Holder | None:
             return _holder(handle) or Holder("another program", 0, "this or another computer", "unknown", "", 0)
         locked = False
     holder = _holder(handle)
-    if holder is None or (holder.host == socket.gethostname() and (locked or not _alive(holder.pid))):
+    if holder is None or (locked and holder.host == socket.gethostname()) or holder.gone():
         return None
     return holder
 
@@ -178,12 +184,14 @@ def _holder(handle: int) -> Holder | None:
         found = json.loads(os.read(handle, LONGEST))
     except (ValueError, RecursionError):
         return None
-    return None if misfit(found, HOLDER) else Holder(**{key: found[key] for key in HOLDER})
+    if misfit(found, HOLDER):
+        return None
+    return Holder(**{key: found[key] for key in HOLDER if not key.endswith("?")}, born=found.get("born") or "")
 
 
 def _name(handle: int, what: str) -> None:
     since = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-    holder = Holder(what, os.getpid(), socket.gethostname(), since, ME, threading.get_ident())
+    holder = Holder(what, os.getpid(), socket.gethostname(), since, ME, threading.get_ident(), born(os.getpid()))
     os.ftruncate(handle, 0)
     os.lseek(handle, 0, os.SEEK_SET)
     os.write(handle, json.dumps(asdict(holder)).encode())
@@ -194,25 +202,6 @@ def _still(file: Path, handle: int) -> bool:
         return os.path.samestat(os.stat(file), os.fstat(handle))
     except FileNotFoundError:
         return False
-
-
-def _alive(pid: int) -> bool:
-    """process number → whether there is one on this computer; where nobody can say, there is. One that was killed and whose parent
-    has not asked for its end yet (state Z) does nothing any more.
-    """
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(pid, 0)
-    except (ProcessLookupError, OverflowError):  # or a number that no process has
-        return False
-    except OSError:
-        return True
-    try:
-        state = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[:1]
-    except OSError:  # no Linux
-        return True
-    return state not in ([b"Z"], [b"X"])
 
 
 def _released(file: Path, handle: int) -> None:

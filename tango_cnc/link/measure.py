@@ -33,6 +33,7 @@ from .address import Address, linked, parse, spoken
 from .client import Task
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
+from .process import boot
 from .readings import missing, provenance, readings_of
 from .rest import durations, repeatable, rest_of
 from .secrets import shown
@@ -139,7 +140,7 @@ def measure(
                             clock=_clock,
                             transcript=wanted.transcript,
                             stop=stop,
-                            boot=_boot(),
+                            boot=boot(),
                             hidden=address.hidden,
                             sensors=sensors.values,
                         )
@@ -175,13 +176,6 @@ def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:
     if end is None or (isinstance(end, End) and end.stands):
         return 0.0
     return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if wanted.timeout is None else wanted.timeout)
-
-
-def _boot() -> str:
-    """→ which start of this computer its clock counts from, where the system says it."""
-    with contextlib.suppress(OSError):
-        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
-    return ""
 
 
 def _clock() -> float:

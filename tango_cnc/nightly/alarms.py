@@ -65,6 +65,8 @@ def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
     size, std, text = said_of(k, before, named)
     alarm = _alarm(before, h.cause, h.parameter, text, named.sigmas) | {"size": size, "std": std, "unit": h.unit}
     alarm["instead"] = others(k, h.parameter, named.instead)
+    if same := alike(k.cell.machine, h.parameter):
+        alarm["alike"] = list(same)
     effect, on_part, do = effect_of(k, h.cause, h.parameter, size, h.unit, h.directions @ named.size, before.date)
     if h.cause == "stylus" and (pivot := _pivot(k, named)) is not None:
         name, found = pivot
@@ -198,7 +200,7 @@ def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     if h.cause in ("facet", "pretravel", "scales"):
         name = {"name": _place(h.parameter)} if h.cause == "facet" else {}
         return size, std, texts()(f"changed.{h.cause}", size=told, since=before.words, **name)
-    return size, std, changed(h.parameter, told, before.words)
+    return size, std, changed(h.parameter, told, before.words, alike(k.cell.machine, h.parameter))
 
 
 def _place(parameter: str) -> str:

@@ -193,7 +193,9 @@ class Nights:
         measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
         if measured is not None and (measured.verdict == "doubtful" or self._asked(past, measured)):
             return "full", say("night.analysis.night_asked_for", night=measured.night, headline=measured.headline)
-        repaired = [d for d in past.decisions(machine) if d.action == "repaired" and d.utc > full.start_utc]
+        repaired = [
+            d for d in past.decisions(machine) if d.action == "repaired" and (d.utc > full.start_utc or d.entry > full.entry)
+        ]
         if repaired:
             return "full", say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
         std = self._std_um(state, day - state.day)

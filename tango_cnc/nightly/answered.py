@@ -30,12 +30,26 @@ BY_SIZE = ("noise_level", "temperature")  # causes whose alarm finds the whole o
 
 
 def repaired(past: Past, machine: str) -> tuple[Decision, ...]:
-    """history, machine → repairs since the last night with a result, the last answer to each alarm; oldest first."""
-    before = past.latest_knowledge(machine)
-    if before is None:
+    """history, machine → repairs since the last night with a result, the last answer to each alarm; oldest first.
+
+    The clock of who answers may be behind: what came into the history after that night is since it. One that came while it measured
+    counts unless that night has judged it.
+    """
+    known = past.latest_knowledge(machine)
+    if known is None:
         return ()
-    last = {d.alarm: d for d in past.decisions(machine)}
-    return tuple(d for d in last.values() if d.action == "repaired" and d.utc >= before[0].end_utc)
+    before, last = known[0], {d.alarm: d for d in past.decisions(machine)}
+    done = [d for d in last.values() if d.action == "repaired"]
+    late = [d for d in done if d.utc >= before.end_utc or d.entry > before.entry]
+    meanwhile = [d for d in done if d not in late and d.utc >= before.start_utc]
+    judged = _judged(past.records_of([before.entry])[before.entry]) if meanwhile else set()
+    return tuple(d for d in done if d in late or (d in meanwhile and d.alarm not in judged))
+
+
+def _judged(record: Mapping[str, Any]) -> set[str]:
+    """record of a night → alarms whose repair it has measured."""
+    helped = {str(one["alarm"]) for one in record.get("repaired") or ()}
+    return helped | {str(alarm["repair"]["alarm"]) for alarm in record["alarms"] if alarm.get("repair")}
 
 
 # Repairs ------------------------------------------------------------------------------------------------------------
@@ -120,7 +134,7 @@ def _helped(
     """→ what the record says of a repair that has put back what the alarm had named; some or all of an older alarm, too."""
     then, now, std = m.along()
     then = then if before is None else before
-    told, short = went_back(wrong["cause"], wrong["parameter"], m, then)
+    told, short = went_back(wrong, m, then)
     key = "helped" if older is None else "helped_part" if m.apart() else "helped_more"
     more = {} if older is None else {"since": str(older["since"])}
     text = say(f"night.repaired.{key}", owner=d.owner, date=d.utc[:10], what=told, **more)
@@ -144,6 +158,7 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
     effect, on_part, _ = effect_of(k, wrong["cause"], wrong["parameter"], size, m.unit, m.what.directions @ m.now, since)
     return {
         **{"id": "", "since": since, "rate_per_day": None, "instead": list(wrong.get("instead") or ())},
+        **({"alike": wrong["alike"]} if wrong.get("alike") else {}),
         **{"cause": wrong["cause"], "parameter": wrong["parameter"], "text": say(f"night.repaired.{way}", **told)},
         **{"size": size, "std": spread, "unit": m.unit, "sigmas": abs(now) / max(std, 1e-15)},
         **{"on_part_um": effect, "on_part": on_part, "do": say("night.repaired.do", owner=d.owner)},

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from ..report.words import PLACE, spoken
+from ..report.texts import texts
+from ..report.words import PLACE, spoken, who_moved
 from ..texts import LIST, Said, joined, say
 from .moved import Moved
 from .ports import Past
@@ -30,20 +31,21 @@ def unclosed(past: Past, machine: str, before: Any, like: Mapping[str, Any]) -> 
                 yield stored, a
 
 
-def went_back(cause: str, parameter: str, m: Moved, then: float) -> tuple[Said, Said]:
-    """cause, parameter, how far it is from where it was, size before it went back → the sentence that says by how much it went back
+def went_back(wrong: Mapping[str, Any], m: Moved, then: float) -> tuple[Said, Said]:
+    """alarm, how far what it named is from where it was, size before it went back → the sentence that says by how much it went back
     and what is left; the latter alone.
     """
+    cause, parameter = str(wrong["cause"]), str(wrong["parameter"])
     _, now, std = m.along()
     left = _left(m, then, now, std)
-    what = _what(cause, parameter, _size(m, now - then))
+    what = _what(cause, parameter, _size(m, now - then), wrong.get("alike") or ())
     return joined(": ", (what, left)), say("night.repaired.left", name=parameter, told=value(now, m.unit, std))
 
 
 def gone(alarm: Mapping[str, Any], m: Moved, then: float) -> Said:
     """alarm of tonight that takes back an older one, how far that is from where it was, its size → the sentence of tonight's."""
     _, now, std = m.along()
-    what = _what(alarm["cause"], alarm["parameter"], _size(m, float(alarm["size"]), float(alarm["std"])))
+    what = _what(alarm["cause"], alarm["parameter"], _size(m, float(alarm["size"]), float(alarm["std"])), alarm.get("alike") or ())
     return say("back.since", what=what, since=_since(alarm), left=_left(m, then, now, std))
 
 
@@ -67,17 +69,16 @@ def _since(alarm: Mapping[str, Any]) -> str:
     return found if isinstance(found, str) else str(alarm["since"])
 
 
-def _what(cause: str, parameter: str, size: str) -> Said:
-    """cause, parameter, by how much → that it went back by so much."""
+def _what(cause: str, parameter: str, size: str, alike: Sequence[str] = ()) -> Said:
+    """cause, parameter, by how much, locations that no touch tells from it → that it went back by so much."""
     if cause in OWN:
         return say(f"back.{cause}", size=size)
     kind, _, place = parameter.partition(" ")
     if kind in ("facet", "ball"):
         return say("back.named", what=say(f"followed.{kind}", name=place), size=size)
-    if match := PLACE.fullmatch(parameter):
-        what = say("parameter.spindle") if match[2] == "S" else say("parameter.axis", axis=match[2])
-        return say("back.off", what=what, letter=match[1], size=size, name=parameter)
-    word = spoken(parameter)
-    if word == parameter:
+    if spoken(parameter) == parameter:
         return say("back.named", what=parameter, size=size)
-    return say("back.other", what=word, size=size, name=parameter)
+    what = who_moved(parameter, alike, texts())
+    if match := PLACE.fullmatch(parameter):
+        return say("back.off", what=what, letter=match[1], size=size, name=parameter)
+    return say("back.other", what=what, size=size, name=parameter)

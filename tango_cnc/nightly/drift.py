@@ -11,6 +11,7 @@ import numpy as np
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
+from ..state.effect import alike
 from .alarms import Known, effect_of, others
 from .control import reached
 from .course import (
@@ -50,6 +51,7 @@ class Drift:
     alarms: bool = True  # where it is sure enough; false: a sentence, however sure
     limit: str = ""  # what reaches its limit if it goes on so
     nights: float | None = None  # in how many days that is
+    alike: tuple[str, ...] = ()  # locations that no touch tells from it
 
     @property
     def text(self) -> str:
@@ -58,7 +60,7 @@ class Drift:
         if self.parameter == ALIKE:
             moved = texts()("changed.scales", size=size, since=self.since)
         else:
-            moved = changed(self.parameter, size, self.since)
+            moved = changed(self.parameter, size, self.since, self.alike)
         if not self.steady:
             return moved
         moved = texts()("changed.drift", moved=moved, rate=value(self.rate_per_day, self.unit))
@@ -110,8 +112,8 @@ def drift_of(
     known = [[r["parameters"].get(n, {}).get("value") for n in names_of(k, i)] for r in between]
     steady = is_steady([now_of(i, after)[0], *(float(np.mean(row)) for row in known if None not in row)], size)
     do = texts()("night.drift_do", name=name) if steady and name != ALIKE else do
-    rate = size / max(after.day - begun, 1e-3)
-    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms)
+    rate, same = size / max(after.day - begun, 1e-3), alike(k.cell.machine, name)
+    return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms, alike=same)
 
 
 def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
@@ -120,6 +122,7 @@ def as_alarm(found: Drift, k: Known) -> dict[str, Any]:
     return {
         **{"id": "", "since": found.since, "rate_per_day": found.rate_per_day, "steady": found.steady},
         "instead": others(k, found.parameter),
+        **({"alike": list(found.alike)} if found.alike else {}),
         **{"cause": cause_of(k, place)},
         **{"parameter": found.parameter, "text": found.text, "size": found.size, "std": found.std, "unit": found.unit},
         **{"sigmas": found.sigmas, "on_part_um": found.on_part_um, "on_part": found.on_part, "do": found.do},

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import shlex
 import sys
+from datetime import UTC, date, datetime, time, timedelta
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 KINDS = ("systemd", "cron", "windows")
 ENCODING = {"windows": "utf-16-le"}  # the only one that schtasks takes with names beyond ASCII, with its mark at the beginning
+YEAR = 366  # days
 ENVIRONMENT = Path("nights", "timer", "environment")  # of a cell: lines NAME=value, for ${NAME} in nightly.yaml
 
 
@@ -55,6 +57,18 @@ def advice(kind: str, names: list[str], folder: Path, user: str = "") -> str:
         f"sudo cp {shlex.join(str(folder / name) for name in names)} /etc/systemd/system/ && sudo systemctl daemon-reload && "
         f"sudo systemctl enable --now {timer}"
     )
+
+
+def skipped(at: str, today: date) -> date | None:
+    """time of day, date → the next date within a year on which the clock of this computer has no such time, as daylight saving
+    begins: systemd starts nothing then, and cron what it has missed; None where every day has it.
+    """
+    hour, minute = (int(part) for part in at.split(":"))
+    for days in range(YEAR):
+        wanted = datetime.combine(today + timedelta(days), time(hour, minute))
+        if wanted.astimezone(UTC).astimezone().replace(tzinfo=None) != wanted:
+            return wanted.date()
+    return None
 
 
 def _cron(command: str) -> str:

@@ -65,7 +65,7 @@ def standing(
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
-            told |= {key: alarm[key] for key in ("compensation", "ignored", "again", "follows") if alarm.get(key)}
+            told |= {key: alarm[key] for key in ("alike", "compensation", "ignored", "again", "follows") if alarm.get(key)}
             told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
             told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)

@@ -37,9 +37,11 @@ def on_part(key: str, since: str, **values: str) -> str:
     return texts()(key, **({"since": since} if since else {}), **values)
 
 
-def changed(parameter: str, size: str, since: str = "last night") -> str:
-    """name of ISO 230-1 or a facet, size of its change, since when → a sentence that names the axis before the symbol."""
-    return moved(parameter, size, since)
+def changed(parameter: str, size: str, since: str = "last night", alike: Sequence[str] = ()) -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when, locations that no touch tells from it → a sentence that names
+    the axis before the symbol, and every other one that may have moved in its place.
+    """
+    return moved(parameter, size, since, alike=alike)
 
 
 def value(number: float, unit: str, std: float | None = None) -> str:

@@ -170,7 +170,7 @@ def _whole(
     """oldest alarm of a parameter, its size, that of all, whether it drifts, alarms → sentence, effect, advice as a whole."""
     factor, unit = shown(str(first.get("unit") or "mm"))
     size = signed(every * factor, unit, u, t)
-    text = moved(str(first["parameter"]), size, since_when({**first, "night": first["first"]}, t), t)
+    text = moved(str(first["parameter"]), size, since_when({**first, "night": first["first"]}, t), t, first.get("alike") or ())
     whole: dict[str, Any] = {"text": whole_sentence(sentence(plain(text, u, t, machine), Units()))}
     if drifts:
         stands = first.get("stands")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 from ..records import Machine
 from ..texts import Said
@@ -65,16 +66,45 @@ def subject(name: str, machine: Machine | None, t: Texts) -> str:
     return t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
 
 
-def moved(parameter: str, size: str, since: str, t: Texts | None = None) -> str:
-    """name of ISO 230-1 or a facet, size of its change, since when, texts → a sentence that names the axis before the symbol."""
+def moved(parameter: str, size: str, since: str, t: Texts | None = None, alike: Sequence[str] = ()) -> str:
+    """name of ISO 230-1 or a facet, size of its change, since when, texts, locations that no touch tells from it → a sentence that
+    names the axis before the symbol, and every other axis that may have moved in its place.
+    """
     t = t or texts()
     plain = spoken(parameter, t=t)
     if plain == parameter:
         return t("changed.unnamed", name=parameter, size=size, since=since)
+    what, told = who_moved(parameter, alike, t), {"size": size, "name": parameter, "since": since}
     if match := PLACE.fullmatch(parameter):
-        what = t("parameter.spindle") if match[2] == "S" else t("parameter.axis", axis=match[2])
-        return t("changed.off", what=what, letter=match[1], size=size, name=parameter, since=since)
-    return t("changed.other", what=plain, size=size, name=parameter, since=since)
+        return t("changed.off", what=what, letter=match[1], **told)
+    return t("changed.other", what=what, **told)
+
+
+def who_moved(parameter: str, alike: Sequence[str], t: Texts) -> str:
+    """location of an axis or another error, locations that no touch tells from it, texts → the axis of a displacement, what else
+    moved otherwise, and all that may have done so in its place.
+    """
+    if match := PLACE.fullmatch(parameter):
+        return _either(_axes(match, alike, t), t)
+    return _either([spoken(name, t=t) for name in (parameter, *alike)], t)
+
+
+def _axes(first: re.Match[str], alike: Sequence[str], t: Texts) -> list[str]:
+    """displacement of an axis, locations that no touch tells from it → the axes that may have moved the same way, the first one
+    first, and tilts of those that are not among them.
+    """
+    same = [found[2] for name in alike if (found := PLACE.fullmatch(name)) and found[1] == first[1]]
+    axes = list(dict.fromkeys((first[2], *same)))
+    words = [t("parameter.spindle") if axis == "S" else t("parameter.axis", axis=axis) for axis in axes]
+    return [*words, *(spoken(name, t=t) for name in alike if name[-1] not in axes)]
+
+
+def _either(names: Sequence[str], t: Texts) -> str:
+    """names → all of them as what may have moved; a single one as it is."""
+    told = names[0]
+    for name in names[1:]:
+        told = t("changed.either", first=told, second=name)
+    return t("changed.which", names=told) if len(names) > 1 else told
 
 
 def unforeseen(text: str) -> str:
