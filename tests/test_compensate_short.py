@@ -132,7 +132,8 @@ def cases(one: Loaded, seed: int, parts: int = 99) -> dict[str, tuple[Outcome, f
     at_all = [(part, float(np.sqrt(np.mean(np.sum(_free(poses, part) ** 2, axis=1)))) * 1e3) for part in one.asked.parts]
     for part, size in at_all[:parts]:
         if len(at_all) > 1:
-            kind = "a part missing" if asked_for(size, p.fit.rms_before, one.asked.before.sigma) else "a small part missing"
+            seen = asked_for(size, p.fit.rms_before, one.asked.before.sigma)
+            kind = "a part missing" if seen else "a small part missing"
             add(f"{kind}: {part.name} {size:.1f}", one.without({part.name}, f"without{len(found)}"))
     return found
 

@@ -78,12 +78,7 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
             "point control do not see them; allowed: --tcp, for a program that runs with it on"
         )
     sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-    matter = np.array(
-        [
-            asked_for(size, before, asked.before.sigma) and part.name not in asked.hidden
-            for part, size in zip(parts, sizes, strict=True)
-        ]
-    )
+    matter = np.array([asked_for(size, before, asked.before.sigma) for size in sizes])
     if not matter.any():
         matter[int(np.argmax(sizes))] = True
     ready = system(asked.before, touches, parts)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -16,13 +15,12 @@ from .hidden import of_record, unseen
 from .loop import Kept
 from .outcome import HELPED, TRY_KINEMATICS, Outcome, judged, less, promises, rolled_back, said_share, spans
 from .promise import DRAWS, Figure
-from .shares import Before, Part, Shares, acting, apart, expected, parts_of, shares, system
+from .shares import Before, Part, Shares, acting, parts_of, shares
 from .space import Held, Poses, sample
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
 MATTERS = 0.1  # of the error before: a part that takes less away is not asked for by itself …
 SEEN = 2.0  # … nor one that takes less away than this many standard deviations of a touch
-UNTOLD = 0.3  # standard deviation of a share with all touches of the full run, beyond which a part is not asked for either
 TOLD = 0.5  # standard deviations of a touch: less than that is not said to be missing
 WITHIN, MISSING, FAINT = 2.5, 3.0, 4.0  # standard deviations from none; from all of it; the same of a part that hardly matters
 NEAR = 0.2  # of a part: as much may be missing of one that is in the control
@@ -50,14 +48,6 @@ class Short:
     def parts(self) -> list[Part]:
         """→ what changed and a run like this sees."""
         return parts_of(self.held, changes(self.kept), tcp=self.tcp)
-
-    @cached_property
-    def hidden(self) -> frozenset[str]:
-        """→ names of parts that not even the touches of the full run tell: others do nearly the same there."""
-        touches, parts = self.before.result.model.touches, self.parts
-        ready = system(self.before, touches, parts)
-        std = apart(expected(ready, self.before.sigma)[-len(parts) :, -len(parts) :])
-        return frozenset(part.name for part, size in zip(parts, std, strict=True) if size > UNTOLD)
 
     def kinematics(self, at: Poses, *, new: bool) -> Array:
         """poses → (n, 3) mm that the control's kinematics take away, with the new numbers or with those before."""
@@ -152,7 +142,7 @@ class Sorted:
         """
         result = cls([], [], [], [])
         before, sigma = promises(job.kept.record)[0], job.before.sigma
-        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma) and found.names[i] not in job.hidden]
+        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
         acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
         for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
             small = i not in acts
@@ -228,7 +218,7 @@ def _said(
     if calculated:
         gone += f"; what the kinematics hold ({calculated:.2f} µm) is taken off by calculation, this run could not see it"
     if parts.small:
-        gone += f". Of parts that take little away, or that look like others, it says nothing by itself: {_some(parts.small)}"
+        gone += f". Of parts that take little away it says nothing by itself: {_some(parts.small)}"
     if found.p_value < MISFIT:
         number, off = found.off[0]
         text = (
