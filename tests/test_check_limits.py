@@ -220,3 +220,14 @@ def test_a_probe_in_a_slot_leans_at_most_60_degrees_from_the_way_out(leans: floa
     spindle = (0.0, math.sin(lean), math.cos(lean))
     why = refusal(Artefact("slot", {**outer, "s": slot}), tip=(0.0, 0.0, -25.0), facet="s", table=True, spindle=spindle)
     assert ("leans more than 60°" in why) != passes, why
+
+
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_a_wall_behind_the_stand_off_is_met_by_a_tip_that_goes_off_the_facet(beyond: float) -> None:
+    """A contact right behind the stand-off sends the probe 1.5 mm farther. The wall is lower than the body is."""
+    air = HELD["tip"] + beyond
+    wall = Obstacle("box", (11.5 + PROBE.tip_radius + air, -50.0, -60.0), (60.0, 50.0, 20.0))
+    artefact = replace(FLOATING, obstacles=(wall,))
+    body = solid(artefact).obstacles[0]
+    assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
+    assert refusal(artefact) == ("the tip would hit obstacle 1" if beyond < 0 else "")

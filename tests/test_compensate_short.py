@@ -73,9 +73,9 @@ class Loaded:
         return read(write(made, self.folder / name), self.cell.machine, tcp=self.asked.tcp)
 
     def without(self, tables: set[str], name: str) -> Control:
-        """Tables that are not loaded → the control with all others."""
+        """Tables or single places that are not loaded → the control with all others."""
         held, p = self.proposal.held, self.proposal
-        return self.control({h.place: (p.present if h.table in tables else p.numbers)[h.place] for h in held}, name)
+        return self.control({h.place: (p.present if {h.table, h.place} & tables else p.numbers)[h.place] for h in held}, name)
 
     def judged(self, control: Control | None, seed: int, world: World | None = None) -> Outcome:
         """What the control has, seed, the machine if it is another one by now → what the check says."""
@@ -84,15 +84,15 @@ class Loaded:
         return short_outcome(self.asked, from_readings(cell.machine, cell.artefact, few))
 
 
-def loaded(name: str, target: str, seed: int, folder: Path, *, tcp: bool) -> Loaded:
-    """Example, target, seed, folder → a compensation made from a full run, and its short check."""
+def loaded(name: str, target: str, seed: int, folder: Path, *, tcp: bool, minutes: float | None = None) -> Loaded:
+    """Example, target, seed, folder, minutes at most → a compensation made from a full run, and its short check."""
     cell, true, result = before(name, seed)
     proposal = propose(result, target, SETTINGS.get(target, ()))
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "tango.yaml").write_text("tango: 1\n")
     kept = loop.store(folder, proposal, "2026-01-01T00:00:00Z")
     asked = Short(kept, Before(result, 1.0), proposal.held, tcp, first_tcp=False)
-    chosen = look(asked, cell, proposal.fit.rms_before, positioning_feed(cell), gate_of(cell))
+    chosen = look(asked, cell, proposal.fit.rms_before, positioning_feed(cell), gate_of(cell), minutes)
     return Loaded(cell, true, proposal, asked, chosen, folder)
 
 
@@ -141,6 +141,7 @@ def _free(poses, part):  # type: ignore[no-untyped-def]
     return poses.free(part.moved(poses).reshape(-1, 1)).reshape(-1, 3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "target", "tcp"), [("trunnion", "fanuc", True)])
 def test_a_short_check_decides(name: str, target: str, tcp: bool, tmp_path: Path) -> None:
     one = loaded(name, target, 1, tmp_path, tcp=tcp)
@@ -209,6 +210,7 @@ def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path) -> N
     assert [e["event"] for e in loop.history(cell)] == ["proposed", "written", "kept", "no help"]
 
 
+@pytest.mark.long
 def test_a_table_that_is_not_loaded_is_seen_in_a_full_run_beside_centers_that_are(tmp_path: Path) -> None:
     """The sum agrees with the promise: 1.6 µm of reversal values beside 30 µm of centers."""
     one = loaded("trunnion", "siemens", -1, tmp_path, tcp=True)
@@ -222,6 +224,23 @@ def test_a_table_that_is_not_loaded_is_seen_in_a_full_run_beside_centers_that_ar
         found = not_all(found, by_part(one.asked, touches), one.asked.kept)
         assert found.verdict == word
         assert all(name in found.text for name in missing)
+
+
+@pytest.mark.long
+def test_a_reversal_value_of_one_axis_that_is_not_loaded_is_no_kept_compensation(tmp_path: Path) -> None:
+    """Judged with those of all axes together two thirds of them act, which might be all."""
+    one = loaded("fork_head", "heidenhain", -1, tmp_path, tcp=True, minutes=12)
+    words = {}
+    for axis in ("", "A", "C"):
+        control = one.without({f"{axis}.COM, BACKLASH"} if axis else set(), f"without{axis}")
+        few = simulate(one.cell.machine, one.cell.artefact, one.cell.strategy, one.true, seed=5, control=control)
+        result = honest(estimate(one.cell.machine, one.cell.artefact, few, one.cell.terms))
+        found = outcome(one.asked.kept, result, list(one.proposal.held), tcp=True)
+        judged = not_all(found, by_part(one.asked, from_readings(one.cell.machine, one.cell.artefact, few)), one.asked.kept)
+        words[axis] = found.verdict, judged.verdict
+        assert not axis or f"{axis}.COM, BACKLASH" in judged.text
+    assert {one for one, _ in words.values()} == {"kept"}
+    assert words[""][1] == "kept" and {words["A"][1], words["C"][1]} == {"not as promised"}
 
 
 @pytest.mark.parametrize("target", ["fanuc", "value_sheet"])
@@ -240,6 +259,7 @@ def test_the_center_of_an_axis_that_never_turned_keeps_its_value(target: str) ->
     assert "keep their present values" in text(made) and kept[0] in text(made)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "settings"), [("split", ("tables=no",)), ("split", ("vectors=no", "tables=no", "fixture_offset=G54"))]
 )
@@ -274,6 +294,7 @@ def boss(cell: Cell, world: World, control: Control, *, fixture: bool) -> np.nda
     return (np.linalg.inv(kinematics.affine(chain, at)[2][1]) @ away if fixture else away)[:2]
 
 
+@pytest.mark.long
 def test_steps_of_kinematics_alone_say_what_to_look_at_by_hand(tmp_path: Path) -> None:
     cell = tmp_path / "cell"
     shutil.copytree(ROOT / "examples" / "split", cell)

@@ -408,7 +408,7 @@ def machines(draw: st.DrawFn) -> Machine:
         low, size = draw(numbers), draw(positive)
         slow = 100 if kind == "linear" else 60
         if kind == "rotary" and max(abs(low), abs(low + size)) < 7:
-            low -= 7  # a travel that looks like radians is refused
+            low -= 14  # a travel that looks like radians is refused
         axes.append(
             Axis(
                 name,

@@ -224,7 +224,7 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
         lines.append("that decides nothing of a part that is known to less than ± 60 %: allow more time with --minutes")
     if found.small:
         listed = ", ".join(found.small[:4]) + (f" and {len(found.small) - 4} more" if len(found.small) > 4 else "")
-        lines.append(f"not asked for, as each takes less than a tenth of the error away: {listed}")
+        lines.append(f"not asked for, as each takes little of the error away, or looks like others: {listed}")
     return "\n".join(
         [
             *lines,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ ASIDE = (
     "the air have ended, at 60 mm/min, and ends. Leave the axes where they stand. Hand on feed hold. Hold the stylus aside with "
     "the other one and start the program; let go if it moves more than 1 mm. Do you hold it? (no: this is left open)"
 )
+TURN = "Turn the feed override of the panel to {:.0f} % and leave it there. Is it? (no: this is left open)"
 PLACE = "Measure 10"  # in the list of commands
 
 
@@ -121,60 +122,24 @@ def command(
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
     made, largest = _flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted)
-    options = {**controller.options, "gate": "finger"}  # whatever the runs do: here it is what is tried
-    if any(option.name == "misses" for option in post.options):
-        options["misses"] = 20  # every move of this program is to meet nothing
-    feed = positioning_feed(cell)
-    if feed is not None and "directions" in wanted:
-        feed = options["positioning_feed"] = min(feed, commission.UNTRIED_FEED)
+    options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
         return
-    address = address_of(cell, port)
+    at = _Control(cell, post, address_of(cell, port), timeout, someone, options)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
-    click.echo(
-        f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
-        "moves in the air"
-        f"{f', at {feed:g} mm/min at most until their directions are proven' if feed and 'directions' in wanted else ''}. "
-        "Probe in the spindle and on; hand on feed hold.",
-        err=True,
-    )
-    if settled := sorted(known.keys() - wanted):
-        click.echo(f"proven already, and not asked again: {', '.join(settled)}", err=True)
-    if someone:
-        for text in ("You will be asked:", *(f"  {question.text}" for each in questions.values() for question in each.values())):
-            click.echo(text, err=True)
-        if not click.confirm("Start?", err=True):
-            raise click.Abort
-    seen, control = _tried(cell, post, made, programs, address, timeout, someone)  # also brings the axes to where a hand is safe
-    seen = replace(seen, largest=largest, stored=_file_of(address, post) is not None, feed=feed or seen.feed)
+    _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
+    seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
+    seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
-    if not seen.ended and not said and not seen.said and someone:
-        said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
-    if not seen.ended:
-        seen = replace(seen, said=_with_text(said or seen.said, post, options))
-    if someone and _unclear(seen):
-        seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
+    seen = _explained(at, seen, said)
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
-        slight = commission.held(made)
-        gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
-        if any(option.name == "positioning_feed" for option in post.options):
-            gentle["positioning_feed"] = commission.HELD_FEED
-        short = written(cell, folder / FOLDER / "program", post, slight, options | gentle)
-        once, control = _tried(cell, post, slight, short, address, timeout, someone)
-        seen = replace(seen, held=_stopped(once))
-    turn = (
-        f"Turn the feed override of the panel to {100 * commission.DIAL:.0f} % and leave it there. Is it? (no: this is left open)"
-    )
+        seen, control = _held_aside(at, seen)
+    turn = TURN.format(100 * commission.DIAL)
     if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)) and click.confirm(turn, err=True):
-        few = _flight(cell, 1, set())[0]
-        slowly = written(cell, folder / FOLDER / "program", post, few, options | {"gate": "none"})
-        patience = SLOW * len(few.touches) if timeout is None else timeout
-        once, control = _tried(cell, post, few, slowly, address, patience, someone)
-        click.echo("Turn it back to 100 %.", err=True)
-        seen = replace(seen, dialled=once.times, kept=_kept(address, post, once.begun))
+        seen, control = _at_quarter(at, seen)
     seen = replace(seen, answers=_asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none"))
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     failed = told(cell, post, judged, programs[0].mark, control, json_file)
@@ -183,13 +148,101 @@ def command(
     if failed:
         raise click.exceptions.Exit(FAILED)
     if json_file != "-":
-        if still := [j.experiment.belief for j in judged if j.verdict.verdict == "OPEN"]:
-            click.echo(
-                f"OPEN is not proven: {', '.join(still)}. Before a run that nobody watches, commission again at a terminal, with a "
-                "person at the machine who answers what is asked (--held and --dial are asked there, too)",
-                err=True,
-            )
+        _left_open([j.experiment.belief for j in judged if j.verdict.verdict == "OPEN"])
         ahead(folder, "run")
+
+
+@dataclass(frozen=True)
+class _Control:
+    """The control that is tried: its cell and post, its port, how long it may be silent, whether somebody is there."""
+
+    cell: Any
+    post: Any
+    address: str
+    timeout: float | None
+    someone: bool
+    options: Mapping[str, Any]  # of the profile, as the programs have them
+
+    def program(self, made: Plan, changed: Mapping[str, Any]) -> list[Any]:
+        """plan, options that differ → its program, written."""
+        return written(self.cell, self.cell.folder / FOLDER / "program", self.post, made, {**self.options, **changed})
+
+    def tried(self, made: Plan, programs: list[Any], patience: float | None = None) -> tuple[Any, str]:
+        """plan, its programs, s of silence where they are not those of the command → what came, what the control calls itself."""
+        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, self.someone)
+
+
+def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, Any], float | None]:
+    """cell, post, beliefs to try → options of the program, its feed (mm/min): slow until the directions are proven."""
+    from .. import commission
+
+    options = {**controller_of(cell).options, "gate": "finger"}  # whatever the runs do: here it is what is tried
+    if any(option.name == "misses" for option in post.options):
+        options["misses"] = 20  # every move of this program is to meet nothing
+    feed = positioning_feed(cell)
+    if feed is not None and "directions" in wanted:
+        feed = options["positioning_feed"] = min(feed, commission.UNTRIED_FEED)
+    return options, feed
+
+
+def _announced(at: _Control, made: Plan, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
+    """plan in the air, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
+    click.echo(
+        f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
+        f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. "
+        "Probe in the spindle and on; hand on feed hold.",
+        err=True,
+    )
+    if settled:
+        click.echo(f"proven already, and not asked again: {', '.join(settled)}", err=True)
+    if not at.someone:
+        return
+    for text in ("You will be asked:", *(f"  {question.text}" for each in questions.values() for question in each.values())):
+        click.echo(text, err=True)
+    if not click.confirm("Start?", err=True):
+        raise click.Abort
+
+
+def _explained(at: _Control, seen: Any, said: str) -> Any:
+    """what came, what --said states → the same with what the screen shows, and whether the probe was heard."""
+    if not seen.ended and not said and not seen.said and at.someone:
+        said = click.prompt("The program stopped. What stands on the screen of the control? (Enter: nothing)", default="", err=True)
+    if not seen.ended:
+        seen = replace(seen, said=_with_text(said or seen.said, at.post, at.options))
+    if at.someone and _unclear(seen):
+        seen = replace(seen, unheard=click.confirm(UNHEARD, err=True))
+    return seen
+
+
+def _held_aside(at: _Control, seen: Any) -> tuple[Any, str]:
+    """what came of the moves in the air → the same with whether a move stops whose stylus is held aside; the control."""
+    from .. import commission
+
+    slight = commission.held(seen.plan)
+    gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
+    if any(option.name == "positioning_feed" for option in at.post.options):
+        gentle["positioning_feed"] = commission.HELD_FEED
+    once, control = at.tried(slight, at.program(slight, gentle))
+    return replace(seen, held=_stopped(once)), control
+
+
+def _at_quarter(at: _Control, seen: Any) -> tuple[Any, str]:
+    """what came of the moves in the air → the same with how long a few take with the feed override turned down; the control."""
+    few = _flight(at.cell, 1, set())[0]
+    patience = SLOW * len(few.touches) if at.timeout is None else at.timeout
+    once, control = at.tried(few, at.program(few, {"gate": "none"}), patience)
+    click.echo("Turn it back to 100 %.", err=True)
+    return replace(seen, dialled=once.times, kept=_kept(at.address, at.post, once.begun)), control
+
+
+def _left_open(still: Sequence[str]) -> None:
+    """beliefs that are neither proven nor refuted → what to do about them, where there are any."""
+    if still:
+        click.echo(
+            f"OPEN is not proven: {', '.join(still)}. Before a run that nobody watches, commission again at a terminal, with a "
+            "person at the machine who answers what is asked (--held and --dial are asked there, too)",
+            err=True,
+        )
 
 
 def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]:

@@ -29,7 +29,7 @@ USUAL, LONGEST = 5.0, 8.0  # minutes at most, where nobody states a time
 DECIDES, BETTER = 0.25, 0.95  # standard deviation that decides; of what is left open, what the longer ones have to reach
 ROW = 3  # touches of a facet in a row, at most
 AT_ONCE = 8  # touches that are weighed together at a place the check has not come to
-TRIES = 8
+TRIES, LESS = 10, 0.96  # plans that are made at most; of the time that seems to be right, where one took too long
 FULL = 0.93  # of the time: more of it is not looked for
 INDEXATIONS = 3  # at least, that a check goes to: of fewer an axis that turned has hardly any say
 
@@ -78,7 +78,12 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
             "point control do not see them; allowed: --tcp, for a program that runs with it on"
         )
     sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-    matter = np.array([asked_for(size, before, asked.before.sigma) for size in sizes])
+    matter = np.array(
+        [
+            asked_for(size, before, asked.before.sigma) and part.name not in asked.hidden
+            for part, size in zip(parts, sizes, strict=True)
+        ]
+    )
     if not matter.any():
         matter[int(np.argmax(sizes))] = True
     ready = system(asked.before, touches, parts)
@@ -93,7 +98,13 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
     words = (*names[matter].tolist(), WHOLE), tuple(names[~matter].tolist())
     if minutes:  # whoever states a time wants to know as much as that allows
         return job.made_of(60 * minutes, 0.0, *words)
-    found, longer = (job.made_of(60 * m, GOAL, *words) for m in (USUAL, LONGEST))
+    longer = job.made_of(60 * LONGEST, GOAL, *words)
+    if longer.seconds <= 60 * USUAL:
+        return longer
+    try:
+        found = job.made_of(60 * USUAL, GOAL, *words)
+    except InputError:  # turns take too long for it
+        return longer
     return longer if max(found.std) > DECIDES and longer.open < BETTER * found.open else found
 
 
@@ -118,14 +129,16 @@ class _Job:
         for _ in range(TRIES):  # what turns take is known when they are planned
             chosen = _chosen(self.ready, self.sigma, self.where, self.costs, self.wanted, most, goal)
             if not chosen.any():
-                least, most = most, (most + longest) / 2 if np.isfinite(longest) else 2 * most
+                if not np.isfinite(longest):
+                    break
+                least, most = most, (most + longest) / 2
                 continue
             found = _with(self.cell, self.made, chosen)
             planned = plan(found, "leave-out")
             takes = self.alive + sum(of_moves(planned, self.feed))
             if takes > seconds:
                 longest = most
-                most = max(most * seconds / takes, (least + most) / 2 if best else 0.0)
+                most = max(LESS * most * seconds / takes, (least + most) / 2 if best else 0.0)
                 continue
             std = _std(self.ready, self.sigma, chosen, self.wanted)
             made = Look(found, planned, takes, names, tuple(std.tolist()), small)
@@ -134,7 +147,7 @@ class _Job:
                 break
             least, most = most, (most + longest) / 2
         if best is None:
-            raise InputError(f"--minutes: found {seconds / 60:.3g}; allow more time: no touch can be made in it")
+            raise InputError(f"--minutes: found {seconds / 60:.3g}, in which no check can be made; allowed: more time")
         return best
 
 

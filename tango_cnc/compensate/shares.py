@@ -65,13 +65,17 @@ class Before:
         return max(self.result.sigma, self.result.model.touches.machine.probe.repeatability, 1e-5)
 
 
-def parts_of(held: Sequence[Held], numbers: Mapping[str, float], *, tcp: bool) -> list[Part]:
-    """what a target holds, by how much each of its numbers changes → the parts that a run sees, those that change."""
+def parts_of(held: Sequence[Held], numbers: Mapping[str, float], *, tcp: bool, singly: bool = False) -> list[Part]:
+    """what a target holds, by how much each of its numbers changes → the parts that a run sees, those that change.
+
+    `singly`: every number that belongs to no table of an axis is a part of its own, as a person may type one of them wrong.
+    """
     found: dict[str, list[tuple[Held, float]]] = {}
     for h in held:
         change = numbers.get(h.place, 0.0)
         if change and (tcp or not h.tcp):
-            found.setdefault(h.table, []).append((h, change * h.sign / h.factor))
+            name = h.place if singly and h.axis is None else h.table
+            found.setdefault(name, []).append((h, change * h.sign / h.factor))
     return [Part(name, tuple(h for h, _ in own), tuple(v for _, v in own)) for name, own in found.items()]
 
 

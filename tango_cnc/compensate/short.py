@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from .hidden import of_record, unseen
 from .loop import Kept
 from .outcome import HELPED, TRY_KINEMATICS, Outcome, judged, less, promises, rolled_back, said_share, spans
 from .promise import DRAWS, Figure
-from .shares import Before, Part, Shares, acting, parts_of, shares
+from .shares import Before, Part, Shares, acting, apart, expected, parts_of, shares, system
 from .space import Held, Poses, sample
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
 MATTERS = 0.1  # of the error before: a part that takes less away is not asked for by itself …
 SEEN = 2.0  # … nor one that takes less away than this many standard deviations of a touch
+UNTOLD = 0.3  # standard deviation of a share with all touches of the full run, beyond which a part is not asked for either
 TOLD = 0.5  # standard deviations of a touch: less than that is not said to be missing
 WITHIN, MISSING, FAINT = 2.5, 3.0, 4.0  # standard deviations from none; from all of it; the same of a part that hardly matters
 NEAR = 0.2  # of a part: as much may be missing of one that is in the control
@@ -48,6 +50,14 @@ class Short:
     def parts(self) -> list[Part]:
         """→ what changed and a run like this sees."""
         return parts_of(self.held, changes(self.kept), tcp=self.tcp)
+
+    @cached_property
+    def hidden(self) -> frozenset[str]:
+        """→ names of parts that not even the touches of the full run tell: others do nearly the same there."""
+        touches, parts = self.before.result.model.touches, self.parts
+        ready = system(self.before, touches, parts)
+        std = apart(expected(ready, self.before.sigma)[-len(parts) :, -len(parts) :])
+        return frozenset(part.name for part, size in zip(parts, std, strict=True) if size > UNTOLD)
 
     def kinematics(self, at: Poses, *, new: bool) -> Array:
         """poses → (n, 3) mm that the control's kinematics take away, with the new numbers or with those before."""
@@ -91,7 +101,7 @@ def short_outcome(asked: Short, touches: Touches) -> Outcome:
         told = told - asked.kinematics(at, new=False).ravel()
     levers, moved, told = at.free(levers), at.free(moved), at.free(told[:, None])[:, 0]
     sizes = [rms(column) for column in moved.T]
-    parts_by = Sorted.of(found, sizes, before, asked.before.sigma)
+    parts_by = Sorted.of(asked, found, sizes)
     certain = {*parts_by.within, *parts_by.small}
     still = shares(replace(asked.before, moves=0.0), touches, parts, asked.shifted(touches), certain)
     as_it_was = levers @ asked.before.result.values[own] - told
@@ -135,13 +145,14 @@ class Sorted:
     small: list[str]  # takes too little away to be asked for
 
     @classmethod
-    def of(cls, found: Shares, sizes: Sequence[float], before: Figure, sigma: float, faint: float = FAINT) -> Sorted:
-        """shares, µm rms that each part takes away, what was there before, mm of a touch → the parts, sorted.
+    def of(cls, job: Short, found: Shares, sizes: Sequence[float], faint: float = FAINT) -> Sorted:
+        """short check, shares, µm rms that each part takes away → the parts, sorted.
 
         `faint`: standard deviations from all of it by which a part that hardly matters is missing.
         """
         result = cls([], [], [], [])
-        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
+        before, sigma = promises(job.kept.record)[0], job.before.sigma
+        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma) and found.names[i] not in job.hidden]
         acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
         for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
             small = i not in acts
@@ -165,15 +176,23 @@ def _how(share: float, std: float) -> str:
 
 
 def by_part(asked: Short, touches: Touches) -> Sorted | None:
-    """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them."""
-    parts, at = asked.parts, asked.poses
-    if not parts:
-        return None
-    found = shares(asked.before, touches, parts, asked.shifted(touches))
-    sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-    if found.p_value < MISFIT:
-        return None
-    return Sorted.of(found, sizes, promises(asked.kept.record)[0], asked.before.sigma, MISSING)
+    """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them.
+
+    By table and group first; where all of these may act, by single numbers: a reversal value of one axis was lost among all.
+    """
+    at, result = asked.poses, None
+    for singly in (False, True):
+        parts = parts_of(asked.held, changes(asked.kept), tcp=asked.tcp, singly=singly)
+        if not parts:
+            return None
+        found = shares(asked.before, touches, parts, asked.shifted(touches))
+        if found.p_value < MISFIT:
+            return None
+        sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
+        result = Sorted.of(asked, found, sizes, MISSING)
+        if result.missing:
+            break
+    return result
 
 
 def not_all(found: Outcome, parts: Sorted | None, kept: Kept) -> Outcome:
@@ -209,7 +228,7 @@ def _said(
     if calculated:
         gone += f"; what the kinematics hold ({calculated:.2f} µm) is taken off by calculation, this run could not see it"
     if parts.small:
-        gone += f". Of parts that take little away it says nothing by itself: {_some(parts.small)}"
+        gone += f". Of parts that take little away, or that look like others, it says nothing by itself: {_some(parts.small)}"
     if found.p_value < MISFIT:
         number, off = found.off[0]
         text = (
