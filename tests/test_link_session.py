@@ -175,3 +175,12 @@ def test_a_tape_begins_and_ends_with_one_percent_line_whatever_the_program_has(t
 
 def test_a_percent_alone_begins_a_tape_and_does_not_end_it():
     assert dnc.tape("%") == b"%\n%\n"
+
+
+def test_the_drift_of_a_resumed_run_counts_from_the_touches_before_it_was_stopped(tmp_path):
+    """The first touch stops the run; made again, its facet is 10 µm deeper."""
+    Run(tmp_path, after_the_program(printed(GOOD[0], end="")))
+    again = Run(tmp_path, after_the_program(printed(GOOD[0].replace("X20.0030", "X20.0130"), *GOOD[1:])), resume=True)
+    first, second = (entry for entry in again.kinds("reading") if entry.touch == 1)
+    assert first.drift_um is None
+    assert second.drift_um == pytest.approx(second.deviation_um - first.deviation_um) == pytest.approx(-10.0)

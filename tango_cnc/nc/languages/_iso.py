@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..blocks import Block, Modal, Word, arc_of, refused
 
@@ -167,10 +167,47 @@ def _strange(style: Style, text: str, number: int) -> None:
         raise refused(number, text, UNKNOWN)
 
 
+@dataclass(slots=True)
+class _Said:
+    """What the words of a block say: axes, centre or radius of an arc, and whether a tool is changed."""
+
+    target: dict[str, float] = field(default_factory=dict)
+    offsets: dict[str, float] = field(default_factory=dict)
+    radius: float | None = None
+    change: bool = False
+
+
 def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
-    number = block.number
     codes = [w.value for w in block.words if w.letter == "G"]
     home = set(codes) & style.forgets
+    _allowed(style, block, modal, codes, bool(home))
+    modal.incremental = modal.incremental and 90 not in codes
+    modal.absolute = modal.absolute or 90 in codes
+    modal.metric = modal.metric or any(code in style.metric for code in codes)
+    found = _said(style, block, modal, axes, codes)
+    if found.change:
+        block.tool = modal.tool
+        block.forgets = "XYZ"
+        modal.stale = modal.length
+    _switch(style, block, modal, codes)
+    if home:
+        block.forgets = "".join(found.target) or axes
+        _forget(modal, block.forgets)
+        return block
+    if any(c in style.machine for c in codes):
+        block.kind, block.forgets = "machine", "".join(found.target)
+        _forget(modal, block.forgets)
+        return block
+    if block.forgets:
+        _forget(modal, block.forgets)
+    if 4 not in codes:
+        _moves(style, block, modal, found)
+    return block
+
+
+def _allowed(style: Style, block: Block, modal: Modal, codes: Sequence[float], home: bool) -> None:
+    """G functions of a block, whether it goes to a reference point. Raises InputError for one that is not followed, by its name."""
+    number = block.number
     if len(set(codes) & MOTION.keys()) > 1:
         raise refused(number, " and ".join(f"G{c:g}" for c in codes if c in MOTION), "which one is meant is not known")
     for code in codes:
@@ -187,28 +224,27 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         if not style.known(code):
             raise refused(number, f"G{code:g}", UNKNOWN)
     _stand_together(style, block, codes)
-    modal.incremental = modal.incremental and 90 not in codes
-    modal.absolute = modal.absolute or 90 in codes
-    modal.metric = modal.metric or any(code in style.metric for code in codes)
-    offsets: dict[str, float] = {}
-    target: dict[str, float] = {}
-    radius, change = None, False
+
+
+def _said(style: Style, block: Block, modal: Modal, axes: str, codes: Sequence[float]) -> _Said:
+    """block, axes of the machine, G functions → what its words say. Raises InputError for one that is not followed, by its name."""
+    number, found = block.number, _Said()
     for w in block.words:
         if w.letter in AXES:
             if w.letter not in axes:
                 raise refused(number, f"{w.letter}{w.value:g}", f"this machine has no axis {w.letter}")
-            if w.letter in target:
+            if w.letter in found.target:
                 raise refused(number, f"{w.letter} twice", "which one is meant is not known")
-            target[w.letter] = w.value
+            found.target[w.letter] = w.value
         elif w.letter in "IJK":
-            offsets[w.letter] = w.value
+            found.offsets[w.letter] = w.value
         elif w.letter == style.radius:
-            radius = w.value
+            found.radius = w.value
         elif w.letter == "T":
             modal.tool = int(w.value)
         elif w.letter == "M":
             if w.value == 6:
-                change = True
+                found.change = True
             elif int(w.value) in style.subprograms:
                 raise refused(number, f"M{w.value:g}", "subprograms are not followed: write them out")
             elif w.value in KINEMATICS:
@@ -227,10 +263,12 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             block.label = f"N{w.value:g}"
         elif w.letter not in OTHERS and not (w.letter in "PLQE" and set(codes) & {4, *style.numbered}):
             raise refused(number, f"{w.letter}{w.value:g}", UNKNOWN)
-    if change:
-        block.tool = modal.tool
-        block.forgets = "XYZ"
-        modal.stale = modal.length
+    return found
+
+
+def _switch(style: Style, block: Block, modal: Modal, codes: Sequence[float]) -> None:
+    """G functions → what they switch, for this block and for those after it."""
+    number = block.number
     for code in codes:
         if code in PLANES:
             modal.plane = PLANES[int(code)]
@@ -252,22 +290,15 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
             modal.absolute_centre = False
         elif code == 80:
             modal.motion = ""
-    if home:
-        block.forgets = "".join(target) or axes
-        _forget(modal, block.forgets)
-        return block
-    if any(c in style.machine for c in codes):
-        block.kind, block.forgets = "machine", "".join(target)
-        _forget(modal, block.forgets)
-        return block
-    if block.forgets:
-        _forget(modal, block.forgets)
-    if 4 in codes:
-        return block
+
+
+def _moves(style: Style, block: Block, modal: Modal, found: _Said) -> None:
+    """what the words say → the motion of the block. Raises InputError where nobody knows how it goes there."""
+    number, target, offsets, radius = block.number, found.target, found.offsets, found.radius
     if not (target or (offsets and modal.motion in ("cw", "ccw"))):
         if offsets or radius is not None:
             _no_line(style, block)
-        return block
+        return
     if modal.incremental:
         raise refused(number, " ".join(f"{a}{v:g}" for a, v in target.items()), "G91 is still on: write G90 before it")
     if not modal.motion:
@@ -288,7 +319,6 @@ def _meaning(style: Style, block: Block, modal: Modal, axes: str) -> Block:
         block.kind = "rapid" if modal.motion == "rapid" else "feed"
     block.target = target
     modal.position.update(target)
-    return block
 
 
 def _stand_together(style: Style, block: Block, codes: Sequence[float]) -> None:
