@@ -103,7 +103,7 @@ def test_touches_keep_their_numbers_and_each_program_has_one_stylus(whole: Cell)
     assert second.machine.probe.length == first.machine.probe.length + LONGER
     shorter, longer = (min(t.standoff[2] for t in made.touches) for made in (first, second))
     assert longer == pytest.approx(shorter + LONGER)
-    with pytest.raises(InputError, match="a program has one stylus"):
+    with pytest.raises(InputError, match="one stylus a program"):
         plan(whole)
 
 
