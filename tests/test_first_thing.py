@@ -73,10 +73,10 @@ def test_box_list_orders_alarm_and_mail_begin_with_one_thing(tmp_path: Path, kin
     (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\n", encoding="utf-8")
     for path in (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
         text = seen(place, path).partition("For the engineer")[0]
-        answer = re.search(r"May I make parts\? (?:No|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text)
+        answer = re.search(r"May I make parts\? (?:No|Not yet|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text)
         assert answer is not None and answer[1].startswith(first), (path, text[:400])
         assert re.search(f"What to do:? {first}", text), path
-    assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Yes, but) {M}.*? {first}", seen(place, "/"))
+    assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Not yet|Yes, but) {M}.*? {first}", seen(place, "/"))
     if kind in ("changed", "beyond", "probe"):
         assert f"What to do {first}" in seen(place, "/alarms")
     assert first in message(records(kind)[1], (), ())[1].split("\n\n")[0]
@@ -105,7 +105,8 @@ def test_orders_go_from_the_machine_to_parts_to_people_to_the_repair() -> None:
 def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner: str, days: int, deputy: str, wanted: str) -> None:
     assert or_else(owner, days, deputy, texts()) == wanted
     asked = to_ask({"owner": owner, "deputy": deputy}, [{"owner": owner, "silent": days, "decision": None}], texts())
-    assert asked == f"Call {owner}" + ("." if not wanted else f", or {deputy}." if deputy else ", or tell the foreman.")
+    other = f"Call {deputy}, or {owner}." if deputy else f"Call {owner}, or tell the foreman."
+    assert asked == (other if wanted else f"Call {owner}.")
     assert to_ask({"owner": owner}, [{"owner": owner, "decision": object()}], texts()) == ""
     assert to_ask({"owner": ""}, (), texts()).startswith("Tell the foreman")
 

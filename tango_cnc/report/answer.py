@@ -90,6 +90,7 @@ def answer(
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
         key = "may.moved" if record.get("moved") and may != "no" else key
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
+    moving = missing and may != "no" and bool(record.get("moved"))
     if old:
         return _of_old(record, known, may, old, date, u, t, machine)
     if late and may == "yes":  # an answer of a week ago is no yes of today
@@ -99,7 +100,10 @@ def answer(
     soon = _soon(ahead, u, t) if ahead is not None and may in ("yes", "but") else ""
     if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
         may, state, why = "but", "undecided", t("may.first_part")
-    return Answer(may, t(f"may.{may}"), state, _numbers(known, u, t, machine, date if missing else ""), why, soon)
+    numbers = _numbers(known, u, t, machine, date if missing else "")
+    if moving:
+        return Answer("no", t("may.not_yet"), state, numbers, why, soon)
+    return Answer(may, t(f"may.{may}"), state, numbers, why, soon)
 
 
 def _of_old(
@@ -159,7 +163,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     """
     told = [text.values for text in former if isinstance(text, Said)]
     if is_cut_off(former) and found.may in ("yes", "but") and found.state in ("good", "unchanged", "late", "partial"):
-        return replace(found, may="but", word=t("may.but"), state="cut_off", why=t("may.cut_off"))
+        # Nobody makes a part on a machine that may still move: the sign is that of a no.
+        return replace(found, may="no", word=t("may.not_yet"), state="cut_off", why=t("may.cut_off"))
     if is_unsent(former) and found.may == "yes":
         return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):

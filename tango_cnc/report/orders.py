@@ -68,9 +68,9 @@ def orders(
 
 def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
-    if told.may == "no":
+    if told.may == "no" and told.word != t("may.not_yet"):
         return t("may.brief_no")
-    return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may == "but" else ""
+    return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may in ("no", "but") else ""
 
 
 def of_faults(found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:

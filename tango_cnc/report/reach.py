@@ -34,4 +34,8 @@ def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Tex
         return t("morning.foreman_todo")
     if not or_else(owner, int(first.get("silent") or 0), deputy, t):
         return t("morning.call", owner=owner)
-    return t("morning.call_or", owner=owner, deputy=deputy) if deputy else t("morning.call_or_foreman", owner=owner)
+    if not deputy:
+        return t("morning.call_or_foreman", owner=owner)
+    # Who can be reached comes before who cannot, or who has not answered.
+    first, second = (deputy, owner) if REACHED.search(deputy) else (owner, deputy)
+    return t("morning.call_or", owner=first, deputy=second)
