@@ -73,7 +73,9 @@ def test_box_list_orders_alarm_and_mail_begin_with_one_thing(tmp_path: Path, kin
     (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\n", encoding="utf-8")
     for path in (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
         text = seen(place, path).partition("For the engineer")[0]
-        answer = re.search(r"May I make parts\? (?:No|Not yet|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text)
+        answer = re.search(
+            r"May I make parts\? (?:No|Not yet|Yes, but)(?: (?:Changed|Out of limits|Not measured|In doubt))? (\w.*)", text
+        )
         assert answer is not None and answer[1].startswith(first), (path, text[:400])
         assert re.search(f"What to do:? {first}", text), path
     assert re.search(rf"(?:these|moving) (?:● .*measured )?(?:No|Not yet|Yes, but) {M}.*? {first}", seen(place, "/"))
