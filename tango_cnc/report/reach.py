@@ -37,5 +37,5 @@ def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Tex
     if not deputy:
         return t("morning.call_or_foreman", owner=owner)
     # Who can be reached comes before who cannot, or who has not answered.
-    first, second = (deputy, owner) if REACHED.search(deputy) else (owner, deputy)
-    return t("morning.call_or", owner=first, deputy=second)
+    ask, other = (deputy, owner) if REACHED.search(deputy) else (owner, deputy)
+    return t("morning.call_or", owner=ask, deputy=other)
