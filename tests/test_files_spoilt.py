@@ -24,7 +24,8 @@ from tango_cnc.asked import as_run, asked
 from tango_cnc.files import checked
 from tango_cnc.files.readjson import parse_json
 from tango_cnc.history import opened
-from tango_cnc.link.lock import NAME, _alive, holding
+from tango_cnc.link.lock import NAME, holding
+from tango_cnc.link.process import alive
 from tango_cnc.nc import blocks
 from tango_cnc.nearest import printable
 from tango_cnc.readback.expressions import expression
@@ -187,7 +188,7 @@ def test_a_holder_whose_name_no_terminal_can_show_is_named_all_the_same(tmp_path
     with pytest.raises(LinkError, match="is at work in this folder") as refused, holding(tmp_path, "tango run"):
         pass
     assert str(refused.value).encode() and len(str(refused.value)) < 1000 + len(str(tmp_path))
-    assert not _alive(9**99)
+    assert not alive(9**99)
 
 
 def test_a_block_of_brackets_is_refused_at_once(tmp_path: Path) -> None:
