@@ -138,7 +138,7 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     assert max(abs(v["new"] - v["present"]) for v in values) < 0.2 * max(abs(v["present"]) for v in values)
     # The readings that it was made from, taken by default, would have it twice. The answer names the ones made after it.
     twice = run("compensate", "-C", mill, "--target", "siemens", "--present", folder, "--simulated")
-    assert isinstance(twice.exception, InputError) and "made after it are after.csv" in str(twice.exception)
+    assert isinstance(twice.exception, InputError) and "made after it in the folder" in str(twice.exception)
     assert [e["event"] for e in loop.history(mill)] == ["proposed", "written", "kept"]
     # The nights' history has the same, newest first, in its chain; taking it out again is one more entry with its reason.
     listed = json.loads(run("history", "list", "-C", mill, "--json", "-").stdout)["compensations"]
@@ -154,6 +154,20 @@ def test_the_loop_is_closed_and_recorded(cell: Path, tmp_path: Path) -> None:
     assert "rolled back" in shown[1] and "the spindle was changed" in shown[1] and len(shown) == 5
     assert f"at ({datetime.now().astimezone():%Z})" in shown[0] and re.search(r"\d\d:\d\d +compensation", shown[1])
     assert "4 entries" in run("history", "verify", "-C", mill).output
+
+
+@pytest.mark.long
+def test_the_last_compensation_is_taken_out_first(cell: Path, tmp_path: Path) -> None:
+    """undo/ of the second one holds what the first one wrote."""
+    mill = copied(cell, tmp_path / "mill")
+    assert run("compensate", "-C", mill, "--target", "siemens", "--simulated").exit_code == 0
+    shutil.copytree(mill / "compensations" / "001-siemens", mill / "compensations" / "002-siemens")
+    for number in (1, 2):
+        loop.note(mill, loop.one(mill, number), f"2026-11-0{number}T00:00:00Z", "written")
+    back = ["compensate", "-C", mill, "--reason", "trial", "--rolled-back"]
+    early = run(*back, 1)
+    assert isinstance(early.exception, InputError) and "2 was written after it" in str(early.exception)
+    assert [run(*back, number).exit_code for number in (2, 1)] == [0, 0]
 
 
 def test_numbers_of_a_person_are_taken_with_a_note_and_another_file_is_named(cell: Path, tmp_path: Path) -> None:
@@ -262,7 +276,11 @@ def test_a_sign_trial_decides_by_touches(cell: Path, tmp_path: Path, sign: int, 
     same = run(
         "compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "simulated.csv"
     )
-    assert "does not use this place" in same.output
+    assert isinstance(same.exception, InputError) and "once more" in str(same.exception)
+    assert run("simulate", "-C", mill, "-o", mill / "idle.csv", "--seed", 6).exit_code == 0
+    unused = run("compensate", "-C", mill, "--sign-of", trial, "--readings", mill / "simulated.csv", "--after", mill / "idle.csv")
+    assert "does not use this place" in unused.output
+    (mill / "idle.csv").unlink()
     told = run("compensate", "-C", mill, *rest).output
     assert ("propose again with --set sign_cec=-1" in told) == (said == "turned round"), told
     lines = (mill / "after.csv").read_text().splitlines(keepends=True)

@@ -96,7 +96,7 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
         and when[:19] >= str(record["created_utc"])[:19]
         and not loop.before(folder, record, rows(file), when)
     ]
-    those = f"; made after it are {', '.join(later)} in {folder}" if later else ""
+    those = f"; made after it in the folder {folder} are {', '.join(later)}" if later else ""
     return (
         f"--present: found {source} and {readings}: {why}. These readings were made without it: what it takes away would be taken "
         f"away twice. Nothing was written; allowed: readings made with it in the control, with --readings FILE{those}. "

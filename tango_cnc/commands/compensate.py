@@ -273,6 +273,13 @@ def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
         raise InputError(
             f"--rolled-back: found compensation {number}, which is noted as {state}; allowed: one that is in the control"
         )
+    last = loop.in_control(folder)
+    if last is not None and last.number != number:
+        raise InputError(
+            f"--rolled-back: found compensation {number}, and compensation {last.number} was written after it: undo/ of "
+            f"{last.number} holds what {number} had written; allowed: load undo/ of {last.number} and note it first, 'tango "
+            f"compensate -C {folder} --rolled-back {last.number} --reason TEXT'"
+        )
     loop.note(folder, kept, _now(), "rolled back", text=reason)
     recorded(folder)
     click.echo(f"compensation {number} ({kept.record['target']}) is noted as rolled back: {reason}")
@@ -359,6 +366,8 @@ def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
     record = loop.check(options["sign_of"])
     if options["file"] is None or options["after"] is None:
         raise InputError("--sign-of: found no --readings or no --after; allowed: readings before the trial, and with it")
+    if rows(options["file"]) == rows(options["after"]):
+        raise InputError(f"--after: found the touches of {options['file']} once more; allowed: readings made during the trial")
     module = targets.load(record["target"])
     before, after = (
         from_readings(cell.machine, cell.artefact, read_readings(file, cell.machine, cell.artefact))
