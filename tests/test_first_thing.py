@@ -17,6 +17,7 @@ from starlette.testclient import TestClient
 from tango_cnc.files.nightly import read_nightly
 from tango_cnc.nightly.words import message
 from tango_cnc.report.morning import context
+from tango_cnc.report.orders import of_faults
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
 from tango_cnc.report.words import subject
@@ -90,6 +91,15 @@ def test_orders_go_from_the_machine_to_parts_to_people_to_the_repair() -> None:
     assert [next(i for i, x in enumerate(todo) if w in x) for w in ("alarm screen", "first part", "Call Ann")] == [0, 1, 2]
     todo = context(records("changed")[1], (), None, texts(), owner="Ann, 4711")["todo"]
     assert "first part" in todo[0] and todo[1].startswith("Call Ann") and "collision" in todo[2]
+
+
+def test_of_two_faults_every_step_names_its_axis() -> None:
+    """ "Enter no new location" of the one beside "have the compensation written" of the other read as opposite orders."""
+    spindle = {"parameter": "EX0S", "todo": "…", "alone": "Have the new location entered.", "drifts": False, "decision": None}
+    table = {"parameter": "EY0C", "todo": "Have the clamping looked at. Enter no new location.", "drifts": True, "decision": None}
+    first, second = of_faults([spindle, table], texts())
+    assert first == "C axis, which drifts: have the clamping looked at. Enter no new location."
+    assert second == "Spindle, after that: have the new location entered."
 
 
 @pytest.mark.parametrize(

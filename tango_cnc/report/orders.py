@@ -79,10 +79,14 @@ def of_faults(found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
     if not first.get("alone"):
         return [str(first["todo"])] if first["todo"] else []
     drift = next(x for x in found if x["drifts"] and not closed(x))
-    what = subject(str(drift.get("parameter") or drift["cause"]), None, t)
-    return [
-        x for x in (t("morning.of_drift", what=f"{what[:1].upper()}{what[1:]}", do=low(drift["todo"])), str(first["alone"])) if x
-    ]
+    steps = (("morning.of_drift", drift, drift["todo"]), ("morning.of_other", first, first["alone"]))
+    return [t(key, what=_of(a, t), do=low(do)) for key, a, do in steps if do]
+
+
+def _of(a: Mapping[str, Any], t: Texts) -> str:
+    """what is wrong, texts → which part of the machine it is about, as a step begins."""
+    what = subject(str(a.get("parameter") or a["cause"]), None, t)
+    return f"{what[:1].upper()}{what[1:]}"
 
 
 def low(text: str) -> str:
