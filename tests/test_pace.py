@@ -69,7 +69,8 @@ def test_nights_that_were_not_measured_count() -> None:
     assert found is not None and found.nights == pytest.approx(2.0)
     told = answer(night("M", 23, "not_measured", limits=[]), Units(), texts(), before=record, ahead=found)
     assert (
-        told.may == "but" and told.soon == "It rises by 1 µm a night: at this pace it reaches its limit of 45 µm in about 2 nights."
+        told.may == "but"
+        and told.soon == "This error rises by 1 µm a night: at this pace it reaches its limit of 45 µm in about 2 nights."
     )
 
 
@@ -105,7 +106,7 @@ def test_the_list_the_page_and_the_old_night_say_it(tmp_path: Path) -> None:
             text = client.get(path).text
             box = text.partition('<dl class="facts">')[0]
             wanted = "in about" if 6 - late >= 2 else "by the next night" if 6 - late >= 1 else "about now"
-            assert "It rises by 1 µm a night: at this pace it reaches its limit of 45 µm" in box and wanted in box, path
+            assert "This error rises by 1 µm a night: at this pace it reaches its limit of 45 µm" in box and wanted in box, path
             assert "Call J. Roy, 4411." in text, path
         assert "The error rises night after night." in text and "Have the cause looked for" in text
         old = client.get("/machine/HU40T-like/night/19").text
