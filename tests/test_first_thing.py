@@ -16,10 +16,12 @@ from starlette.testclient import TestClient
 
 from tango_cnc.files.nightly import read_nightly
 from tango_cnc.nightly.words import message
+from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import of_faults
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
 from tango_cnc.report.words import subject
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -91,6 +93,14 @@ def test_orders_go_from_the_machine_to_parts_to_people_to_the_repair() -> None:
     assert [next(i for i, x in enumerate(todo) if w in x) for w in ("alarm screen", "first part", "Call Ann")] == [0, 1, 2]
     todo = context(records("changed")[1], (), None, texts(), owner="Ann, 4711")["todo"]
     assert "first part" in todo[0] and todo[1].startswith("Call Ann") and "collision" in todo[2]
+
+
+@pytest.mark.parametrize("verdict", ["good", "changed"])
+@pytest.mark.parametrize("more", [{}, {"waiting": "2026-11-01"}, {"has": "Ann"}])
+def test_a_machine_that_may_still_move_is_not_yet_whatever_alarm_it_has(verdict: str, more: dict[str, str]) -> None:
+    """An alarm left "Yes, but: measure the first part" above the order to look at the machine first."""
+    told = renamed(answer(night(M, 1, verdict), Units(), texts(), **more), said_cut_off(["2026-11-29T020000Z"]), texts())
+    assert (told.word, told.level) == ("Not yet", "stop") and told.why.startswith("Look at the machine first")
 
 
 def test_of_two_faults_every_step_names_its_axis() -> None:

@@ -162,8 +162,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
-    if is_cut_off(former) and found.may in ("yes", "but") and found.state in ("good", "unchanged", "late", "partial"):
-        # Nobody makes a part on a machine that may still move: the sign is that of a no.
+    if is_cut_off(former) and found.may in ("yes", "but"):
+        # Nobody makes a part on a machine that may still move, whatever else is open: the sign is that of a no.
         return replace(found, may="no", word=t("may.not_yet"), state="cut_off", why=t("may.cut_off"))
     if is_unsent(former) and found.may == "yes":
         return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
