@@ -240,7 +240,7 @@ def test_a_reversal_value_of_one_axis_that_is_not_loaded_is_no_kept_compensation
         judged = not_all(found, by_part(one.asked, from_readings(one.cell.machine, one.cell.artefact, few)), one.asked.kept)
         words[axis] = found.verdict, judged.verdict
         assert not axis or f"{axis}.COM, BACKLASH" in judged.text
-    assert {one for one, _ in words.values()} == {"kept"}
+    assert {by_sum for by_sum, _ in words.values()} == {"kept"}
     assert words[""][1] == "kept" and {words["A"][1], words["C"][1]} == {"not as promised"}
 
 

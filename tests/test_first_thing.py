@@ -103,6 +103,18 @@ def test_a_machine_that_may_still_move_is_not_yet_whatever_alarm_it_has(verdict:
     assert (told.word, told.level) == ("Not yet", "stop") and told.why.startswith("Look at the machine first")
 
 
+@pytest.mark.parametrize(
+    ("verdict", "old", "word"), [("out_of_limits", 0, "No"), ("doubtful", 0, "No"), ("good", 20, "Nobody knows")]
+)
+def test_a_machine_that_may_still_move_is_looked_at_before_anything_else(verdict: str, old: int, word: str) -> None:
+    cut = said_cut_off(["2026-11-29T020000Z"])
+    told = renamed(answer(night(M, 1, verdict), Units(), texts(), old=old), cut, texts())
+    assert told.word == word and told.why.startswith("Look at the machine first")
+    last = {**night(M, 2, "not_measured"), "moved": True}
+    told = answer(last, Units(), texts(), before=night(M, 1, verdict), old=old)
+    assert told.word == word and told.why.startswith("Look at the machine first")
+
+
 def test_of_two_faults_every_step_names_its_axis() -> None:
     """ "Enter no new location" of the one beside "have the compensation written" of the other read as opposite orders."""
     spindle = {"parameter": "EX0S", "todo": "…", "alone": "Have the new location entered.", "drifts": False, "decision": None}
@@ -153,7 +165,7 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
 
 
 def test_age_and_simulated_are_the_same_on_every_page(tmp_path: Path) -> None:
-    """The newest night measured nothing: how long ago is told of the one that did, which measured no machine."""
+    """The newest night measured nothing: the page counts the hours since the one that did, which a simulator made."""
     place = cell(tmp_path / "one", records=records("nothing"))
     assert "measured 24 h ago" in seen(place, "/")
     assert re.search("nothing measured. Last measured: night of .{15}, 24 h ago", seen(place, f"/machine/{M}"))

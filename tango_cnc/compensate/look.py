@@ -243,7 +243,7 @@ def _std(ready: System, sigma: float, chosen: Count, wanted: Array) -> Array:
 
 
 def stds(covariance: Array) -> Array:
-    """(k + 1, k + 1) covariance of shares and of all together → (k + 1,) with which each is told from none."""
+    """(k + 1, k + 1) covariance of shares and of all together → (k + 1,) standard deviations of telling each from none."""
     return np.append(apart(covariance[:-1, :-1]), covariance[-1, -1] ** 0.5)
 
 

@@ -251,7 +251,7 @@ def acting(share: Array, covariance: Array, margin: float) -> list[bool | None]:
 
 
 def apart(covariance: Array) -> Array:
-    """(k, k) covariance of shares → (k,) standard deviation with which each is told from none, alone or with others missing."""
+    """(k, k) covariance of shares → (k,) standard deviation of telling each from none, alone or with others."""
     result = np.sqrt(np.diag(covariance))
     most = np.argsort(-np.diag(covariance))[:TOGETHER]
     precision = np.linalg.inv(covariance[np.ix_(most, most)])

@@ -26,11 +26,11 @@ class Selection:
 
     model: Model
     unseen: tuple[Combination, ...]
-    relative: frozenset[str] = frozenset()  # absolute scale unseen: gains that are told against that of X
+    relative: frozenset[str] = frozenset()  # gains of which the touches show only the difference to that of X
 
     @property
     def mismatch(self) -> bool:
-        """→ whether gains are told against that of X, as nothing shows the absolute scale."""
+        """→ whether the touches show gains only as differences to that of X: nothing shows the absolute scale."""
         return bool(self.relative)
 
     def label(self, name: str) -> str:
@@ -58,13 +58,13 @@ def select(touches: Touches, terms: Sequence[TermItem], degree: int = 3) -> Sele
     model = Model(touches, (*(c for c in wanted if c.name in names), *(c for c in setup if c.name in names)))
     asked = {*(c.name for c in wanted), *STYLUS}
     unseen = tuple(c for name, c in left.items() if name in asked)
-    relative = _told_against_x(left["EXX1"], names) if "EXX1" in {*left} & asked else frozenset()
+    relative = _relative_to_x(left["EXX1"], names) if "EXX1" in {*left} & asked else frozenset()
     return Selection(model, unseen, relative)
 
 
-def _told_against_x(scale: Combination, fitted: set[str]) -> frozenset[str]:
-    """what moves the touches as EXX1 does (EXX1 alone where it is merely too faint), fitted coefficients → gains of which only the
-    difference to it is known.
+def _relative_to_x(scale: Combination, fitted: set[str]) -> frozenset[str]:
+    """combination that moves the touches as EXX1 does (of EXX1 alone where it is too faint), fitted coefficients → gains of which
+    the touches show only the difference to EXX1.
     """
     gains = {"EYY1", "EZZ1"} & fitted
     known = dict(zip(scale.names[1:], scale.weights[1:], strict=True))

@@ -83,16 +83,14 @@ def answer(
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
         why = t("may.long_ago", date=day(record["last_measured"], t))
-    if missing and known is None and record.get("moved"):
-        why = f"{t('may.moved_unknown')} {why}"
     if missing and known is not None:
         doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
-        key = "may.moved" if record.get("moved") and may != "no" else key
         may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
-    moving = missing and may != "no" and bool(record.get("moved"))
+    moving = missing and bool(record.get("moved"))
     if old:
-        return _of_old(record, known, may, old, date, u, t, machine)
+        stale = _of_old(record, known, may, old, date, u, t, machine)
+        return _machine_first(stale, "moved", stale.state, t) if moving else stale
     if late and may == "yes":  # an answer of a week ago is no yes of today
         may, state, why = "but", "late", t("may.late", date=day(late, t))
     elif late and not missing:
@@ -101,9 +99,17 @@ def answer(
     if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
         may, state, why = "but", "undecided", t("may.first_part")
     numbers = _numbers(known, u, t, machine, date if missing else "")
-    if moving:
-        return Answer("no", t("may.not_yet"), state, numbers, why, soon)
-    return Answer(may, t(f"may.{may}"), state, numbers, why, soon)
+    found = Answer(may, t(f"may.{may}"), state, numbers, why, soon)
+    return _machine_first(found, "moved", state, t) if moving else found
+
+
+def _machine_first(found: Answer, key: str, state: str, t: Texts) -> Answer:
+    """answer, key of why the control may still execute a program, state where parts might be made, texts → the answer that begins
+    with the order to look at the machine. Nobody makes a part on it before, whatever else is open: the sign is that of a no.
+    """
+    if found.may in ("yes", "but"):
+        return replace(found, may="no", word=t("may.not_yet"), state=state, why=t(f"may.{key}"))
+    return replace(found, why=f"{t(f'may.{key}_unknown')} {found.why}".strip())
 
 
 def _of_old(
@@ -162,9 +168,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
-    if is_cut_off(former) and found.may in ("yes", "but"):
-        # Nobody makes a part on a machine that may still move, whatever else is open: the sign is that of a no.
-        return replace(found, may="no", word=t("may.not_yet"), state="cut_off", why=t("may.cut_off"))
+    if is_cut_off(former):
+        return _machine_first(found, "cut_off", "cut_off", t)
     if is_unsent(former) and found.may == "yes":
         return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
