@@ -38,6 +38,7 @@ from .check import positioning_feed
 from .design import gate_of
 
 DAY = 86_400.0  # s
+UNSURE = 0.3  # standard deviation of a share from which the check hardly decides
 
 
 def is_short(kept: loop.Kept, file: Path) -> bool:
@@ -232,6 +233,3 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
             f"  tango compensate -C {cell.folder} --measured {kept.number} --readings {place / 'readings.csv'}{how}",
         ]
     )
-
-
-UNSURE = 0.3  # standard deviation of a share from which the check hardly decides

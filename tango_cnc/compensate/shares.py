@@ -221,14 +221,6 @@ def shares(
     return Shares(tuple(part.name for part in parts), mean[keep], root[keep], ready.places, chance, numbers)
 
 
-def expected(ready: System, sigma: float) -> Array:
-    """system, mm → (q, q) covariance after its touches."""
-    white = ready.rows @ ready.root / sigma
-    inner = linalg.cholesky(np.eye(white.shape[1]) + white.T @ white, lower=True)
-    half = ready.root @ linalg.solve_triangular(inner, np.eye(len(inner)), lower=True).T
-    return np.asarray(half @ half.T)
-
-
 def acting(share: Array, covariance: Array, margin: float) -> list[bool | None]:
     """(k,) shares, (k, k) covariance, least difference of squared distances → of each part whether it acts; None: not decided.
 
