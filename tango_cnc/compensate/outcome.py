@@ -38,7 +38,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Run:
+class Remeasured:
     """What a run with a compensation in the control finds, over its volume, set-up taken out."""
 
     levers: Array  # (3n, p) mm per unit of every coefficient
@@ -53,7 +53,7 @@ class Run:
         return mean(there(self.now.values, self.now.covariance, self.levers, gone, self.now.freedom))
 
 
-def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run:
+def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Remeasured:
     """compensation, estimate of readings made with it in the control, what its target holds → what they find.
 
     `tcp`: the readings were made with tool center point control on. Without it a probing cycle sees the axes and not the
@@ -67,7 +67,7 @@ def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run
     told = _unseen(kept, held, at) if not tcp else np.zeros(3 * len(at))
     columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, [tcp or not h.tcp for h in held])]
     error, told, moved = at.free(np.stack(columns, axis=1)).T
-    return Run(at.free(now.levers(at)), error, told, moved, now)
+    return Remeasured(at.free(now.levers(at)), error, told, moved, now)
 
 
 def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
