@@ -34,7 +34,7 @@ def ways(axis: Axis, goal: float, size: float) -> list[float]:
     """
     low, high = axis.limits
     below, above = min(size, goal - low), min(size, high - goal)
-    found = [-below, above] if below >= size or below >= above else [above, -below]
+    found = [-below, above] if below >= above else [above, -below]
     return [way for way in found if abs(way) >= LEAST * size]
 
 
