@@ -133,10 +133,11 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )
-        lines.append(
-            f"no other choice of facets at these indexations gets below {own['bound_at_these_indexations']:.3g} {unit}: "
-            f"efficiency {100 * own['efficiency_at_these_indexations']:.0f} %"
-        )
+        if own["bound_at_these_indexations"] > own["bound"]:
+            lines.append(
+                f"no other choice of facets at these indexations gets below {own['bound_at_these_indexations']:.3g} {unit}: "
+                f"efficiency {100 * own['efficiency_at_these_indexations']:.0f} %"
+            )
     if "competitors" in data:
         said = ", ".join(f"{name} {other:.3g}" for name, other in data["competitors"].items())
         lines.append(f"other plans of this time ({unit}): {said}")
