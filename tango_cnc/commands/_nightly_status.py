@@ -17,7 +17,7 @@ from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
 from ..link.lock import cut_off, unsent
-from ..nightly.words import answer
+from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import measured_on, night_of_stamp, nights_old
 from ..report.morning import next_night

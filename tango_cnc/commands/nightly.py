@@ -122,7 +122,7 @@ def command(
         why = str(error.strerror or error) if isinstance(error, OSError) else str(error)
         click.echo(t("night.night.not_written", name=f"{record['artefacts']['folder']}/morning.html", why=why), err=True)
     if not write_json(json_file, record):
-        from ..nightly.words import message
+        from ..nightly.mail import message
 
         subject, text = message(record, record.get("trouble", ()), (), newest, t=t)
         click.echo(f"{subject}\n\n{text}", nl=False)

@@ -30,9 +30,10 @@ from ..texts import carried, joined, say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
 from .edited import asked, edited
+from .mail import message
 from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
-from .words import headline, message
+from .words import headline
 
 MISSED = 7  # nights that were missed and are put on record one by one
 REACHED = "# has reached "  # below a message that waits for others
