@@ -15,7 +15,7 @@ from support import distances
 from support.blockcell import block, machine
 
 from tango_cnc.check import solid
-from tango_cnc.check.collision import Pose, obstruction
+from tango_cnc.check.collision import BEHIND, Pose, obstruction
 from tango_cnc.plan import sweep
 from tango_cnc.records import Approach, Artefact, Ball, Facet, Obstacle, Probe
 
@@ -70,6 +70,14 @@ def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
     why = refusal(artefact)
     assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
+
+
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_what_carries_the_probe_ends_where_it_ends(beyond: float) -> None:
+    """A beam over the machine is no obstacle to a probe that stands below it."""
+    low = PROBE.length + BEHIND + RADIUS["body"] + HELD["body"] + beyond
+    artefact = replace(FLOATING, obstacles=(Obstacle("box", (-50.0, -50.0, low), (50.0, 50.0, low + 10.0)),))
+    assert refusal(artefact, probe=replace(PROBE, nose_radius=0.0)) == ("the body would hit obstacle 1" if beyond < 0 else "")
 
 
 @pytest.mark.few(4)

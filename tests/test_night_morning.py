@@ -28,9 +28,10 @@ from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
 from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.doubt import Judged, believed
+from tango_cnc.nightly.mail import answer, message
 from tango_cnc.nightly.night import _before
 from tango_cnc.nightly.standing import standing
-from tango_cnc.nightly.words import answer, headline, message
+from tango_cnc.nightly.words import headline
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
 from tango_cnc.report.repeated import as_decided

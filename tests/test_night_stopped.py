@@ -22,9 +22,9 @@ from tango_cnc.history import Decision, History, opened
 from tango_cnc.link.lock import holding
 from tango_cnc.nightly import Measured
 from tango_cnc.nightly.dates import since
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.night import _before, night
 from tango_cnc.nightly.ports import Ports
-from tango_cnc.nightly.words import message
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
 from tango_cnc.report.answer import answer

@@ -55,7 +55,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Run:
+class Remeasured:
     """What a run with a compensation in the control finds, over its volume, set-up taken out."""
 
     levers: Array  # (3n, p) mm per unit of every coefficient
@@ -73,7 +73,7 @@ class Run:
         return mean(there(self.now.values, self.now.covariance, self.levers, gone, self.now.freedom))
 
 
-def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run:
+def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Remeasured:
     """compensation, estimate of readings made with it in the control, what its target holds → what they find.
 
     `tcp`: the readings were made with tool center point control on. Without it a probing cycle sees the axes and not the
@@ -88,7 +88,7 @@ def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run
     sees = [tcp or not h.tcp for h in held]
     columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, sees), _moved(kept, held, at, [not s for s in sees])]
     error, told, moved, hidden = at.free(np.stack(columns, axis=1)).T
-    return Run(at.free(now.levers(at)), error, told, moved, hidden, now)
+    return Remeasured(at.free(now.levers(at)), error, told, moved, hidden, now)
 
 
 def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:

@@ -30,9 +30,10 @@ from ..texts import carried, joined, say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
 from .edited import asked, edited
-from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
+from .mail import message
+from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
-from .words import headline, message
+from .words import headline
 
 MISSED = 7  # nights that were missed and are put on record one by one
 REACHED = "# has reached "  # below a message that waits for others
@@ -154,12 +155,12 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     return found | more, knowledge, files, measured.text
 
 
-def room(disk: Disk, settings: Nightly) -> Finding:
+def room(disk: Disk, settings: Nightly) -> PreflightPoint:
     """disk, settings → whether there is room for a night."""
     free = disk.free_mb()
     enough = free >= settings.free_mb
     found = say("night.night.mb_free" if enough else "night.night.mb_left", free=f"{free:.0f}")
-    return Finding(
+    return PreflightPoint(
         "disk", enough, found, "" if enough else say("night.night.make_room_mb_needed", free_mb=f"{settings.free_mb:.0f}")
     )
 

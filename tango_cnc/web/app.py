@@ -34,7 +34,7 @@ from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
-from .places import Machine, Places
+from .places import Places, Served
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns
 
@@ -232,7 +232,7 @@ def proven(request: Request, form: Mapping[str, Any]) -> SignIn:
     return signed
 
 
-def machine_of(request: Request) -> Machine:
+def machine_of(request: Request) -> Served:
     """request → the machine of its address. Raises HTTPException 404."""
     found = state_of(request).places.machines().get(str(request.path_params["slug"]))
     if found is None:
