@@ -69,7 +69,8 @@ def as_far_as_trusted(
     mend = "mend what makes them doubtful and measure again"
     if found.verdict == "no help":
         return replace(found, text=f"{found.text}. But {why}: take it back all the same, then {mend}")
-    return replace(found, verdict="undecided", text=f"this run decides nothing: {why}. {mend.capitalize()}")
+    text = f"this run decides nothing: {why}. {mend.capitalize()}"
+    return replace(found, verdict="undecided", text=text, not_seen=(), left_if_none=None)
 
 
 def _some(names: list[str]) -> str:

@@ -21,7 +21,8 @@ from ..records import Array, InputError, Machine
 from .fit import known, rms
 from .outcome import Outcome, promises, rolled_back
 from .promise import DRAWS, Figure
-from .short import NEAR, WITHIN, Short, changes
+from .seen import NEAR, WITHIN
+from .short import Short, changes
 from .space import Poses
 
 DRIFT = 0.002  # mm: what a cycle of the control and warmth between both measurements may make
