@@ -277,7 +277,7 @@ class History:
         told = [alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]]
         newest: dict[str, Mapping[str, Any]] = {}
         for alarm in told:
-            newest.setdefault(alarm["id"], alarm)  # one that goes on is told by several nights
+            newest.setdefault(alarm["id"], alarm)  # several nights report one that goes on
         closed = decided | merged(told)
         return tuple(alarm for key, alarm in newest.items() if key not in closed)
 

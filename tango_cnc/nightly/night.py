@@ -2,7 +2,7 @@
 
     lock → what was left behind → preflight → measure → analyse → verdict → keep → tell
 
-Nothing moves before every point of the preflight has passed. What is kept is kept before anybody is told.
+Nothing moves before every point of the preflight has passed. The history has the night before anybody gets a message.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
         "why": say("night.night.at_work_this_folder", by=error.by),
         "artefacts": {"folder": f"nights/{own}"},
     }
-    with suppress(TangoError, OSError):  # a history that cannot be read is told with what could not be kept
+    with suppress(TangoError, OSError):  # the message names a history that cannot be read with what could not be kept
         record |= _before(base["machine"], world)
     return record, own
 
