@@ -23,7 +23,7 @@ from tango_cnc.link.lock import holding
 from tango_cnc.nightly import Measured
 from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.mail import message
-from tango_cnc.nightly.night import _before, night
+from tango_cnc.nightly.night import known_before, night
 from tango_cnc.nightly.ports import Ports
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
@@ -126,7 +126,7 @@ def test_a_night_that_did_not_measure_still_asks_for_an_answer_to_an_alarm(histo
 
 def test_what_is_known_is_of_the_last_night_that_was_believed(history: History) -> None:
     history.add_night(record(2, verdict="doubtful", parameters={}), "touch\n1\n")
-    known = _before("M", cast(Ports, SimpleNamespace(past=history)))
+    known = known_before("M", cast(Ports, SimpleNamespace(past=history)))
     assert (known["last_measured"], known["last_carried"]) == (record(2)["night"], record(1)["night"])
     told = {
         **record(3, verdict="doubtful", parameters={}),

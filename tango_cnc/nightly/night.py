@@ -71,7 +71,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     try:
         with world.lock:
             left = _left_behind(machine, cell, settings, world, begun)
-            base |= _before(machine, world, cell)
+            base |= known_before(machine, world, cell)
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
@@ -83,7 +83,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     except Exception as error:  # whatever it is: no night ends without a message
         record = base | {"why": sentence(error)}
         try:  # it may have come to nothing before the history was asked
-            record = _before(machine, world, cell) | record
+            record = known_before(machine, world, cell) | record
         except (TangoError, OSError):
             record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
@@ -116,7 +116,7 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
         "artefacts": {"folder": f"nights/{own}"},
     }
     with suppress(TangoError, OSError):  # the message names a history that cannot be read with what could not be kept
-        record |= _before(base["machine"], world)
+        record |= known_before(base["machine"], world)
     return record, own
 
 
@@ -249,7 +249,7 @@ def _added(world: Ports, stamp: str) -> bool:
     return True
 
 
-def _before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
+def known_before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not; what its cell has under another
     name, of a machine that has nights only as long as an alarm there has no answer.
     """
