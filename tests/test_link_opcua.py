@@ -91,6 +91,16 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
     line.close()
 
 
+def test_a_connection_is_kept_and_one_that_broke_is_opened_anew(server, monkeypatch):
+    line = opened(server)
+    opens, again = [], type(line)._open
+    monkeypatch.setattr(type(line), "_open", lambda self: opens.append(1) or again(self))
+    assert asked(line, b"ask").startswith("ASK ") and "record=" in asked(line, b"get") and not opens
+    line.close()
+    assert "record=" in asked(line, b"get") and len(opens) == 1
+    line.close()
+
+
 @pytest.mark.few(0)
 def test_a_run_brings_the_program_and_takes_every_record(server, cell):
     server.put(R["record"], 65533)  # counted on from runs of before, and from 65535 to 0
