@@ -319,7 +319,7 @@ def test_no_function_is_longer_than_a_reader_holds(root: Path) -> None:
     assert not found, f"more than {LONGEST} lines: cut into steps with names: {found}"
 
 
-PRIVATE = 147  # statements; tests of several files get what they need through `tests/support/`. This number only falls.
+PRIVATE = 125  # statements; tests of several files get what they need through `tests/support/`. This number only falls.
 
 
 def test_tests_ask_for_what_is_public(root: Path) -> None:

@@ -43,6 +43,18 @@ def test_the_walk_alone_decides_what_is_clear(monkeypatch: pytest.MonkeyPatch) -
     assert not apart(upper, at, lower, there, 1.3 * gap - radii).any()
 
 
+def test_two_boxes_straight_above_each_other_are_decided_at_the_first_look(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The walk begins at the way from the one centre to the other, between all shifts."""
+    monkeypatch.setattr("tango_cnc.check.apart.STEPS", 1)
+    monkeypatch.setattr("tango_cnc.check.apart._nearest", lambda *args: pytest.fail("one look has not decided"))
+    gap = np.linspace(2.0, 40.0, 20)
+    upper, at, lower, there, radii = over_each_other(gap, np.tile([2.0, -6.0], (20, 1)))
+    sideways = np.array([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
+    swept = Pose(at.turn, at.shift + sideways)
+    still = Pose(there.turn, np.repeat(there.shift, 2, axis=1))
+    assert apart(upper, swept, lower, still, 0.9 * gap - radii).all()
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_proven_apart_is_apart(seed: int) -> None:
     """Random solids shifted past each other: what is proven is so for all points of both that are drawn."""

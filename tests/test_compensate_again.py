@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 from support.closing import SETTINGS
-from support.compensated import example, first, measured, truth, write
+from support.compensated import example, first, measured, text, truth, write
 
 from sim_controller.compensation import read
-from tango_cnc.commands._compensate import text
 from tango_cnc.compensate import Proposal, loop, propose
 from tango_cnc.compensate.hidden import Present, of_record
 from tango_cnc.compensate.outcome import outcome

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from support.closing import SETTINGS
-from support.compensated import ROOT, example, truth, write
+from support.compensated import ROOT, example, text, truth, write
 from test_compensate_promise import drawn
 
 from sim_controller.compensation import read
@@ -23,7 +23,6 @@ from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
 from tango_cnc import kinematics
 from tango_cnc.cli import tango
-from tango_cnc.commands._compensate import text
 from tango_cnc.commands.check import positioning_feed
 from tango_cnc.commands.design import gate_of
 from tango_cnc.compensate import Proposal, loop, propose, turned

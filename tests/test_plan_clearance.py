@@ -7,7 +7,7 @@ import pytest
 from support.blockcell import block, cell, machine
 
 from tango_cnc import check
-from tango_cnc.plan import plan
+from tango_cnc.plan import plan, sweep
 from tango_cnc.plan.clearance import MARGIN
 from tango_cnc.plan.places import scene
 from tango_cnc.plan.travel import DROP
@@ -37,3 +37,18 @@ def test_the_clear_level_is_above_every_stand_off_and_above_all_that_stands_on_t
         highest = height[at == index].max()
         top = check.solid(made.artefact).top(up[at == index][:1])[0] + made.machine.probe.tip_radius
         assert level[index] == pytest.approx(max(highest + DROP, top + MARGIN))
+
+
+@pytest.mark.parametrize(
+    ("topology", "turns"),
+    [("wCBfXYZ(S)t", True), ("wCBXfZY(S)t", True), ("wfXYZBC(S)t", False), ("wXYfZBC(S)t", False)],
+)
+def test_a_table_sweeps_a_sphere_where_a_rotary_axis_carries_it(topology: str, turns: bool) -> None:
+    """It holds every corner of what is on the table."""
+    artefact = block(obstacle=True)
+    found = sweep.swept(machine(topology), check.solid(artefact))
+    assert (found is not None) is turns
+    if found is not None:
+        centre, radius = found
+        corners = np.vstack([body.corner for body in check.solid(artefact).obstacles])
+        assert np.linalg.norm(corners - centre, axis=1).max() <= radius

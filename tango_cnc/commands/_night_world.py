@@ -1,4 +1,4 @@
-"""The real world of a night: this computer's clock and disk, the control at the end of the line, people who are told."""
+"""The real world of a night: this computer's clock and disk, the control at the end of the line, people who get messages."""
 
 from __future__ import annotations
 

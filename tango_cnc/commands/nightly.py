@@ -145,7 +145,7 @@ class _Held:
 
 
 def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
-    """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
+    """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
     from ..report.morning import last_within, never_within, volumes_of
 
@@ -163,7 +163,7 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:
-    """history, record of the night that was just told → entries and newest hash; None where it is not in the history."""
+    """history, record of tonight → entries and newest hash; None where it is not in the history."""
     with suppress(TangoError):
         return None if record.get("trouble") else history.newest_hashes().get(record["machine"])
     return None
@@ -192,6 +192,7 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
+    """cell, --install, --at → exit status; the timer is in nights/timer, and what to do with it is said."""
     from ..nightly.install import ENCODING, advice, skipped, units
 
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
@@ -209,6 +210,7 @@ def _install(cell: Cell, kind: str, at: str) -> int:
 
 
 def _tell(disk: Any, mail: Any, t: Texts) -> int:
+    """disk, mail, texts → exit status: 3 where a message that waits could not be sent again."""
     from ..nightly.night import delivered
 
     failed = 0
@@ -228,6 +230,7 @@ def _tell(disk: Any, mail: Any, t: Texts) -> int:
 def _dry(
     control: Any, analysis: Any, history: Any, now: datetime, disk: Any, settings: Nightly, json_file: str | None, t: Texts
 ) -> int:
+    """control, analysis, history, now, disk, settings, --json, texts → exit status: 1 where this night could not begin."""
     from ..nightly import day_of
     from ..nightly.night import room
     from ..report.texts import code

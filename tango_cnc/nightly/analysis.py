@@ -102,7 +102,7 @@ class Heard:
     helped: Sequence[dict[str, Any]] = ()  # repairs that helped
     ignored: Sequence[dict[str, Any]] = ()
     waiting: Sequence[dict[str, Any]] = ()  # of nights before, not answered
-    silent: Sequence[dict[str, Any]] = ()  # of nights before, that are told no more
+    silent: Sequence[dict[str, Any]] = ()  # of nights before, that somebody ignores
 
 
 class Nights(Before):
@@ -248,7 +248,7 @@ class Nights(Before):
         return dated
 
     def _with_others(self, past: Past, day: float, kind: str, u: Update, place: Place, trusted: bool, heard: Heard) -> Heard:
-        """alarms of the night → with them those of nights before: who waits for an answer, and who is told no more."""
+        """alarms of the night → with them those of nights before: those without an answer, and those that somebody ignores."""
         machine, known = self.cell.machine.name, self.known
         found = place.parameters if trusted else {}
         waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in heard.alarms} | merged(heard.alarms))
@@ -295,7 +295,7 @@ class Nights(Before):
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
         doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
-        changed = bool(alarms or waiting)  # the worst first: what has changed is told with it
+        changed = bool(alarms or waiting)  # the worst first: it names what has changed, too
         told: dict[str, Any] = {
             "verdict": "doubtful" if doubtful else "out_of_limits" if beyond else "changed" if changed else "good",
             "change": None if u.first else parts.change(u.tonight, rate * AT_ONCE, rate),

@@ -102,7 +102,7 @@ class Before:
 
     @cached_property
     def known(self) -> Known:
-        """→ what alarms are told by."""
+        """→ what alarms are worded with."""
         return Known(self.cell, self.followed, self.lever)
 
     def state(self, past: Past) -> State | None:
@@ -118,7 +118,7 @@ class Before:
 
     @cached_property
     def _newest(self) -> list[tuple[Knowledge, State | None]]:
-        """→ what the last call of `state` was told by the history, and the state that it is: a night asks twice."""
+        """→ what the history said to the last call of `state`, and the state that it is: a night asks twice."""
         return []
 
     def choice(self, past: Past, day: float) -> tuple[str, str, tuple[int, ...]]:

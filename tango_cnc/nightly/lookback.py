@@ -3,7 +3,7 @@
     value of a night = level + steps at its alarms + causes + what it wanders + what the night does not know
 
 A cause is the season, the temperature, wear since the last alarm, a drift over all nights, or one that a night has told: from the
-night that it was told from, to the night on which it came to rest. How fast the parameter wanders is estimated with
+night that reported it, to the night on which it came to rest. How fast the parameter wanders is estimated with
 and without it (maximum likelihood), so that a machine that wanders is not taken for one that drifts; the price of all tries is
 paid (Bonferroni). What a night has by itself is taken out of the state of that night first: the states of two nights share what
 both know.

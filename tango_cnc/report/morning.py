@@ -52,7 +52,7 @@ NIGHT: Mapping[str, Any] = {  # what a page asks of every record
 LISTED = 3  # faults below the first one
 DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
-LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still be told as the same
+LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still count as the same
 
 
 def render(
@@ -110,7 +110,7 @@ def context(
     night is missing; `within`: date of the last night within
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
     tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
-    still measures; `now`: what the age of the night is told by; `newer`: how many nights came
+    still measures; `now`: what the age of the night counts to; `newer`: how many nights came
     after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the machine
     was measured, where these are too many for an answer of today (None: as the record says).
     """
