@@ -13,15 +13,16 @@ from support.compensated import ROOT
 from test_compensate_short import loaded
 
 from tango_cnc.cli import tango
-from tango_cnc.commands import _short_check
-from tango_cnc.compensate import loop
+from tango_cnc.compensate import loop, propose
 from tango_cnc.compensate import turned as turn
 from tango_cnc.compensate.loads import files_of
 from tango_cnc.compensate.seen import Sorted, seen
-from tango_cnc.compensate.shares import Part
+from tango_cnc.compensate.shares import Before, Part
 from tango_cnc.compensate.short import Short
-from tango_cnc.files import read_cell
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_readings
 from tango_cnc.loaded import AS_SEEN, HELPS, KEPT
+from tango_cnc.noise import honest
 from tango_cnc.report.compensated import marked
 from tango_cnc.report.texts import texts
 
@@ -108,6 +109,8 @@ def test_without_tool_center_point_control_kinematics_are_not_kept(tmp_path: Pat
         found = json.loads(run("compensate", "-C", cell, "--measured", 1, "--readings", file, "--no-tcp", "--json", "-").stdout)
         assert found["verdict"] == AS_SEEN and found["not_seen"][0] == "the kinematics"
         assert found["left_if_none_um"] > 10
+    judged = run("compensate", "-C", cell, "--measured", 1, "--readings", cell / "after.csv", "--no-tcp")
+    assert judged.return_value == 1  # the promise need not be kept
     last = loop.history(cell)[-1]
     assert last["not_seen"][0] == "the kinematics" and last["text"].startswith(
         "this run does not see whether the control uses the kin"
@@ -148,7 +151,10 @@ def test_kinematics_of_which_one_turn_shows_nothing_are_not_kept(tmp_path: Path)
     def turned(text: str, *more: object) -> Result:
         return run("compensate", "-C", cell, "--measured", 1, "--turned", text, *more)
 
-    asked = _short_check._asked(read_cell(cell), kept, 1.0, tcp=True)
+    mill = read_cell(cell)
+    readings = read_readings(kept.folder / loop.MADE_FROM, mill.machine, mill.artefact)
+    result = honest(estimate(mill.machine, mill.artefact, readings, mill.terms))
+    asked = Short(kept, Before(result, 1.0), propose(result, "siemens", ("tables=no",)).held, tcp=True, first_tcp=False)
     words = {}
     for axis, angle in (("C", 180), ("A", 60)):
         expected = turn.turn(asked, axis, np.radians(angle), fixture=False)

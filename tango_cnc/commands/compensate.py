@@ -354,7 +354,7 @@ def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tc
     data |= unseen
     if not write_json(json_file, data):
         click.echo(f"compensation {kept.number}: {found.verdict}: {found.said}")
-    return 0 if found.verdict in HELPS else TangoError.exit_code
+    return 0 if found.in_any_case else TangoError.exit_code
 
 
 def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Outcome, list[str]]:
