@@ -16,7 +16,7 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
-from ..link.lock import cut_off, unsent
+from ..link.lock import cut_off, ended
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import measured_on, night_of_stamp, nights_old
@@ -26,7 +26,7 @@ from ..report.texts import Texts, code
 from ..report.tonight import by_tonight
 from ..texts import joined
 from ._common import on_terminal, table, write_json
-from ._shop import headlines, looked_at, note_simulated
+from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
 
 
@@ -47,7 +47,7 @@ class Status:
     waiting: Sequence[str]  # stamps of messages that are not sent
     unfinished: Sequence[str]  # stamps of nights that have begun and not ended
     cut: Sequence[str]  # stamps of those that nobody works on
-    early: Sequence[str]  # and of those that had ended before their message
+    ended: Mapping[str, str]  # and how those ended that did
 
     @property
     def late(self) -> bool:
@@ -142,7 +142,7 @@ def _read(
         [stamp for stamp, _ in disk.unsent()],
         [stamp for stamp, _ in disk.unfinished()],
         cut,
-        unsent(folder, cut),
+        ended(folder, cut),
     )
 
 
@@ -178,7 +178,7 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     for stamp in found.waiting:
         yield "  " + t("cli.nightly.waits", stamp=stamp)
     for stamp in found.unfinished:
-        key = "ended_before" if stamp in found.early else "cut_off" if stamp in found.cut else "begun"
+        key = ENDED.get(found.ended.get(stamp, ""), "cut_off" if stamp in found.cut else "begun")
         yield "  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp))
     if found.coming:
         yield "  " + t("cli.nightly.next", kind=code(found.coming["kind"]), why=found.coming["why"])

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..history import History, Night
 
 LOOKED = 7  # nights
+ENDED = {"unsent": "ended_before", "waiting": "ended_waits"}  # how a night ended that has the mark of one at work: its text
 
 
 def of_shop(settings: Nightly) -> Texts:

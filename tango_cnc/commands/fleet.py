@@ -14,11 +14,11 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..link.lock import cut_off, unsent
+from ..link.lock import cut_off, ended
 from ..records import InputError, TangoError
 from ..texts import joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
-from ._shop import headlines, note_simulated
+from ._shop import ENDED, headlines, note_simulated
 
 if TYPE_CHECKING:
     from ..history import History, Night, Standing
@@ -201,8 +201,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
-        early = [] if row.cell is None else unsent(row.cell, row.cut_off)
-        keys = {stamp: f"cli.nightly.{'ended_before' if stamp in early else 'cut_off'}" for stamp in row.cut_off}
+        how = {} if row.cell is None else ended(row.cell, row.cut_off)
+        keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
         cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
         rows.append([name, *last, str(s.alarms_open or ""), late, drawn, joined("; ", (cut or None, row.said or None))])
     return rows

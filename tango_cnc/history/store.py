@@ -370,11 +370,15 @@ class History:
             with self.engine.connect() as connection:
                 found = list(connection.execute(wanted, given).all())
         except (DBAPIError, UnicodeDecodeError) as error:
-            raise LinkError(
-                f"history: it cannot be read ({first_line(error)}); restore a backup with 'tango history restore'"
-            ) from None
+            raise LinkError(f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}") from None
         _whole.rows(wanted, found)
         return found
+
+    def _look_at(self, error: Exception) -> str:
+        """what was raised while it was read → what a person does: a server that went away has lost nothing."""
+        if isinstance(error, OperationalError) and self.engine.dialect.name == "postgresql":
+            return "is the database switched on, and the network between?"
+        return "restore a backup with 'tango history restore'"
 
     def close(self) -> None:
         """Lets go of the database."""

@@ -144,6 +144,14 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
         more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
+    except LinkError as error:  # the history went away: nothing is wrong with the readings, and nobody has judged them
+        why = say("night.night.not_judged", touches=len(measured.readings), why=sentence(error))
+        return (
+            found | {"kind": "none", "status": "failed", "touches": 0, "why": why, "do": say("night.night.see_to_history")},
+            None,
+            {},
+            measured.text,
+        )
     except (
         Exception
     ) as error:  # a mistake of this program is no reason to lose a night: its readings are kept, somebody hears of it

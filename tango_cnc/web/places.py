@@ -19,7 +19,7 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
-from ..link.lock import cut_off, unsent
+from ..link.lock import cut_off, ended
 from ..records import Cell, Machine, TangoError
 from ..report.age import nights_old
 from ..report.answer import said_cut_off
@@ -130,7 +130,7 @@ class Places:
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is not None and (cut := cut_off(m.folder)):
-                m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut, unsent(m.folder, cut))))
+                m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut, ended(m.folder, cut))))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
