@@ -5,12 +5,23 @@ from __future__ import annotations
 import shutil
 import signal
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from support.dialects import EXAMPLE
-from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, newest_run, note_planned, told_of_signals
+from support.nights_parts import (
+    JOURNAL,
+    KEPT,
+    PLANNED,
+    RealDisk,
+    executed_until,
+    keep_readings,
+    newest_run,
+    note_planned,
+    told_of_signals,
+)
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.cli import tango
@@ -79,6 +90,16 @@ def test_the_next_night_listens_before_it_sends_where_the_last_run_did_not_end(c
     assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
     shutil.copy(cell / JOURNAL, later / JOURNAL)
     assert silence_after(newest_run(cell, "2026-10-05T020000Z"), made) == 0.0  # this one came to its end
+
+
+def test_a_night_waits_until_a_program_that_was_left_behind_must_be_over(cell: Path, night: Path) -> None:
+    """A line that was cut may carry nothing of what the control prints: silence alone proves nothing there."""
+    made = plan(read_cell(cell))
+    until = executed_until(cell, "2026-10-03T021000Z", made)
+    assert until is not None
+    lasts = until - datetime(2026, 10, 3, 2, tzinfo=UTC)
+    assert timedelta(seconds=sum(durations(made).values())) < lasts < timedelta(hours=1)
+    assert executed_until(cell, STAMP, made) is None
 
 
 def test_a_report_of_that_morning_is_no_plain_yes() -> None:

@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from ..files import readings_text, write_text
@@ -15,13 +16,16 @@ from ..files.readjson import parse_json
 from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
 from ..link.lock import cut_off
+from ..link.measure import silence_after
 from ..link.readings import readings_of
+from ..link.rest import durations
 from ..plan import plan_hash
 from ..records import LinkError, Plan, TangoError
 from ..texts import say
 
 PLANNED = "planned.json"  # what the run of a night was to touch
 JOURNAL = "readings.journal"
+LONGER = 1.5  # times its predicted time that a program is taken to last at most, with the wait for its start
 KEPT = ("readings.csv", "readings.partial.csv")
 
 
@@ -41,6 +45,23 @@ def newest_run(folder: Path, stamp: str) -> tuple[Entry, ...]:
     with suppress(TangoError, OSError, ValueError):
         return tuple(salvaged(look_at(max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))))[0])
     return ()
+
+
+def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
+    """cell, stamp of tonight, plan of all touches → until when at the latest a control may execute the program of the last run of a
+    night before; None where it came to its end, or none was.
+
+    It began after its stamp, and waited for its start no longer than a run does.
+    """
+    entries = newest_run(folder, stamp)
+    if not silence_after(entries, whole):
+        return None
+    began = max(f.parent.name for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp)
+    try:
+        moment = datetime.strptime(began[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC)
+    except ValueError:
+        return None
+    return moment + timedelta(seconds=LONGER * sum(durations(whole).values()))
 
 
 def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -> None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
 from ._common import address_of, dialect
-from ._cut_off import newest_run, note_planned
+from ._cut_off import executed_until, newest_run, note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
 from ._start import disproven_of
@@ -204,6 +204,10 @@ class RealControl:
         line = open_port(parsed)
         if not hello:
             line.close()
+            until = None if parsed.options.get("listen") == "no" else executed_until(self.cell.folder, self.stamp, self.whole)
+            if until is not None and datetime.now(UTC) < until:
+                said = say("preflight.world.may_go_on", address=address, until=f"{until.astimezone():%H:%M}")
+                return PreflightPoint("control", False, said, say("preflight.world.wait_or_look"))
             passed = not self.settings.probe
             return PreflightPoint(
                 "control",

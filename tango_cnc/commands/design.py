@@ -14,6 +14,7 @@ import numpy as np
 from ..diagnose.separate import USUAL, Separation, separation
 from ..duration import of_moves
 from ..files import later, read_cell, read_readings, read_terms, write_text
+from ..files.normals import refuse_inward
 from ..files.origin import look_up, made_utc, other_machine
 from ..judgement import Judgement
 from ..plan import last_motion, plan
@@ -140,6 +141,7 @@ def command(
         if not write_json(json_file, as_json(found)):
             click.echo(as_text(found))
         return 0
+    refuse_inward(cell)
     if judge is not None and readings is None:
         raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
     before = None if readings is None else _before(cell, readings, despite)

@@ -20,7 +20,7 @@ from . import regular as plain
 from .balls import information
 from .candidates import Candidates
 from .criterion import value
-from .enough import serves
+from .enough import determined, serves
 from .goals import Goal
 from .problem import Chosen, Problem
 from .refused import InVain, refused, undetermined, worth_making
@@ -187,7 +187,7 @@ def _proposed(ready: Setting) -> Chosen:
         if wish.goal.word == "check" and wish.minutes is None:
             return worth_making(_usual_check(problem))
         found = choose.chosen(problem, early=bool(wish.goal.word))
-        return worth_making(found) if wish.goal.word else found
+        return worth_making(found) if wish.goal.word or not determined(problem, found.information) else found
     except choose.TooShort as error:
         raise InVain(error.found, "even the shortest plan takes longer") from None
     except choose.Undetermined as error:

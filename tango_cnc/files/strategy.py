@@ -37,7 +37,8 @@ def read_strategy(file: Path, machine: Machine, artefact: Artefact) -> Strategy:
         if found := _of_another_cell(items, machine, artefact):
             raise fields["indexations"].wrong(
                 f"rotary axes {', '.join(machine.rotary) or 'none'} of {machine.name}, and facets of {artefact.name!r} "
-                f"({', '.join(artefact.facets)}). Is it the strategy of another machine or table?",
+                f"({', '.join(artefact.facets)}). Is it the strategy of another machine or table? "
+                "Then take it away: 'tango design' makes one",
                 found,
             )
         indexations = read.each(items, lambda item: _indexation(item, machine, artefact))

@@ -17,6 +17,7 @@ all angles that they pass (`clearance.py`).
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Literal
@@ -157,14 +158,19 @@ def reachable(cell: Cell, obstructed: str | None = None) -> Strategy:
     obstructed = obstructed or cell.strategy.obstructed or USUAL
     shared, strategy = scene(cell.machine, cell.artefact, cell.strategy), cell.strategy
     facet, at = _order(strategy, shared.facet)
-    out = {row for row, found in _blocked(shared, facet, at).items() if _fate(found, obstructed) == "left out"}
+    blocked = _blocked(shared, facet, at)
+    out = {row for row, found in blocked.items() if _fate(found, obstructed) == "left out"}
     kept: list[list[str]] = [[] for _ in strategy.indexations]
     for row in range(len(at)):
         if row not in out:
             kept[at[row]].append(shared.facet[facet[row]])
     left = tuple(replace(i, facets=tuple(names)) for i, names in zip(strategy.indexations, kept, strict=True) if names)
     if not left:
-        raise InputError(f"{strategy.name}: no touch is left: a straight probe can make none of {len(at)}; touch other facets")
+        why, count = Counter(blocked[row].why for row in out).most_common(1)[0]
+        raise InputError(
+            f"{strategy.name}: no touch is left: a straight probe can make none of {len(at)}; most often ({count} times): {why}. "
+            "Correct what stands in the way there (obstacles in machine.yaml or artefact.yaml), or touch other facets"
+        )
     return replace(strategy, indexations=left)
 
 

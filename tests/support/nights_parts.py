@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from tango_cnc.commands._again import again
 from tango_cnc.commands._cell_nights import as_of, nights_of
-from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, newest_run, note_planned, told_of_signals
+from tango_cnc.commands._cut_off import (
+    JOURNAL,
+    KEPT,
+    PLANNED,
+    executed_until,
+    keep_readings,
+    newest_run,
+    note_planned,
+    told_of_signals,
+)
 from tango_cnc.commands._many_nights import followed
 from tango_cnc.commands._night_warm import warm
 from tango_cnc.commands._night_world import RealControl, RealDisk
@@ -23,6 +32,7 @@ __all__ = [
     "Time",
     "again",
     "as_of",
+    "executed_until",
     "followed",
     "keep_readings",
     "machine_of",
