@@ -99,7 +99,7 @@ def test_no_page_sends_its_reader_to_himself() -> None:
     """Who reads may be the foreman: the sentence says who decides, and holds for whoever reads."""
     t = texts()
     assert [key for key in t.keys if "foreman" in t.of(str(t._flat[key])).lower()] == []
-    assert "whoever leads the shift decides" in t("morning.nobody")
+    assert "Whoever leads the shift decides" in t("morning.nobody")
 
 
 def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
@@ -111,3 +111,39 @@ def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
         assert f'fill="{TONES[level]}"' in curve
     style = (Path(__file__).parents[1] / "tango_cnc/report/templates/style.css").read_text(encoding="utf-8")
     assert all(f"--{level}:{TONES[level]}" in style for level in ("good", "look", "stop"))
+
+
+def test_the_list_says_since_when(tmp_path: Path) -> None:
+    t, full = texts(), [FULL]
+    alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}
+    knocked = [night(M, 0, **dated(2)), night(M, 1, "changed", alarms=[alarm], **dated(1))]
+    beyond = [night(M, 0, **dated(3)), *(night(M, i, "out_of_limits", **dated(3 - i)) for i in (1, 2))]
+    nothing = [night(M, 0, **dated(3)), *(night(M, i, "not_measured", preflight=full, **NOTHING, **dated(3 - i)) for i in (1, 2))]
+    for number, (records, ago) in enumerate(((knocked, 1), (beyond, 2), (nothing, 2), ([night(M, 0, **dated(40))], 40))):
+        place = cell(tmp_path / str(number), records=records)
+        (place / "nightly.yaml").write_text("nightly: 1\n", encoding="utf-8")
+        first = seen(place, "/").partition("Night of")[0]
+        assert f", since {day(dated(ago)['night'], t, dated(ago)['night'][:4] != dated(0)['night'][:4])}." in first, number
+    assert ", since" not in seen(cell(tmp_path / "good", records=[night(M, 0, **dated(0))]), "/")
+
+
+def test_an_alarm_is_a_row_with_its_verdict_and_cause_and_the_rest_is_folded(tmp_path: Path) -> None:
+    alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, "changed", alarms=[alarm], **dated(1))])
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        card = site.get("/alarms").text.partition("<article")[2].partition("</article>")[0]
+    row, _, rest = card.partition('<details class="rest">')
+    shown = " ".join(re.sub(r"<[^>]+>", " ", row.partition(">")[2]).split())
+    assert shown.startswith(f"{M} Yes, but") and "moved along X" in shown and len(shown) < 200
+    assert "What it does to parts" in rest and "What to do" in rest and "What it does" not in row
+
+
+def test_a_night_that_ended_before_anything_was_sent_has_not_moved_the_machine(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(1))])
+    stamp = f"{datetime.now(UTC) - timedelta(hours=5):%Y-%m-%dT%H%M%SZ}"
+    (place / "nights" / "begun").mkdir(parents=True)
+    (place / "nights" / "begun" / stamp).write_text("", encoding="utf-8")
+    (place / "nights" / stamp).mkdir()
+    for path in ("", "/nights"):
+        text = seen(place, f"/machine/{M}{path}")
+        assert "the machine has not moved" in text and "may still be moving" not in text and "What changed Nothing." not in text

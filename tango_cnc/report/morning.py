@@ -15,7 +15,7 @@ from ..records import InputError, Machine
 from ..texts import say
 from . import svg
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import Answer, answer, dates_cut_off, is_cut_off, measuring, renamed
+from .answer import Answer, answer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
@@ -156,7 +156,7 @@ def context(
         "since_of": lambda a: since_told(a, t),
         "ended": ended(record.get("end_utc"), t, now),
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
-        "last_measured": _last_measured(before or record, t, now) if before or is_cut_off(former or ()) else "",
+        "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
@@ -180,7 +180,7 @@ def context(
         "word": busy or told.short(t) or told.state,
         "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
         "alarms": alarms,
-        "first": found[0] | {"brief": _brief(found[0])} if found else None,
+        "first": found[0] | {"brief": brief_of(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
         "ignored": _ignored(record, {str(a.get("id")) for a in waiting}, u, t, machine),
         "also": found[1 : LISTED + 1],
@@ -226,7 +226,7 @@ def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> 
     return t("web.last_measured", date=day(known.get("night"), t), ago=ago(moment, t, now))
 
 
-def _brief(first: Mapping[str, Any]) -> str:
+def brief_of(first: Mapping[str, Any]) -> str:
     """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
     own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
     text = text.replace(str(first.get("then") or ""), "").rstrip()

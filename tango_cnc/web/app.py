@@ -27,7 +27,7 @@ from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
 from ..report.alarm import sentence, since_told
-from ..report.answer import dates_cut_off
+from ..report.answer import dates_cut_off, is_unsent
 from ..report.days import at, day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
@@ -252,6 +252,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "spoken": lambda text: spoken_days(state.texts.of(text), state.texts),
         "moment": lambda text: at(text, state.texts),
         "since_of": lambda a: since_told(a, state.texts),
+        "is_unsent": is_unsent,
         "newest_of": lambda machine: _newest(state, machine),
         "here": request.url.path,
         "signed_in": signed,
