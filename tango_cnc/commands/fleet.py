@@ -22,6 +22,7 @@ from ._shop import headlines, note_simulated
 
 if TYPE_CHECKING:
     from ..history import History, Night, Standing
+    from ..report.texts import Texts
 
 PLACE = "Keep 30"
 LATE = Nightly().late_hours  # of a history alone
@@ -48,6 +49,7 @@ class _Row:
     said: str = ""
     former: bool = False  # another name of a machine that has a line of its own
     cut_off: tuple[str, ...] = ()  # nights of its cell that were begun and never ended
+    moving: str = ""  # the answer of its page, where its control may still execute a program
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
 
     @property
@@ -126,7 +128,9 @@ def command(
                     cell = next((c for c in known if c.name == s.machine), None)
                     usual = Nightly(late_hours=hours or LATE).answers_for
                     stale = _stale(history, nights, usual if cell is None else cell.answers_for)
-                    found.append(_Row(s, None if cell is None else cell.folder, tuple(tip), said, stale=stale))
+                    place_of = None if cell is None else cell.folder
+                    moving = _moving(history, nights, place_of, stale, t)
+                    found.append(_Row(s, place_of, tuple(tip), said, moving=moving, stale=stale))
                     if (future := in_future(history, s.machine)) is not None:
                         later = Standing(s.machine, future, s.nights, int(asks(future)), False)
                         found.append(_Row(later, found[-1].cell, (), told(future), former=True))
@@ -148,6 +152,7 @@ def command(
             "cell": None if row.cell is None else str(row.cell),
             "cut_off": row.cut_off,
             "stale_nights": row.stale,
+            "moving": bool(row.moving),
         }
         for row in found
         for s in [row.standing]
@@ -160,7 +165,9 @@ def command(
             s = row.standing
             last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
             size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
-            late_word = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+            late_word = row.moving or (
+                t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+            )
             name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
             drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
             early = [] if row.cell is None else unsent(row.cell, row.cut_off)
@@ -202,6 +209,23 @@ def _stale(history: History, nights: Sequence[Night], most: float) -> int:
     last = next((n for n in nights if n.verdict != "not_measured"), None)
     measured = local_day(last.end_utc) if last is not None else measured_on(history.night(nights[0].entry).record) if nights else ""
     return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
+
+
+def _moving(history: History, nights: Sequence[Night], folder: Path | None, stale: int, t: Texts) -> str:
+    """history, last nights of a machine, its cell, nights since it was measured where these are too many, texts → the answer of its
+    page where its control may still execute a program, else ''.
+    """
+    from ..report.answer import of_moving, said_cut_off
+
+    cut = () if folder is None else cut_off(folder)
+    former = () if folder is None else said_cut_off(cut, unsent(folder, cut))
+    if not nights or not (cut or nights[0].verdict == "not_measured"):
+        return ""
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    record = history.night(nights[0].entry).record
+    before = None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
+    told = of_moving(record, t, before, former, stale)
+    return "" if told is None else told.word
 
 
 def _never(name: str) -> Standing:

@@ -207,6 +207,21 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     return 0
 
 
+def _answer(folder: Path, place: str | Path, t: Texts) -> str:
+    """cell, its history, texts → whether parts may be made, as on its page and in its report; '' where no night says so."""
+    from ..report.units import Units
+    from .report import nights
+
+    with suppress(TangoError):  # what is wrong with the cell is said above
+        machine, u = read_cell(folder).machine, Units()
+        found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
+        if found is not None:
+            told = found.answer(u, t, machine)
+            lines = (f"{told.word}{', ' + told.old if told.old else ''}.", told.why, f"{told.numbers}." if told.numbers else "")
+            return f"{t('may.ask')} {' '.join(x for x in (*lines, told.soon) if x)}"
+    return ""
+
+
 def _looked_at(place: str | Path) -> str | Path:
     """history → itself, or an empty one in memory where the file is missing, so that a mere look creates no file."""
     return "sqlite://" if isinstance(place, Path) and not place.exists() else place
@@ -333,6 +348,8 @@ def _status(
     if not write_json(json_file, data):
         word = t("cli.nightly.no_night" if not nights else "cli.nightly.late" if late else "cli.nightly.on_time")
         click.echo(f"{name}: {t('cli.nightly.stale', nights=stale) if stale else word}")
+        if told_now := _answer(folder, place, t):
+            click.echo(f"  {told_now}")
         if stale:
             click.echo(f"  {t('morning.old_todo')}")
         if wrong is not None:

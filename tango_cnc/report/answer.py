@@ -105,6 +105,21 @@ def answer(
     return _machine_first(found, "moved", state, t) if moving else found
 
 
+def of_moving(
+    record: Mapping[str, Any], t: Texts, before: Mapping[str, Any] | None = None, former: Sequence[str] = (), old: int = 0
+) -> Answer | None:
+    """record of the newest night, texts, last night that measured (None: as the record says), what is said of the cell beside its
+    nights, nights since the last measurement where these are too many → the answer of its page; None where it does not move.
+
+    It needs no alarm: whoever has one, nobody makes parts before the machine was looked at.
+    """
+    if not is_moving(record, former):
+        return None
+    if before is None and record.get("last_measured"):
+        before = {"verdict": str(record.get("last_verdict") or "good"), "night": record["last_measured"]}
+    return renamed(answer(record, Units(), t, before=before, old=old), former, t)
+
+
 def _cause(key: str, record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
     """key of its sentence, record of a night that did not begin, units, texts → what kept it, for the shop; '' for no check."""
     failed = next((p for p in record.get("preflight") or () if not p.get("passed") and p.get("found")), None)
