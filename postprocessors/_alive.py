@@ -30,8 +30,9 @@ def proving(job: Job) -> Job:
 def leg(job: Job, came: Mapping[str, float]) -> Leg:
     """job, where every axis stands → the slow move of the gate as the measuring move of a touch that nobody records."""
     names, up, first = job.machine.names, gate(job.plan), job.plan.touches[0]
-    middle = tuple((s + e) / 2 for s, e in zip(up.start, up.end, strict=True))
     target = {name: up.end[job.machine.column(name)] for name in job.machine.linear}
-    touch = replace(first, standoff=up.start, contact=middle, end=up.end, over=up.start, enter=None, leave=None)
+    touch = replace(
+        first, standoff=up.start, contact=up.end, end=up.end, over=up.start, enter=None, leave=None
+    )  # contact: the way there
     assert set(names) <= {*came, "S"}
     return Leg("gate", target, {**came, **target}, touch, came)

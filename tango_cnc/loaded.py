@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 KEPT, WRITTEN, BACK, NO_HELP = "kept", "written", "rolled back", "no help"
-IN_CONTROL = (WRITTEN, KEPT, "not as promised", "undecided", NO_HELP)  # until a person notes that undo/ is loaded
+AS_SEEN = "kept as far as seen"  # what the run sees acts; it does not see all of it
+HELPS = (KEPT, AS_SEEN)  # a measurement found that it helps
+IN_CONTROL = (WRITTEN, *HELPS, "not as promised", "undecided", NO_HELP)  # until a person notes that undo/ is loaded
 
 
 class Event(Protocol):
@@ -30,7 +32,7 @@ class Event(Protocol):
 
     @property
     def event(self) -> str:
-        """→ proposed, written, kept, not as promised, undecided, no help, rolled back."""
+        """→ proposed, written, kept, kept as far as seen, not as promised, undecided, no help, rolled back."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class Holds:
 
     number: int
     target: str
-    event: str  # the last that happened to it: written, kept, undecided, not as promised, no help
+    event: str  # the last that happened to it: written, kept, kept as far as seen, undecided, not as promised, no help
     utc: str  # when that was
     written: str  # UTC of the moment at which it was noted as written
     proven: int | None  # the last that was found to help: this one, or one of the same target that it was made on top of
@@ -57,7 +59,7 @@ class Holds:
     @property
     def measured(self) -> bool:
         """→ whether it was found to help."""
-        return self.event == KEPT
+        return self.event in HELPS
 
 
 def holds(events: Iterable[Event]) -> Holds | None:
@@ -76,7 +78,7 @@ def holds(events: Iterable[Event]) -> Holds | None:
     if not there:
         return None
     newest = last[there[-1]]
-    same = [n for n in there if last[n].event == KEPT and last[n].target == newest.target]
+    same = [n for n in there if last[n].event in HELPS and last[n].target == newest.target]
     proven = same[-1] if same and newest.event != NO_HELP else None
     return Holds(newest.number, newest.target, newest.event, newest.utc, given[newest.number], proven)
 

@@ -23,7 +23,6 @@ from support.randomplans import EXAMPLES, example
 from sim_controller.motion import MotionStop
 from sim_controller.probing import rig
 from tango_cnc.check import bodies, solid
-from tango_cnc.check.apart import Pose, Round, apart
 from tango_cnc.check.bodies import pairs
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_cell
@@ -267,40 +266,6 @@ def test_what_is_proven_to_keep_off_while_an_axis_turns_keeps_off_at_every_angle
         assert met is None or nearest < pair.margins[guard.TURN] + 40.0
         proven, refused = proven + (met is None), refused + (met is not None)
     assert proven > 8 and refused > 8
-
-
-@pytest.mark.parametrize("seed", range(2))
-def test_proven_apart_is_apart(seed: int) -> None:
-    """Random solids shifted past each other: what is proven is so for all points of both that are drawn."""
-    rng = np.random.default_rng(seed)
-    one, other = (Round(rng.normal(size=(9, 3)) * rng.uniform(5, 60, 3), r) for r in (0.0, 3.0))
-    turn = np.linalg.qr(rng.normal(size=(60, 3, 3)))[0]
-    shift = rng.normal(size=(60, 2, 3)) * 120
-    need = rng.uniform(0, 20, 60)
-    still = Pose(np.tile(np.eye(3), (60, 1, 1)), np.zeros((60, 2, 3)))
-    proven = apart(one, Pose(turn, shift), other, still, need)
-    share, along = rng.dirichlet(np.full(9, 0.3), (2, 200)), rng.dirichlet(np.full(2, 0.5), 200)
-    a = np.einsum("nij,vj->nvi", turn, share[0] @ one.corner) + np.einsum("vs,nsi->nvi", along, shift)
-    b = share[1] @ other.corner
-    nearest = np.linalg.norm(a[:, :, None] - b[None, None, ::4], axis=-1).min(axis=(1, 2)) - other.radius
-    assert (nearest[proven] > need[proven]).all()
-    assert 6 < proven.sum() < 58
-
-
-@pytest.mark.parametrize("steps", [24, 0])  # of the walk; without any everything is worked out by the nearest point
-def test_boxes_are_as_far_apart_as_can_be_worked_out_by_hand(steps: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tango_cnc.check.apart.STEPS", steps)
-    rng = np.random.default_rng(4)
-    unit = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
-    half, way = rng.uniform(1, 40, (2, 3)), rng.uniform(-150, 150, (300, 2, 3))
-    way[:, 1, 1:] = way[:, 0, 1:]  # shifted along X
-    beside = np.array([25.0, -17.0, 11.0])  # of the one box from its own origin: neither is its mirror image
-    low, high = way.min(axis=1) + beside - half.sum(axis=0), way.max(axis=1) + beside + half.sum(axis=0)
-    exact = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
-    need = rng.uniform(0, 60, 300)
-    poses = [Pose(np.tile(np.eye(3), (300, 1, 1)), shift) for shift in (way, np.zeros((300, 2, 3)))]
-    proven = apart(Round(beside + unit * half[0]), poses[0], Round(unit * half[1]), poses[1], need)
-    assert (proven == (exact > need))[np.abs(exact - need) > 1e-3].all() and 50 < proven.sum() < 250
 
 
 GOOD = "  - {kind: box, low: [300, -90, -90], high: [330, 90, 60], on: A, name: cheek}\n"

@@ -15,7 +15,7 @@ from support import distances
 from support.blockcell import block, machine
 
 from tango_cnc.check import solid
-from tango_cnc.check.collision import Pose, obstruction
+from tango_cnc.check.collision import BEHIND, Pose, obstruction
 from tango_cnc.plan import sweep
 from tango_cnc.records import Approach, Artefact, Ball, Facet, Obstacle, Probe
 
@@ -70,6 +70,14 @@ def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
     why = refusal(artefact)
     assert (f"the {part} would hit obstacle 1" in why) if beyond < 0 else not why
+
+
+@pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
+def test_what_carries_the_probe_ends_where_it_ends(beyond: float) -> None:
+    """A beam over the machine is no obstacle to a probe that stands below it."""
+    low = PROBE.length + BEHIND + RADIUS["body"] + HELD["body"] + beyond
+    artefact = replace(FLOATING, obstacles=(Obstacle("box", (-50.0, -50.0, low), (50.0, 50.0, low + 10.0)),))
+    assert refusal(artefact, probe=replace(PROBE, nose_radius=0.0)) == ("the body would hit obstacle 1" if beyond < 0 else "")
 
 
 @pytest.mark.few(4)
@@ -231,3 +239,14 @@ def test_a_wall_behind_the_stand_off_is_met_by_a_tip_that_goes_off_the_facet(bey
     body = solid(artefact).obstacles[0]
     assert nearest(distances.Body(body.corner, body.normal)) == pytest.approx(air, abs=1e-3)
     assert refusal(artefact) == ("the tip would hit obstacle 1" if beyond < 0 else "")
+
+
+@pytest.mark.parametrize(
+    ("away", "shown"),
+    [(91.1, ""), (91.16, "91.2"), (91.31, "91.4"), (91.49, "91.5"), (91.6, "92"), (95.4, "95"), (150.0, "150")],
+)
+def test_how_far_a_facet_looks_away_is_said_and_never_the_91_that_is_allowed(away: float, shown: str) -> None:
+    """Up to a tenth of a degree above where it is refused, whole degrees farther away."""
+    spindle = np.array([math.cos(math.radians(away)), 0.0, math.sin(math.radians(away))])
+    said = f"the facet faces {shown}° away from the spindle, a straight stylus reaches up to 91°" if shown else ""
+    assert refusal(FLOATING, spindle=spindle) == said

@@ -19,6 +19,7 @@ import pytest
 from support.controls import GOLDEN, Ran, golden
 from support.dialects import EVERY
 from support.gates import NEAR, ran
+from support.proof_parts import keys_here
 from support.randomplans import example
 from support.wrongcontrols import Case, cases, sees, table, turned_round
 
@@ -26,7 +27,6 @@ from postprocessors import companions, load, program
 from postprocessors import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._proofs import keys_here
 from tango_cnc.commands.commission import record_of
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission import flight

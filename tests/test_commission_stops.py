@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.controls import golden
+from support.proof_parts import keys_of
 
 from postprocessors import load
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._proofs import keys_of
 from tango_cnc.commands.commission import _with_text
 from tango_cnc.commands.init import write_example
 from tango_cnc.commission.experiments.records import coarse

@@ -54,7 +54,7 @@ def places(made: Plan, truly: Machine | None = None, name: str = "fanuc", **pane
     }
 
 
-def verdicts(example: str = "hu40t", truly: Machine | None = None, **panel: Any) -> dict[str, commission.Verdict]:
+def verdicts(example: str = "hu40t", truly: Machine | None = None, **panel: Any) -> dict[str, commission.Ruling]:
     made = slow(example)
     quick = commission.quicker(made)
     met, again = places(made, truly, **panel), places(quick, truly, **panel)

@@ -11,7 +11,7 @@ from support.compensated import first
 
 from tango_cnc.compensate import Proposal, as_json, propose
 from tango_cnc.compensate.loop import Kept
-from tango_cnc.compensate.outcome import Outcome, Run, ran
+from tango_cnc.compensate.outcome import Outcome, Remeasured, ran
 from tango_cnc.compensate.promise import Figure
 from tango_cnc.compensate.trusted import as_far_as_trusted, worth_acting
 from tango_cnc.records import TangoError
@@ -35,7 +35,7 @@ def test_an_error_that_is_not_to_be_trusted_is_not_written() -> None:
 
 
 @cache
-def run() -> Run:
+def run() -> Remeasured:
     """→ what the same readings find over the volume of that proposal."""
     kept = Kept(1, Path("001-siemens"), as_json(proposed()))
     return ran(kept, first("trunnion"), list(proposed().held), tcp=True)

@@ -13,6 +13,7 @@ from support.compensated import ROOT
 
 from tango_cnc.cli import tango
 from tango_cnc.compensate import loop, targets
+from tango_cnc.loaded import HELPS
 
 WALKED = [*((name, "trunnion") for name in targets.names()), *((name, "three_axis_calibrated") for name in ("linuxcnc", "fanuc"))]
 
@@ -64,13 +65,14 @@ def test_the_loop_is_walked(measured: dict[str, Path], target: str, name: str, t
             found = judged(cell, 1, cell / "after.csv")
             print(f"{name:22s} {target:12s}", found)
             assert run("compensate", "-C", cell, "--rolled-back", 1, "--reason", "spindle changed").exit_code == 0
-            assert found["verdict"] == "kept"
+            assert found["verdict"] in HELPS
+            first = found["verdict"]
         else:  # its files never came into the control
             found = judged(cell, 2, cell / "once more.csv")
             print(f"{name:22s} {target:12s}", found)
             assert found["verdict"] == "no help"
     events = [(e["compensation"], e["event"]) for e in loop.history(cell)]
-    assert events == [(1, "proposed"), (1, "written"), (1, "kept"), (1, "rolled back"), (2, "proposed"), (2, "written"),
+    assert events == [(1, "proposed"), (1, "written"), (1, first), (1, "rolled back"), (2, "proposed"), (2, "written"),
                       (2, "no help")]  # fmt: skip
     listed = json.loads(run("history", "list", "-C", cell, "--json", "-").stdout)["compensations"]
     assert [(e["number"], e["event"]) for e in reversed(listed)] == events

@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.compensated import ROOT, proposed
+from support.compensated import ROOT, proposed, text
 
-from tango_cnc.commands._compensate import text
 from tango_cnc.compensate import targets
 from tango_cnc.compensate.proposal import Proposal, beyond, capped, changes
 from tango_cnc.compensate.targets import fanuc, siemens

@@ -241,6 +241,45 @@ def test_a_drawing_gives_the_facets_of_its_hull(binary: bool, tmp_path: Path) ->
     assert read_artefact(one).facets == read_artefact(other).facets
 
 
+def test_a_face_of_any_shape_has_facets_up_to_its_corners_and_none_twice(tmp_path: Path) -> None:
+    """A table with seven corners that an STL rounds: its top is one face, and facets stand on all of it."""
+    turns = 2 * np.pi * np.arange(7) / 7
+    rings = [
+        np.column_stack([r * np.cos(turns), 0.85 * r * np.sin(turns), np.full(7, z)]) for r, z in ((118.0, 0.0), (150.0, -40.0))
+    ]
+    corners = np.round(np.vstack(rings), 3)
+    triangles = corners[ConvexHull(corners).simplices]
+    loops = ["outer loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t) + "endloop\n" for t in triangles]
+    (tmp_path / "table.stl").write_text("solid table\n" + "".join(loops) + "endsolid\n", encoding="utf-8")
+    file = tmp_path / "artefact.yaml"
+    assert (
+        guarded(tango.main, ["design", "--facets", f"mesh:{tmp_path / 'table.stl'}", "-o", str(file)], standalone_mode=False) == 0
+    )
+    places = np.array([facet.point for facet in read_artefact(file).facets.values()])
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + 1e3 * np.eye(len(places))
+    assert apart.min() > 10
+    top = places[places[:, 2] > -1e-6]
+    assert len(top) == 9 and (top[:, :2].max(axis=0) > (85, 65)).all() and (top[:, :2].min(axis=0) < (-75, -65)).all()
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("cylinder:100,0:-50", "found Z from 0 to -50; allowed: from the smaller end"),
+        ("table:0,100", "allowed: a WIDTH and a DEPTH of at least"),
+        ("table:5,5", "allowed: a WIDTH and a DEPTH of at least"),
+        ("table:1e9,1e9", "allowed: no more than"),
+        ("box:0:20,0:20,0:20", "no face that has room for a facet"),
+    ],
+)
+def test_what_is_wrong_with_a_body_is_said_of_that_body(
+    body: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert guarded(tango.main, ["design", "--facets", body, "-o", str(tmp_path / "a.yaml")], standalone_mode=False) == 2
+    assert said in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     "body", ["mesh:nothing.stl", "box:1:0,0:1,0:1", "ball:3", "cylinder:5,0:1", "table:4", "table:nan,4", "table:10,10"]
 )

@@ -15,7 +15,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.files.nightly import read_nightly
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import of_faults

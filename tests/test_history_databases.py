@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
+from support import postgres
 from support.histories import EVENTS, knowledge, record
 
 from tango_cnc.history import Decision, add_compensations, compensations, opened
 from tango_cnc.history.copy import copied
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, LinkError
 
 Place = Callable[[], str | Path]
 
@@ -49,6 +50,25 @@ def test_nights_decisions_trends_and_the_chain(history_place: Place) -> None:
         with pytest.raises(InputError, match="finite"):
             history.add_night(record(8, residual={"rms_um": float("inf")}))
         assert len(history.nights("M")) == 7
+
+
+@pytest.mark.long
+@pytest.mark.system("pg_lsclusters")
+def test_a_password_of_the_database_is_in_the_environment(postgres_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = postgres.database(postgres_server).replace("tango@", "tango:${FLEET}@")
+    with pytest.raises(InputError, match=r"found \$\{FLEET\}, and the environment has no variable"), opened(place):
+        pass
+    monkeypatch.setenv("FLEET", "p@ss/w:o#rd")  # signs that part a URL
+    with opened(place) as history:
+        assert history.engine.url.password == "p@ss/w:o#rd"
+
+
+@pytest.mark.long
+@pytest.mark.system("pg_lsclusters")
+def test_who_is_refused_looks_at_user_and_password(postgres_server: str) -> None:
+    place = postgres.database(postgres_server).replace("tango@", "nobody-of-this-name@")
+    with pytest.raises(LinkError, match="are user and password right"), opened(place):
+        pass
 
 
 def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from tango_cnc.cli import tango
 from tango_cnc.commands._import import imported
 from tango_cnc.commands.init import write_example
 from tango_cnc.history import opened
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 
 
 @pytest.mark.long

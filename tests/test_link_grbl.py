@@ -149,6 +149,25 @@ def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets
     assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
 
 
+@pytest.mark.parametrize("targets", ["plain", "confirmed"])
+def test_a_work_offset_of_the_control_changes_no_place_that_the_axes_go_to(cell, targets):
+    """Targets go out in work coordinates, by what the control says of its offset; what comes back is in those of the machine."""
+    (cell / "strategy.yaml").write_text(
+        "name: two facets\napproach: {standoff: 10, search: 5, feed: 180}\n"
+        "indexations:\n  - {B: 0, C: 0, S: 0, facets: ['5']}\n  - {B: 30, C: 40, S: 0, facets: ['5']}\n"
+    )
+    parts = read_cell(cell)
+    made, touched = plan(parts), []
+    for offset in ({}, {"X": 12.3456, "Y": -4.5, "Z": 107.0, "B": 3.0, "C": -21.5}):
+        one = switched_on(Motion(rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))), g54=offset)
+        events, _ = driven(made, one, targets=targets)
+        assert events[-1] == Ended(2), events[-1]
+        touched.append([event for event in events if isinstance(event, Touched)])
+    for here, there in zip(*touched, strict=True):
+        assert (here.number, here.flag) == (there.number, there.flag)
+        assert here.position == pytest.approx(there.position, abs=0.01)
+
+
 @pytest.mark.parametrize(("line", "goes_on"), [(r"\$I", True), ("G38.3 X.* Y.* Z.*", False), ("G38.3 .* F180", False)])
 def test_a_control_that_is_switched_on_is_greeted_and_one_that_resets_is_left(cell, line, goes_on):
     """Before anything is set its greeting is the answer of a control that has just started; later what was set is lost."""

@@ -1,6 +1,7 @@
 """One writer a cell: the second one is refused before it touches anything, and what a killed one leaves locks nothing."""
 
 import contextlib
+import ctypes
 import errno
 import json
 import os
@@ -8,6 +9,8 @@ import socket
 import subprocess
 import sys
 import threading
+from ctypes import wintypes
+from types import SimpleNamespace
 
 import pytest
 from support.runs import STRATEGY, Control, Result
@@ -208,3 +211,45 @@ def test_two_processes_have_begun_at_two_times():
     finally:
         second.kill()
         second.wait()
+
+
+NO_SUCH, NOT_YOURS, STILL_ACTIVE = 87, 5, 259  # of Windows
+
+
+@pytest.mark.parametrize(
+    ("opens", "status", "times", "runs", "began"),
+    [
+        (True, STILL_ACTIVE, True, True, str((7 << 32) + 9)),
+        (True, STILL_ACTIVE, False, True, ""),  # when it began is not said
+        (True, None, True, True, str((7 << 32) + 9)),  # nor whether it has ended: it is at work
+        (True, 0, True, False, ""),
+        (NO_SUCH, STILL_ACTIVE, True, False, ""),
+        (NOT_YOURS, STILL_ACTIVE, True, True, ""),  # of another user
+    ],
+)
+def test_what_windows_says_of_a_process(monkeypatch, opens, status, times, runs, began):
+    """Windows is asked by its own functions, which a stand-in has here: what it does not say leaves the process at work."""
+    left, kernel = [], SimpleNamespace()
+
+    def ended(handle, into):
+        into._obj.value = 0 if status is None else status
+        return status is not None
+
+    def timed(handle, created, *others):
+        created._obj.dwHighDateTime, created._obj.dwLowDateTime = 7, 9
+        return times
+
+    def opened(access, inherited, pid):
+        assert (access.value, pid.value) == (0x1000, 4711)
+        left.append(1)
+        return 1 if opens is True else None
+
+    kernel.OpenProcess, kernel.GetExitCodeProcess, kernel.GetProcessTimes = opened, ended, timed
+    kernel.CloseHandle = lambda handle: left.pop()
+    monkeypatch.setattr(ctypes, "WinDLL", lambda *args, **more: kernel, raising=False)
+    monkeypatch.setattr(ctypes, "get_last_error", lambda: opens, raising=False)
+    monkeypatch.setattr("tango_cnc.link.process.os", SimpleNamespace(name="nt"))
+    assert wintypes.HANDLE  # is there on every system
+    assert born(4711) == began and alive(4711) is runs
+    assert alive(4711, began) is runs and alive(4711, "another") is (runs and not began)
+    assert len(left) == (0 if opens is True else 4)  # what was opened has been closed

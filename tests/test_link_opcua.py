@@ -15,6 +15,7 @@ from support.simulated_runs import agree
 
 from postprocessors import mark_of
 from tango_cnc.commands.init import write_example
+from tango_cnc.link.client import Begun
 from tango_cnc.link.nodes import STANDARD, read_nodes
 from tango_cnc.link.protocols import opcua
 from tango_cnc.link.transport import open_port, parse
@@ -88,6 +89,16 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
     assert "record=7.0" in asked(line, b"get")
     assert asked(line, b"take 7") == "TAKE" and server.read(R["taken"]) == 7.0
     assert asked(line, b"ask").startswith("ASK ")
+    line.close()
+
+
+def test_a_connection_is_kept_and_one_that_broke_is_opened_anew(server, monkeypatch):
+    line = opened(server)
+    opens, again = [], type(line)._open
+    monkeypatch.setattr(type(line), "_open", lambda self: opens.append(1) or again(self))
+    assert asked(line, b"ask").startswith("ASK ") and "record=" in asked(line, b"get") and not opens
+    line.close()
+    assert "record=" in asked(line, b"get") and len(opens) == 1
     line.close()
 
 
@@ -253,3 +264,28 @@ def test_an_answer_that_does_not_hold_every_variable_is_none(line):
     assert opcua._values(f"GET {whole}", nodes) == dict.fromkeys(nodes.looked_at, 0.0)
     with pytest.raises(ValueError, match="not all variables were read"):
         opcua._values(line.format(all=whole, less=" ".join(words[1:])), nodes)
+
+
+@pytest.mark.parametrize(
+    ("taken", "record", "point", "begins"),
+    [
+        (3, 4, 0, True),  # the control was started first: its start mark waits
+        (4, 4, 0, False),  # of the start before, and taken: the next record begins this one
+        (3, 4, 1, False),  # a touch of the start before
+    ],
+)
+def test_who_started_the_control_first_has_a_start_mark_that_waits(taken, record, point, begins):
+    """What stands there before the run and has been taken, or is no start mark, belongs to the start before."""
+    task, nodes = job(), read_nodes()
+    mark = task.mark.rjust(12, "0")
+    values = dict.fromkeys(nodes.looked_at, 0) | {f"mark{i}": int(mark[4 * i : 4 * i + 4], 16) for i in range(3)}
+    values |= {"count": len(task.numbers), "taken": taken, "record": record, "point": point}
+    client, events = opcua.Client(task, {}), []
+    for _ in range(12):
+        request = client.bytes_to_send(1 << 16).decode().strip()
+        if request.startswith("take "):
+            values["taken"] = int(request.removeprefix("take "))
+        answers = {"ask": "ASK here", "get": "GET " + " ".join(f"{name}={value}" for name, value in values.items())}
+        events += client.receive(f"{answers.get(request, 'TAKE')}\n".encode())
+    assert any(isinstance(event, Begun) for event in events) is begins
+    assert values["taken"] == (record if begins else taken)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import random
+import socket
 from collections import Counter
+from threading import Thread
 
 import pytest
 from support.diskfaults import Disk, Net, disk_session
@@ -67,3 +69,14 @@ def test_a_control_that_hangs_up_while_it_is_asked_for_its_file_is_a_sentence(mo
     monkeypatch.setattr(_remote, "store", lambda scheme, parts, options: Net(disk))
     with pytest.raises(LinkError, match=r"does not open: .+\. Is the controller"):
         open_port(parse("ftp://anna@localhost/records/TANGO.TXT", remote.OPTIONS))
+
+
+def test_a_control_that_hangs_up_before_its_first_word_is_a_sentence_alone(caplog):
+    """A library that writes a traceback of its own, where the program has no log, drowns it."""
+    pytest.importorskip("paramiko")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        Thread(target=lambda: server.accept()[0].close(), daemon=True).start()
+        port = f"sftp://anna@127.0.0.1:{server.getsockname()[1]}/r/R.TXT?hostkey=SHA256:abc"
+        with pytest.raises(LinkError, match="does not open"):
+            open_port(parse(port, remote.OPTIONS))
+    assert not [record for record in caplog.records if record.name.startswith("paramiko")]

@@ -13,7 +13,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.history import opened
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.report import morning
 from tango_cnc.report.look import MOST, looks
 from tango_cnc.report.texts import texts

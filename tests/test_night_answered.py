@@ -20,9 +20,10 @@ from tango_cnc.cli import tango
 from tango_cnc.history import Decision, History, opened
 from tango_cnc.nightly.again import after_a_repair, step_by_step
 from tango_cnc.nightly.answered import repaired, undone
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
-from tango_cnc.nightly.words import headline, message
+from tango_cnc.nightly.words import headline
 from tango_cnc.report.faults import earlier, faults, unclosed
 from tango_cnc.report.morning import context, render
 from tango_cnc.report.texts import texts

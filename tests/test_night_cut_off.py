@@ -20,8 +20,8 @@ from tango_cnc.cli import tango
 from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import opened
-from tango_cnc.link.lock import holding
-from tango_cnc.nightly.words import message
+from tango_cnc.link.lock import ended, holding
+from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
@@ -81,6 +81,22 @@ def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     told = replace(good, former=said_cut_off([STAMP])).answer(Units(), t, machine)
     assert told.word == "Not yet" and told.level == "stop" and "cut off" in told.why
     assert orders(told, record, (), "check", Units(), t, machine, said_cut_off([STAMP]))[0].startswith("Look at the machine first")
+
+
+def test_a_night_that_the_history_did_not_take_was_not_cut_off(cell: Path, night: Path) -> None:
+    """The database went away while it measured: its result waits in its folder, and nothing executes a program any more."""
+    (night / "unkept.json").write_text("{}")
+    assert ended(cell, [STAMP]) == {STAMP: "waiting"}
+    said = said_cut_off([STAMP], ended(cell, [STAMP]))
+    record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
+    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    machine, t = read_cell(EXAMPLE).machine, texts()
+    found = replace(good, former=said).answer(Units(), t, machine)
+    assert found.word == "Yes, but" and "not in the history" in found.why
+    steps = orders(found, record, (), "check", Units(), t, machine, said)
+    assert any("See to the history" in step for step in steps) and not any("Look at the machine" in step for step in steps)
+    done = CliRunner().invoke(tango, ["nightly", "-C", str(cell), "--status"])
+    assert "its result is kept in the cell" in done.output and "may still execute" not in done.output
 
 
 def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:

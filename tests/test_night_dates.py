@@ -16,7 +16,8 @@ from tango_cnc.history import opened
 from tango_cnc.history.clock import asks, in_future, told
 from tango_cnc.history.store import History
 from tango_cnc.nightly.dates import clock_wrong, dated
-from tango_cnc.nightly.words import headline, message
+from tango_cnc.nightly.mail import message
+from tango_cnc.nightly.words import headline
 from tango_cnc.report import morning
 
 MEASURED = datetime(2026, 10, 3, 2, 0, tzinfo=UTC)

@@ -10,7 +10,8 @@ from support.answers import answered
 from support.nights_parts import Event, Story
 
 from tango_cnc.nightly.drift import Drift
-from tango_cnc.nightly.words import headline, message
+from tango_cnc.nightly.mail import message
+from tango_cnc.nightly.words import headline
 from tango_cnc.report.alarm import alarm as shown
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units

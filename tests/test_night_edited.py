@@ -13,9 +13,10 @@ from support.histories import knowledge, record
 from tango_cnc.files.origin import changes
 from tango_cnc.history import opened
 from tango_cnc.nightly.edited import asked, edited
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.night import _edited
 from tango_cnc.nightly.ports import Disk, Ports
-from tango_cnc.nightly.words import headline, message
+from tango_cnc.nightly.words import headline
 from tango_cnc.report import morning
 
 MACHINE = "name: M\ntopology: wCAYfXZ(S)t\nprobe: {length: 252.3, tip_radius: 3.0}\n"

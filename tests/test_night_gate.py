@@ -13,6 +13,7 @@ import pytest
 from support.controls import GOLDEN, golden
 from support.gates import ran
 from support.nights_parts import RealControl, Story, nights, nights_of
+from support.proof_parts import keys_of
 
 import postprocessors as posts
 from postprocessors import load, program
@@ -21,7 +22,6 @@ from tango_cnc import readback
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands._common import asks_for_a_finger
 from tango_cnc.commands._night_gate import NEAR, as_found, proves
-from tango_cnc.commands._proofs import keys_of
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.commissioning import Proof, add_proofs
 from tango_cnc.files.nightly import Nightly

@@ -12,7 +12,7 @@ from support.nights_parts import Event, Story
 from tango_cnc.history import opened
 from tango_cnc.nightly.again import step_by_step
 from tango_cnc.nightly.goes_on import same_pace
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.report import morning
 from tango_cnc.report.faults import faults, unclosed
 from tango_cnc.report.texts import texts

@@ -14,7 +14,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
 from tango_cnc.nightly.lag import WINDOWS, lagging
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 

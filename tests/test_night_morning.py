@@ -28,9 +28,10 @@ from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
 from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.doubt import Judged, believed
-from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.mail import answer, message
+from tango_cnc.nightly.night import known_before
 from tango_cnc.nightly.standing import standing
-from tango_cnc.nightly.words import answer, headline, message
+from tango_cnc.nightly.words import headline
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
 from tango_cnc.report.repeated import as_decided
@@ -248,7 +249,7 @@ def test_since_when_says_which_nights_were_not_measured(tmp_path: Path) -> None:
         for days, told in ((30, "(29 nights not measured)"), (365, "(364 nights not measured: look whether the date")):
             assert told in since(history, "M", tonight + days).words, "also those that are not on record one by one"
         assert "(51 nights" in since(history, "M", tonight + 364, every_days=7).words
-        before = _before("M", cast(Ports, SimpleNamespace(past=history)))
+        before = known_before("M", cast(Ports, SimpleNamespace(past=history)))
     assert before["last_measured"] == "2026-10-01"
     record = night(**before)
     text = message(record, (), ())[1]

@@ -64,7 +64,7 @@ def test_the_list_of_status_keeps_to_a_terminal_and_stays_whole_in_a_pipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns: int | None
 ) -> None:
     folder = cell(tmp_path / "cell", "M", [night("M", i, headline="all is at rest, " * 8) for i in range(3)])
-    monkeypatch.setattr("tango_cnc.commands.nightly.on_terminal", lambda: columns)
+    monkeypatch.setattr("tango_cnc.commands._nightly_status.on_terminal", lambda: columns)
     text = CliRunner().invoke(tango, ["nightly", "-C", str(folder), "--status"], standalone_mode=False).output
     lines = [line for line in text.splitlines() if "rest" in line]
     if columns is None:

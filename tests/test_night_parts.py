@@ -15,7 +15,8 @@ from tango_cnc.files import read_cell
 from tango_cnc.nightly.alarms import Known, alarms_of, effect_of, said_of
 from tango_cnc.nightly.back import went_back
 from tango_cnc.nightly.dates import Since
-from tango_cnc.nightly.words import _about, changed
+from tango_cnc.nightly.mail import _about
+from tango_cnc.nightly.words import changed
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
 from tango_cnc.state.effect import alike

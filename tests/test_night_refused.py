@@ -25,7 +25,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.history import opened
 from tango_cnc.nightly import Ports
 from tango_cnc.nightly.dates import night_of, since
-from tango_cnc.nightly.night import _before
+from tango_cnc.nightly.night import known_before
 
 HOLD = """
 import sys
@@ -94,7 +94,7 @@ def test_a_refused_night_hides_no_measurement(tmp_path: Path) -> None:
         history.add_night(record(3), "touch\n1\n", knowledge(3))  # it ended later
         (standing,) = history.fleet("2026-10-03T06:00:00+00:00")
         assert standing.last is not None and standing.last.verdict == "good" and not standing.late
-        assert "unmeasured" not in _before("M", cast(Ports, SimpleNamespace(past=history)))
+        assert "unmeasured" not in known_before("M", cast(Ports, SimpleNamespace(past=history)))
         assert since(history, "M", 20727.083 + 3).words == "last night"
 
 

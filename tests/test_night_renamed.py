@@ -132,7 +132,7 @@ def test_every_night_under_a_new_name_says_what_waits_under_the_old_one(root: Pa
 
     from tango_cnc.files import read_cell, read_world
     from tango_cnc.files.nightly import Nightly
-    from tango_cnc.nightly.words import message
+    from tango_cnc.nightly.mail import message
 
     folder = root / "examples" / "trunnion"
     mine = read_cell(folder)

@@ -22,9 +22,9 @@ from tango_cnc.history import Decision, History, opened
 from tango_cnc.link.lock import holding
 from tango_cnc.nightly import Measured
 from tango_cnc.nightly.dates import since
-from tango_cnc.nightly.night import _before, night
+from tango_cnc.nightly.mail import message
+from tango_cnc.nightly.night import known_before, night
 from tango_cnc.nightly.ports import Ports
-from tango_cnc.nightly.words import message
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
 from tango_cnc.report.answer import answer
@@ -51,8 +51,8 @@ NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "verdict": "not_m
 class Stopped:
     """The world of one night: its control stops as the test says, and it keeps every message that the night sends."""
 
-    def __init__(self, why: str, nothing: bool = False) -> None:
-        self.why, self.nothing, self.posted = why, nothing, ""
+    def __init__(self, why: str, nothing: bool = False, unjudged: Exception | None = None) -> None:
+        self.why, self.nothing, self.unjudged, self.posted = why, nothing, unjudged, ""
 
     def __getattr__(self, name: str) -> Any:
         return lambda *given: ()
@@ -72,13 +72,15 @@ class Stopped:
         return Measured(cast(Any, np.zeros(19)), "touch\n1\n", 226, 60.0, self.why, (), (), False)
 
     def analysed(self, *given: Any) -> Any:
+        if self.unjudged is not None:
+            raise self.unjudged
         plausible = {"verdict": "implausible", "reasons": [MISSING]}
         return {"verdict": "doubtful", "plausible": plausible, "carried": False, "next": None}, None, {}
 
 
-def told(history: History, why: str, nothing: bool = False) -> tuple[dict[str, Any], str]:
-    """history, why the control ended, whether before any touch → record and message of the night."""
-    world, now = Stopped(why, nothing), datetime(2026, 10, 9, 2, tzinfo=UTC)
+def told(history: History, why: str, nothing: bool = False, unjudged: Exception | None = None) -> tuple[dict[str, Any], str]:
+    """history, why the control ended, whether before any touch, what keeps readings from being judged → record, message."""
+    world, now = Stopped(why, nothing, unjudged), datetime(2026, 10, 9, 2, tzinfo=UTC)
 
     class Free:
         def __enter__(self) -> None: ...
@@ -126,7 +128,7 @@ def test_a_night_that_did_not_measure_still_asks_for_an_answer_to_an_alarm(histo
 
 def test_what_is_known_is_of_the_last_night_that_was_believed(history: History) -> None:
     history.add_night(record(2, verdict="doubtful", parameters={}), "touch\n1\n")
-    known = _before("M", cast(Ports, SimpleNamespace(past=history)))
+    known = known_before("M", cast(Ports, SimpleNamespace(past=history)))
     assert (known["last_measured"], known["last_carried"]) == (record(2)["night"], record(1)["night"])
     told = {
         **record(3, verdict="doubtful", parameters={}),
@@ -215,3 +217,12 @@ def test_a_night_that_was_cut_off_is_told_before_the_next_one(tmp_path: Path) ->
         assert run.return_value == 1 and "Look at the machine first" in " ".join(run.output.split())
     told = json.loads(invoked([*asked[0], "--json", "-"]).output)
     assert told["cut_off"] == ["2026-11-23T020000Z"]
+
+
+def test_readings_that_the_history_keeps_from_being_judged_are_not_in_doubt(history: History) -> None:
+    """A database that was switched off in the night sent a mechanic to the stylus, and called the readings wrong."""
+    away = LinkError("history: it cannot be read (server closed the connection); is the database switched on?")
+    found, text = told(history, "", unjudged=away)
+    assert (found["verdict"], found["touches"], found["artefacts"]["readings"]) == ("not_measured", 0, "readings.csv")
+    assert "19 touches were made and are kept, but nobody has judged them" in text and "database switched on" in text
+    assert "stylus" not in text and "relied on" not in text

@@ -19,7 +19,7 @@ from support.nights_parts import Nobody, RealDisk, Time, machine_of, settings_of
 from tango_cnc.cli import tango
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
-from tango_cnc.nightly import Finding, Measured, Ports, night
+from tango_cnc.nightly import Measured, Ports, PreflightPoint, night
 from tango_cnc.nightly.notify import Notifier
 from tango_cnc.records import LinkError, Readings
 
@@ -103,7 +103,7 @@ class Four:
 
     def preflight(self, kind: str, touches: Any) -> Any:
         """→ all is well."""
-        return (Finding("control", True, "idle"),)
+        return (PreflightPoint("control", True, "idle"),)
 
     def measure(self, kind: str, touches: Any) -> Measured:
         """→ four touches."""

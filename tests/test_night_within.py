@@ -14,7 +14,7 @@ from support.spoilt import FIRST, SPOILT, fault, judged_in_full, said, spoilt
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import opened
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.records import Cell, World
 
 pytestmark = [pytest.mark.long, pytest.mark.xdist_group("night_within")]

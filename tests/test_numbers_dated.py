@@ -71,7 +71,7 @@ def test_what_kept_a_night_from_beginning_stands_in_the_box() -> None:
     assert "Last night could not begin: only 3 MB are free." in answer(full, Units(), t, before=good, old=30).why
     silent = night(M, 2, "not_measured", why="no answer", **NOTHING)
     assert "last night. This is what was known" in answer(silent, Units(), t, before=good).why
-    nowhere = renamed(answer(good, Units(), t), said_cut_off(["x"], ["x"]), t)  # not even its record could be written
+    nowhere = renamed(answer(good, Units(), t), said_cut_off(["x"], {"x": "unsent"}), t)  # not even its record could be written
     assert "Is the disk full?" in nowhere.why
 
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from support.blockcell import block, cell, machine
 
-from tango_cnc.plan import plan
+from tango_cnc import check
+from tango_cnc.plan import plan, sweep
+from tango_cnc.plan.clearance import MARGIN
+from tango_cnc.plan.places import scene
+from tango_cnc.plan.travel import DROP
+from tango_cnc.plan.ways import lifts
 from tango_cnc.records import InputError
 
 
@@ -14,3 +20,35 @@ def test_where_no_lift_takes_the_probe_clear_the_indexation_is_named(monkeypatch
     monkeypatch.setattr("tango_cnc.plan.clearance.TRIES", 0)
     with pytest.raises(InputError, match=r"indexation 1 \(.*no lift takes the probe clear of what the rotary axes sweep"):
         plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 30, "C": 40}]), "leave-out")
+
+
+@pytest.mark.parametrize(("standoff", "obstacle"), [(2.0, False), (25.0, False), (2.0, True)])
+def test_the_clear_level_is_above_every_stand_off_and_above_all_that_stands_on_the_table(standoff: float, obstacle: bool) -> None:
+    """By the drop above the highest stand-off, by the margin above the highest corner: the higher one of the two, no more."""
+    made = cell(machine("wCBXfZY(S)t"), block(obstacle=obstacle), [{}, {"B": 30, "C": 40}], standoff=standoff)
+    shared = scene(made.machine, made.artefact, made.strategy)
+    facet = np.tile(np.arange(len(shared.facet)), 2)
+    at = np.repeat([0, 1], len(shared.facet))
+    clear, level = lifts(shared, facet, at)[0][0], lifts(shared, facet, at)[1]
+    tip, up = shared.standoff(facet, at)
+    height = np.einsum("ij,ij->i", tip, up)
+    assert clear == pytest.approx(level[at] - height)
+    for index in (0, 1):
+        highest = height[at == index].max()
+        top = check.solid(made.artefact).top(up[at == index][:1])[0] + made.machine.probe.tip_radius
+        assert level[index] == pytest.approx(max(highest + DROP, top + MARGIN))
+
+
+@pytest.mark.parametrize(
+    ("topology", "turns"),
+    [("wCBfXYZ(S)t", True), ("wCBXfZY(S)t", True), ("wfXYZBC(S)t", False), ("wXYfZBC(S)t", False)],
+)
+def test_a_table_sweeps_a_sphere_where_a_rotary_axis_carries_it(topology: str, turns: bool) -> None:
+    """It holds every corner of what is on the table."""
+    artefact = block(obstacle=True)
+    found = sweep.swept(machine(topology), check.solid(artefact))
+    assert (found is not None) is turns
+    if found is not None:
+        centre, radius = found
+        corners = np.vstack([body.corner for body in check.solid(artefact).obstacles])
+        assert np.linalg.norm(corners - centre, axis=1).max() <= radius

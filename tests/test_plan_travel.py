@@ -229,3 +229,17 @@ def test_no_part_of_the_probe_comes_within_the_margin_of_a_ball(seed: int) -> No
     lifts = np.array(roof.lifts(far, np.full(14, FAR)))
     rise = np.einsum("ij,ij->i", far.end - far.start, far.spindle)
     assert (lifts.min(axis=0) <= DROP + 1e-9).all() and (lifts.sum(axis=0) <= 2 * DROP + np.abs(rise) + 1e-6).all()
+
+
+@pytest.mark.parametrize(
+    ("probe", "expected"),
+    [
+        (PROBE, [(-3.0, 3.0), (90.0, 20.0), (150.0, 45.0)]),
+        (replace(PROBE, nose_radius=0.0), [(-3.0, 3.0), (90.0, 20.0), (150.0, 20.0)]),  # what carries the body is as thick
+        (replace(PROBE, stylus_radius=4.0), [(-3.0, 4.0), (90.0, 20.0), (150.0, 45.0)]),  # a stem thicker than its tip
+        (replace(PROBE, body_length=200.0), [(-3.0, 3.0), (0.0, 20.0), (150.0, 45.0)]),  # no part begins below the tip
+    ],
+)
+def test_a_probe_has_three_parts_each_wider_than_the_one_below(probe: Probe, expected: list[tuple[float, float]]) -> None:
+    """mm above the tip centre where it begins, mm of its radius; the stem from the lowest point of the tip."""
+    assert list(parts(probe)) == expected

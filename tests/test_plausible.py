@@ -10,10 +10,10 @@ from typing import Any, cast
 
 import pytest
 from click.testing import CliRunner
+from support.trust_parts import usable
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import _trust
-from tango_cnc.commands._trust import usable
 from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
 from tango_cnc.judgement import Judgement

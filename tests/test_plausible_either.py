@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.coverage import CASES, judged, measured, pushed
+from support.trust_parts import status
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._trust import status
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.records import Array, Cell, Readings, World
 

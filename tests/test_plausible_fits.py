@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.trust_parts import members, suspected
 from test_plausible_mistakes import judged, measured
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._trust import members, suspected
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement, Suspicion
 from tango_cnc.plausible.fit import explain

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from support.trust_parts import judged
 
 from sim_controller.simulate import simulate
-from tango_cnc.commands._trust import judged
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.judgement import Judgement
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from support.blockcell import machine
 from support.few import every
 
 from postprocessors import load, may_roll, program
@@ -180,3 +183,20 @@ def test_rotary_axes_come_to_every_touch_in_the_sense_that_the_readings_will_say
 def test_options_that_do_not_fit_are_refused(made: Plan, options: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         text_of(made, **options)
+
+
+@pytest.mark.parametrize(
+    ("travel", "rolls"),
+    [
+        (None, True),  # without limits
+        ((0.0, 360.0), True),  # a whole turn from 0 on, to the last digit of a profile
+        ((0.0, 359.9), False),
+        ((0.1, 400.0), False),
+        ((-200.0, 200.0), False),  # what lies from 200 to 360 cannot be reached under that number
+        ((-400.0, 400.0), True),
+    ],
+)
+def test_an_angle_is_written_from_0_to_360_where_the_travel_holds_a_whole_turn(travel, rolls):
+    whole = machine("wCBXfZY(S)t")
+    limits = None if travel is None else tuple(np.radians(travel).tolist())
+    assert may_roll(replace(whole, axes=tuple(replace(a, travel=limits) if a.name == "C" else a for a in whole.axes)), "C") is rolls

@@ -65,3 +65,43 @@ def test_nothing_guarded_begins_at_a_facet_and_nothing_turns_there() -> None:
 def test_every_phase_can_be_reached_and_left_but_the_last() -> None:
     assert {phase for _, phase in NEXT.items()} == set(Phase) - {Phase.HEAD}
     assert {phase for phase, _ in NEXT} == set(Phase) - {Phase.ENDED}
+
+
+WORDS = {  # Z: what it does, and where
+    "S": "a second start mark",
+    "E": "a second end mark",
+    "B": "an end mark before the start mark",
+    "T": "something turns outside of start mark and end mark",
+    "M": "something moves outside of start mark and end mark",
+    "R": "a record without a touch",
+    "U": "found an unprotected move; allowed: one off the facet, right after a measuring move",
+    "O": "the touch before has no record",
+    "F": "the probe is at a facet, and this does not take it off first",
+}
+SAID = """
+          STARTS PROVES RESTS FINDS MEASURES LEAVES FREED GUARDED MOVES TURNS RECORDS ENDS
+HEAD      .      M      M     M     M        M      M     M       M     T     R       B
+FREE      S      .      Z     .     .        U      .     .       .     .     R       .
+TOUCHED   S      Z      .     Z     Z        U      .     Z       Z     Z     R       Z
+FOUND     S      F      F     F     F        .      .     F       .     F     R       F
+MET       S      O      O     O     O        .      .     O       .     O     .       O
+ASIDE     S      O      O     O     O        U      .     O       .     O     .       O
+NOTED     S      F      F     F     F        .      .     F       .     F     R       F
+BACK      S      Z      Z     Z     Z        U      .     .       .     Z     R       Z
+ENDED     S      M      M     M     M        M      M     M       M     T     R       E
+"""
+
+
+def test_what_is_refused_is_said_by_the_rule_that_it_breaks() -> None:
+    """One letter each: what is said; `.` is allowed."""
+    head, *rows = (line.split() for line in SAID.strip().splitlines())
+    assert sorted(head) == sorted(step.name for step in Action)
+    assert [row[0] for row in rows] == [phase.name for phase in Phase]
+    for name, *letters in rows:
+        for step, letter in zip(head, letters, strict=True):
+            pair = (Phase[name], Action[step])
+            assert (pair in NEXT) == (letter == "."), pair
+            if letter != ".":
+                with pytest.raises(InputError) as error:
+                    after(*pair)
+                assert str(error.value) == WORDS.get(letter, f"found {pair[1].value} {pair[0].value}"), pair

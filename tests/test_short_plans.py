@@ -12,10 +12,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.trust_parts import judged
 
 from sim_controller.simulate import simulate
 from tango_cnc.commands._design import _no_shorter, change_text
-from tango_cnc.commands._trust import judged
 from tango_cnc.commands.check import check
 from tango_cnc.commands.estimate import _predicting
 from tango_cnc.design import choose, goals, how_long, propose, shortest

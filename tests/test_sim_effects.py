@@ -39,21 +39,27 @@ def test_every_effect_states_an_example_of_its_keys(cause: str) -> None:
     effects.checked(world(cause).effects)
 
 
-def test_every_key_is_documented(root: Path) -> None:
-    text = (root / "docs" / "effects.md").read_text(encoding="utf-8")
-    documented = {}
-    for line in text.splitlines():
+def documented(root: Path) -> dict[str, set[str]]:
+    """→ {effect: its keys}, of the rows of docs/effects.md."""
+    found = {}
+    for line in (root / "docs" / "effects.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| `") and len(cells) == 3:
-            documented[cells[0].strip("`")] = set(re.findall(r"`(\w+)`", cells[1]))
-    for cause, keys, what in effects.described():
-        found = set(re.findall(r"\w+", keys))
-        row = f"| `{cause}` | {', '.join(f'`{key}`' for key in sorted(found))} | {what} |"
-        assert documented.get(cause) == found, (
-            f"docs/effects.md: put this row into the table of its kind, with units and formula:\n{row}"
-        )
-    gone = set(documented) - {cause for cause, _, _ in effects.described()}
-    assert not gone, f"docs/effects.md: a row of an effect that is gone: {gone}"
+            found[cells[0].strip("`")] = set(re.findall(r"`(\w+)`", cells[1]))
+    return found
+
+
+@pytest.mark.parametrize(("cause", "keys", "what"), effects.described(), ids=[cause for cause, _, _ in effects.described()])
+def test_every_key_is_documented(cause: str, keys: str, what: str, root: Path) -> None:
+    found = set(re.findall(r"\w+", keys))
+    row = f"| `{cause}` | {', '.join(f'`{key}`' for key in sorted(found))} | {what} |"
+    assert documented(root).get(cause) == found, (
+        f"docs/effects.md: put this row into the table of its kind, with units and formula:\n{row}"
+    )
+
+
+def test_no_row_is_of_an_effect_that_is_gone(root: Path) -> None:
+    assert set(documented(root)) == {cause for cause, _, _ in effects.described()}
 
 
 @pytest.mark.few(4)

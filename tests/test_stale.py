@@ -20,7 +20,7 @@ from starlette.testclient import TestClient
 from tango_cnc.cli import tango
 from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly, read_nightly
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.report.age import measured_on, nights_old
 from tango_cnc.report.answer import answer
 from tango_cnc.report.repeated import in_a_row

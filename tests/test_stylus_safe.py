@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from support.trust_parts import run_of
 
 from tango_cnc import plan as planner
 from tango_cnc.asked import asked
 from tango_cnc.cli import tango
-from tango_cnc.commands._trust import run_of
 from tango_cnc.files import machine_text, read_cell, read_machine, strategy_text
 from tango_cnc.files.normals import inward
 from tango_cnc.files.strategy import OBSTRUCTED

@@ -21,7 +21,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.history import opened
 from tango_cnc.iso230.signed import signed
-from tango_cnc.nightly.words import message
+from tango_cnc.nightly.mail import message
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, Readings
 from tango_cnc.report.facts import Paper, Wishes, gather

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from support.trust_parts import members, status, told, usable
 
-from tango_cnc.commands._trust import members, status, told, usable
 from tango_cnc.judgement import Judgement
 from tango_cnc.records import TangoError
 

@@ -66,6 +66,10 @@ class _Part:
     touching: float  # mm of air while the tip touches
     margin: float  # mm of air elsewhere
 
+    def of(self, pose: Pose) -> tuple[Array, Array]:
+        """touches → (n, 3) where its axis begins, (n, 3) mm from there to where it ends."""
+        return pose.tip + self.low * pose.spindle, (self.high - self.low) * pose.spindle
+
 
 @dataclass(frozen=True)
 class Obstruction:
@@ -194,7 +198,7 @@ def _facing(pose: Pose, probe: Probe, stem: float) -> Iterator[Verdict]:
 
 def _touched(body: Body, name: str, part: _Part, pose: Pose, probe: Probe, approach: Approach) -> Iterator[tuple[Mask, str]]:
     """The body that is touched: convex, and left along its own normal, so contact and stand-off decide for all between."""
-    begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
+    begin, run = part.of(pose)
     yield _crosses(body, begin, run, part.radius + part.touching), f"the {part.name} would hit {name} while the tip touches"
     lifted = begin + approach.standoff * pose.normal
     air = min(part.margin, approach.standoff / 2)
@@ -208,8 +212,7 @@ def _obstacle(
 ) -> Iterator[Verdict]:
     between = STEP / 2
     for part in parts:
-        run = (part.high - part.low) * pose.spindle
-        begin = pose.tip + part.low * pose.spindle
+        begin, run = part.of(pose)
         air = part.radius + part.margin + between
         yield _any(_crosses(body, begin + d * pose.normal, run, air) for d in way), f"the {part.name} would hit {name}", "shank"
     air = probe.tip_radius + MARGIN + between
@@ -236,7 +239,7 @@ def _ball(
     """A ball: of its own touches only the contact counts, as the probe leaves it straight away from its centre."""
     between = STEP / 2
     for part in parts:
-        begin, run = pose.tip + part.low * pose.spindle, (part.high - part.low) * pose.spindle
+        begin, run = part.of(pose)
         near = np.min([_distance(centre, begin + d * pose.normal, run) for d in way], axis=0)
         clear = radius + part.radius
         hit = np.where(own, _distance(centre, begin, run) < clear + part.touching, near < clear + part.margin + between)

@@ -22,6 +22,6 @@ def outside(machine: Machine, position: Array) -> Array:
 def travel_text(machine: Machine, name: str, value: float) -> str:
     """axis letter and a position beyond its travel → 'X 412.300 mm, travel -400 … 400 mm'."""
     axis = machine.axis(name)
-    low, high = axis.travel or (-math.inf, math.inf)
+    low, high = axis.limits
     scale, unit = (1.0, "mm") if axis.kind == "linear" else (180 / math.pi, "deg")
     return f"{name} {value * scale:.3f} {unit}, travel {low * scale:g} … {high * scale:g} {unit}"

@@ -18,7 +18,7 @@ import numpy as np
 from ..files import read_cell, read_readings_text
 from ..files.nightly import history_of, read_nightly
 from ..history import Stored, opened
-from ..nightly import Finding, Measured, Ports, night
+from ..nightly import Measured, Ports, PreflightPoint, night
 from ..plan import plan
 from ..records import InputError
 from ._cell_nights import as_of, nights_of
@@ -55,9 +55,9 @@ class _Kept:
         """→ what the readings say today. Raises TangoError."""
         return self.analysis.analysed(past, day, kind, measured)
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """→ nothing is asked of a machine."""
-        return (Finding("again", True, f"readings of entry {self.stored.night.entry}"),)
+        return (PreflightPoint("again", True, f"readings of entry {self.stored.night.entry}"),)
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ the readings that there are."""

@@ -24,7 +24,8 @@ from ..files.nightly import NAME, Nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
 from ..link.rest import durations
-from ..nightly.analysis import Nights, Timed
+from ..nightly.analysis import Nights
+from ..nightly.before import Timed
 from ..nightly.doubt import Judged
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError

@@ -9,7 +9,7 @@ from typing import Any
 from ..compensate import targets
 from ..compensate.fit import Fit
 from ..compensate.proposal import Proposal
-from ..compensate.trial import Verdict
+from ..compensate.trial import Sign
 from ..identify.words import summary
 from ..records import InputError, Machine
 from ._common import table
@@ -183,7 +183,7 @@ def _worse(best: Fit) -> list[str]:
     ]
 
 
-def sign(found: Verdict, flips: Sequence[str] = ()) -> str:
+def sign(found: Sign, flips: Sequence[str] = ()) -> str:
     """verdict of a sign trial, settings that would turn the sign round → what it means for a person."""
     touches = "1 touch" if found.touches == 1 else f"{found.touches} touches"
     if not math.isfinite(found.std):

@@ -17,7 +17,7 @@ from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
 from ..design.enough import SPARE, determined, to_spare, widened
-from ..design.goals import USUAL_MINUTES
+from ..design.goals import COARSE, USUAL_MINUTES
 from ..design.here import most_in_a_row
 from ..design.left_out import left_out, sentences
 from ..design.problem import Chosen
@@ -32,6 +32,7 @@ from ..records import Array, Strategy, TermItem
 from ..report.drawn import Drawn
 from ..report.texts import texts
 from ..report.units import shown
+from ..terms import inter_axis
 
 REASONS = 3  # parameters that are named for an indexation
 TELLS = 1.05  # times a standard deviation grows without an indexation that tells something of the parameter
@@ -53,7 +54,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "time_s": round(found.seconds, 3),
         "time_by_part_s": {part: round(s, 3) for part, s in timed.parts_of(found).items()},
         "positioning_feed": ready.problem.feed,
-        "criterion": {"value": amount, "unit": unit},
+        "criterion": {"value": amount, "unit": unit, "most_uncertain": propose.most_uncertain(ready, found.information)},
         "determined": determined(found.problem, found.information),
         "widened": widens,
         "to_spare": None if sees is not None else to_spare(found),
@@ -113,7 +114,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         + ", ".join(f"{part} {_clock(s)}" for part, s in data["time_by_part_s"].items()),
         *data.get("left_out", {}).get("text", ()),
         f"approach: {data['approach']}",
-        f"{_means(data['goal'], value, unit)}",
+        _means(data["goal"], value, unit, data["criterion"]["most_uncertain"]),
     ]
     lines += [data["no_shorter"]] if data.get("no_shorter") else []
     if not data["determined"]:
@@ -132,10 +133,11 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
             f"{own['seconds_per_indexation']:.1f} s for a turn gets below {own['bound']:.3g} {unit}, "
             f"not even with parts of a turn: efficiency {100 * own['efficiency']:.0f} %"
         )
-        lines.append(
-            f"no other choice of facets at these indexations gets below {own['bound_at_these_indexations']:.3g} {unit}: "
-            f"efficiency {100 * own['efficiency_at_these_indexations']:.0f} %"
-        )
+        if own["bound_at_these_indexations"] > own["bound"]:
+            lines.append(
+                f"no other choice of facets at these indexations gets below {own['bound_at_these_indexations']:.3g} {unit}: "
+                f"efficiency {100 * own['efficiency_at_these_indexations']:.0f} %"
+            )
     if "competitors" in data:
         said = ", ".join(f"{name} {other:.3g}" for name, other in data["competitors"].items())
         lines.append(f"other plans of this time ({unit}): {said}")
@@ -188,16 +190,29 @@ def _clock(seconds: float) -> str:
     return spoken(seconds) if seconds < 90 else f"{round(seconds) // 60} min {round(seconds) % 60} s"
 
 
-def _means(goal: str, value: float, unit: str) -> str:
+def _means(goal: str, value: float, unit: str, worst: str | None) -> str:
+    """goal, what the plan reaches, its unit, the parameter that is farthest from its limit → a line of the terminal."""
     said = {
         "volume": f"uncertainty of the tool tip where parts are made: {value:.3g} {unit} (rms, one standard deviation)",
         "check": f"most uncertain change of the tool tip where parts are made: {value:.3g} {unit} (one standard deviation)",
-        "locations": f"the most uncertain axis location has {value:.3g} times the standard deviation that moves a part by 1 µm",
+        "locations": _of_locations(value, worst),
         "D": f"volume of the confidence ellipsoid: {value:.4g} {unit}",
         "A": f"uncertainty of all parameters, scaled by what they do to a touch: {value:.3g} {unit}",
         "condition": f"most uncertain combination of parameters: {value:.3g} {unit}",
     }
-    return said.get(goal, f"the most uncertain of these parameters reaches {100 * value:.0f} % of its limit")
+    named = f", {worst}," if worst else ""
+    return said.get(goal, f"the most uncertain of these parameters{named} reaches {100 * value:.0f} % of its limit")
+
+
+def _of_locations(value: float, worst: str | None) -> str:
+    """largest ratio to the usual limits, of which parameter → what it does to a part."""
+    if worst is None or inter_axis.PATTERN.fullmatch(worst):
+        named = "" if worst is None else f", {worst},"
+        return f"the most uncertain axis location{named} moves a part by {value:.3g} µm (one standard deviation)"
+    return (
+        f"the most uncertain parameter, {worst}, moves a part by {COARSE * value:.3g} µm (one standard deviation); axis locations "
+        f"are known to {value:.3g} µm or better, {COARSE:g} times as well as what is no location has to be"
+    )
 
 
 def _longer(seconds: float, full: float | None) -> list[str]:

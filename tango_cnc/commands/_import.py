@@ -15,7 +15,7 @@ from ..files.nightly import Nightly, read_nightly
 from ..files.origin import FEW, by_no_machine, edited_rows, look_up, other_machine, read_origin
 from ..files.readjson import read_json
 from ..history import History
-from ..nightly import Finding, Measured, Ports, night
+from ..nightly import Measured, Ports, PreflightPoint, night
 from ..plan import plan
 from ..records import Cell, InputError, Readings
 from ._cell_nights import nights_of
@@ -28,9 +28,9 @@ class _Old:
     def __init__(self, cell: Cell, readings: Readings, text: str, origin: dict[str, Any], clock: Time) -> None:
         self._cell, self._readings, self._text, self._origin, self._clock = cell, readings, text, origin, clock
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """→ nothing is asked of a machine."""
-        return (Finding("import", True, f"readings of {self._cell.folder}"),)
+        return (PreflightPoint("import", True, f"readings of {self._cell.folder}"),)
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:
         """→ the readings that there are."""

@@ -12,7 +12,7 @@ from ..compensate import loop, targets
 from ..compensate.hidden import of_record, unseen
 from ..compensate.space import Held, Poses
 from ..iso230.poses import at_poses
-from ..loaded import BACK, KEPT, changes
+from ..loaded import BACK, HELPS, changes
 from ..model import Model
 from ..nightly.control import Given, InControl
 from ..records import Array
@@ -84,7 +84,7 @@ class _Hidden:
 
 def _seen(folder: Path, number: int | None, until: str) -> bool:
     """cell, compensation that was kept, moment → whether the runs see all of it: it was measured with tool center point control."""
-    event = next((e for e in reversed(loop.history(folder, until)) if e["compensation"] == number and e["event"] == KEPT), None)
+    event = next((e for e in reversed(loop.history(folder, until)) if e["compensation"] == number and e["event"] in HELPS), None)
     return event is not None and bool(event.get("tcp", CALCULATED not in event.get("text", "")))
 
 

@@ -15,7 +15,7 @@ from postprocessors import Post
 
 from ..files import read_readings
 from ..gate import from_above, proving_touch
-from ..nightly import Finding
+from ..nightly import PreflightPoint
 from ..records import Cell, InputError, Plan, Touch
 from ..texts import say
 from ._common import dialect
@@ -29,21 +29,21 @@ RUNS = 3  # of the last ones, as a check does not touch everything
 FAR = 30.0  # mm from the expected contact: not this touch
 
 
-def proves(cell: Cell, made: Plan) -> Finding:
+def proves(cell: Cell, made: Plan) -> PreflightPoint:
     """cell, plan of the night → whether its program proves the probe with nobody there. Raises InputError without a post."""
     post = dialect(cell)
     options = cell.controller.options if cell.controller else {}
     which = posts.settings(post, options).get("gate", "none")
     if which == "none":
-        return Finding("gate", True, say("preflight.gate.program_asks_for_nobody_nothing"))
+        return PreflightPoint("gate", True, say("preflight.gate.program_asks_for_nobody_nothing"))
     if which == "finger":
         state = "" if _looks(cell, post) else say("preflight.gate.and_state_probe_state")
         advice = say("preflight.gate.state_gate_facet_under_controller", state=state)
-        return Finding("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
+        return PreflightPoint("gate", False, say("preflight.gate.program_waits_for_finger_at"), advice)
     if not _looks(cell, post):
         found = say("preflight.gate.nothing_tells_stylus_deflected_before")
         advice = say("preflight.gate.state_probe_state_variable_shows")
-        return Finding("gate", False, found, advice)
+        return PreflightPoint("gate", False, found, advice)
     one = proving_touch(replace(made, met={}))
     for file in _runs(cell):
         off = _found(cell, made, [one], file).get(one.number)
@@ -56,9 +56,9 @@ def proves(cell: Cell, made: Plan) -> Finding:
                 off=f"{off:+.2f}",
             )
             advice = say("preflight.gate.allowed_mm_run_tango_locate", near=f"{NEAR:g}")
-            return Finding("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
+            return PreflightPoint("gate", abs(off) <= NEAR, where, "" if abs(off) <= NEAR else advice)
     advice = say("preflight.gate.measure_once_with_person_at")
-    return Finding("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=one.facet), advice)
+    return PreflightPoint("gate", False, say("preflight.gate.facet_prove_probe_no_run", facet=one.facet), advice)
 
 
 def _looks(cell: Cell, post: Post) -> bool:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ..files.nightly import Nightly
 from ..link.sensors import FILE, read_sensors
 from ..link.transport._sensors import Watch
-from ..nightly import Finding
+from ..nightly import PreflightPoint
 from ..records import InputError
 from ..texts import say
 
@@ -55,7 +55,7 @@ def warmth(folder: Path, settings: Nightly) -> Warmth:
     return Warmth(value, say(f"preflight.warm.{'one' if len(found) == 1 else 'mean'}", name=name, value=f"{value:.1f}"))
 
 
-def warm(folder: Path, settings: Nightly) -> tuple[Finding, bool]:
+def warm(folder: Path, settings: Nightly) -> tuple[PreflightPoint, bool]:
     """folder of a cell, settings with a temperature → the point of the preflight, and whether a warm-up comes first.
 
     Raises InputError for a cell that names no such sensor.
@@ -64,13 +64,13 @@ def warm(folder: Path, settings: Nightly) -> tuple[Finding, bool]:
     low, high = settings.temperature
     now = warmth(folder, settings)
     if now.value is None:
-        return Finding("warm", False, now.words, say("preflight.warm.agent_do", file=FILE)), False
+        return PreflightPoint("warm", False, now.words, say("preflight.warm.agent_do", file=FILE)), False
     asked = say("preflight.warm.asked", now=now.words, low=f"{low:g}", high=f"{high:g}")
     if now.value > high:
-        return Finding("warm", False, asked, say("preflight.warm.hot_do")), False
+        return PreflightPoint("warm", False, asked, say("preflight.warm.hot_do")), False
     if now.value >= low:
-        return Finding("warm", True, asked), False
+        return PreflightPoint("warm", True, asked), False
     if settings.warm_up_minutes:
         first = say("preflight.warm.first", asked=asked, minutes=f"{settings.warm_up_minutes:g}")
-        return Finding("warm", True, first), True
-    return Finding("warm", False, say("preflight.warm.cold", asked=asked), say("preflight.warm.cold_do")), False
+        return PreflightPoint("warm", True, first), True
+    return PreflightPoint("warm", False, say("preflight.warm.cold", asked=asked), say("preflight.warm.cold_do")), False

@@ -1,4 +1,4 @@
-"""The real world of a night: this computer's clock and disk, the control at the end of the line, people who are told."""
+"""The real world of a night: this computer's clock and disk, the control at the end of the line, people who get messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any
 from ..files import read_readings, write_text
 from ..files.nightly import Nightly
 from ..link.lock import HeldError, holding
-from ..nightly import Finding, Measured
+from ..nightly import Measured, PreflightPoint
 from ..nightly.ports import Busy
 from ..plan import part, plan, plan_hash
 from ..records import Cell, LinkError, Plan, TangoError
@@ -133,10 +133,10 @@ class RealControl:
     stamp: str
     port: str | None = None
     simulated: bool = False  # the control stands in for a machine that does not exist
-    _points: list[Finding] = field(default_factory=list)
+    _points: list[PreflightPoint] = field(default_factory=list)
     _cold: bool = False  # what the preflight found: the machine warms up first
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """→ commissioned, the program of these touches, what was left behind, control and probe. Nothing moves."""
         self._points = []
         checks = (
@@ -152,43 +152,47 @@ class RealControl:
                 if (point := check(kind, touches)) is not None:
                     self._points.append(point)
             except TangoError as error:
-                self._points.append(Finding(check.__name__.strip("_"), False, str(error), ""))
+                self._points.append(PreflightPoint(check.__name__.strip("_"), False, str(error), ""))
         return self._points
 
-    def _commissioned(self, kind: str, touches: Sequence[int]) -> Finding | None:
+    def _commissioned(self, kind: str, touches: Sequence[int]) -> PreflightPoint | None:
         """What a person has proven wrong of this control, nobody goes on with at night; None where nothing is asked or known."""
         there = (self.cell.folder / "commissioning.yaml").exists()
         if not there and self.settings.commissioned:
             said, advice = say("preflight.world.no_commissioning_yaml"), say("preflight.world.run_tango_commission_with_person")
-            return Finding("commissioned", False, said, advice)
+            return PreflightPoint("commissioned", False, said, advice)
         if not self.simulated and (wrong := disproven_of(self.cell, dialect(self.cell)) if there else []):
             (found, do), *_ = wrong
-            return Finding("commissioned", False, say("preflight.world.not_so", found=found), say("preflight.world.mend", do=do))
-        return Finding("commissioned", True, "commissioning.yaml") if self.settings.commissioned else None
+            return PreflightPoint(
+                "commissioned", False, say("preflight.world.not_so", found=found), say("preflight.world.mend", do=do)
+            )
+        return PreflightPoint("commissioned", True, "commissioning.yaml") if self.settings.commissioned else None
 
-    def _program(self, kind: str, touches: Sequence[int]) -> Finding:
+    def _program(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         from .check import _postable
 
         made = self.planned(kind, touches)
         _postable(self.cell if kind == "full" or self.check is None else self.check, made)
         said = say("preflight.world.plan_touches_read_back", plan_hash=plan_hash(made), count=len(made.touches))
-        return Finding("program", True, "; ".join((said, *made.start)))  # nobody is there to bring the axes near the first place
+        return PreflightPoint(
+            "program", True, "; ".join((said, *made.start))
+        )  # nobody is there to bring the axes near the first place
 
-    def _gate(self, kind: str, touches: Sequence[int]) -> Finding:
+    def _gate(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         """Nobody is there at night: a program that waits for a finger at the probe would stand still until the morning."""
         return proves(self.cell if kind == "full" or self.check is None else self.check, self.planned(kind, touches))
 
-    def _left(self, kind: str, touches: Sequence[int]) -> Finding:
+    def _left(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         journals = [f for f in self.cell.folder.glob("*.partial.csv")]
         if journals:
-            return Finding("left", True, say("preflight.world.run_was_not_resumed_left", name=journals[0].name))
-        return Finding("left", True, say("preflight.world.no_run_was_left_behind"))
+            return PreflightPoint("left", True, say("preflight.world.run_was_not_resumed_left", name=journals[0].name))
+        return PreflightPoint("left", True, say("preflight.world.no_run_was_left_behind"))
 
-    def _warm(self, kind: str, touches: Sequence[int]) -> Finding:
+    def _warm(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         found, self._cold = warm(self.cell.folder, self.settings)
         return found
 
-    def _control(self, kind: str, touches: Sequence[int]) -> Finding:
+    def _control(self, kind: str, touches: Sequence[int]) -> PreflightPoint:
         from ..link.measure import protocol_of
         from ..link.session import listen
         from ..link.transport import open_port
@@ -201,7 +205,7 @@ class RealControl:
         if not hello:
             line.close()
             passed = not self.settings.probe
-            return Finding(
+            return PreflightPoint(
                 "control",
                 passed,
                 say("preflight.world.open_this_control_cannot_be", address=address),
@@ -212,7 +216,7 @@ class RealControl:
         finally:
             line.close()
         if not data:
-            return Finding(
+            return PreflightPoint(
                 "control",
                 False,
                 say("preflight.world.nothing_was_answered", address=address),
@@ -221,8 +225,8 @@ class RealControl:
         fine, sentences = client.told(data, parsed.options) or (True, [])
         said = "; ".join(sentences) or "answers"
         if fine and (busy := client.busy(data, parsed.options)):
-            return Finding("control", False, f"{address}: {busy}", say("preflight.world.stop_what_runs"))
-        return Finding("control", bool(fine), said, "" if fine else say("preflight.world.see_tango_link_test"))
+            return PreflightPoint("control", False, f"{address}: {busy}", say("preflight.world.stop_what_runs"))
+        return PreflightPoint("control", bool(fine), said, "" if fine else say("preflight.world.see_tango_link_test"))
 
     def _address(self) -> str:
         return address_of(self.cell, self.port)

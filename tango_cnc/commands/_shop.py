@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..history import History, Night
 
 LOOKED = 7  # nights
+ENDED = {"unsent": "ended_before", "waiting": "ended_waits"}  # how a night ended that has the mark of one at work: its text
 
 
 def of_shop(settings: Nightly) -> Texts:
@@ -43,3 +44,8 @@ def note_simulated(history: History, machine: str, t: Texts) -> None:
     nights = history.nights(machine, last=LOOKED) if machine in history.machines() else ()
     if any(r.get("simulated") for r in history.records_of([n.entry for n in nights]).values()):
         click.echo(f"{machine}: {t('audit.simulated')}", err=True)
+
+
+def looked_at(place: str | Path) -> str | Path:
+    """history → itself, or an empty one in memory where the file is missing, so that a mere look creates no file."""
+    return "sqlite://" if isinstance(place, Path) and not place.exists() else place

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import shlex
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import click
@@ -15,10 +18,11 @@ import yaml
 
 from ..compensate import Proposal, as_json, loop, targets
 from ..compensate import turned as turn
-from ..compensate.look import Look, look
+from ..compensate.loads import files_of
+from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
 from ..compensate.shares import Before
-from ..compensate.short import FEW, Short, by_part, not_all, short_outcome
+from ..compensate.short import FEW, WHOLE, Short, by_part, not_all, short_outcome
 from ..compensate.space import Held
 from ..duration import spoken
 from ..estimate import Estimate, estimate
@@ -27,9 +31,10 @@ from ..files.checked import read_text
 from ..files.origin import look_up
 from ..files.write import dump
 from ..judgement import Judgement
+from ..loaded import BACK, HELPS
 from ..noise import honest
 from ..records import Cell, InputError, Readings
-from ..touches import from_readings
+from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
 from ._present import ended, rows
@@ -38,7 +43,8 @@ from .check import positioning_feed
 from .design import gate_of
 
 DAY = 86_400.0  # s
-UNSURE = 0.3  # standard deviation of a share from which the check hardly decides
+WAITS = 0.8  # of the time allowed: a check that takes less has no more touches to make
+LONGER = (6.0, 8.0, 10.0, 13.0, 17.0, 22.0, 30.0, 45.0, 60.0)  # minutes that are tried, where the usual ones do not decide
 
 
 def is_short(kept: loop.Kept, file: Path) -> bool:
@@ -52,8 +58,8 @@ def made_from(text: str, terms: tuple[Any, ...], degree: int, *, tcp: bool) -> d
     return {"readings": text, "terms": plain, "degree": degree, "tcp": tcp}
 
 
-def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None) -> Short:
-    """cell, compensation, days since the run it was made from, --tcp → short check made ready. Raises InputError."""
+def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None, *, same_stylus: bool = False) -> Short:
+    """cell, compensation, days since the run it was made from, --tcp, --same-stylus → short check made ready. Raises InputError."""
     known = kept.record.get("made_from")
     if known is None:
         raise InputError(
@@ -62,16 +68,25 @@ def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None) -> Short:
         )
     readings = read_readings(kept.folder / loop.MADE_FROM, cell.machine, cell.artefact)
     result = honest(estimate(cell.machine, cell.artefact, readings, tuple(known["terms"]), known["degree"]))
-    return Short(kept, Before(result, days), held_of(cell, kept, result.model.coefficients), bool(tcp), bool(known["tcp"]))
+    module, request, held = _target_of(cell, kept, result.model.coefficients)
+    numbers = {h.place: h.base for h in held}
+    present, new = (numbers | {v["place"]: float(v[key]) for v in kept.record["values"]} for key in ("present", "new"))
+    files = files_of(module, request, held, present, new)
+    before = Before(result, days, same_stylus=same_stylus)
+    return Short(kept, before, held, bool(tcp), bool(known["tcp"]), files)
 
 
 def held_of(cell: Cell, kept: loop.Kept, coefficients: tuple[Any, ...]) -> list[Held]:
     """cell, compensation, coefficients of the estimate → what its target holds."""
+    return _target_of(cell, kept, coefficients)[2]
+
+
+def _target_of(cell: Cell, kept: loop.Kept, coefficients: tuple[Any, ...]) -> tuple[ModuleType, targets.Request, list[Held]]:
+    """cell, compensation, coefficients of the estimate → its target, the job of that, what it holds."""
     module = targets.load(kept.record["target"])
     limits = _compensate.volume_of(_compensate.volume_text(kept.record), cell.machine)
     request = targets.Request(cell.machine, limits, targets.options(module, _compensate.settings_of(kept.record)), coefficients)
-    found: list[Held] = module.held(request)
-    return found
+    return module, request, module.held(request)
 
 
 def _days(kept: loop.Kept, until: str | None) -> float:
@@ -81,29 +96,64 @@ def _days(kept: loop.Kept, until: str | None) -> float:
     return (end - begin).total_seconds() / DAY
 
 
-def judged(cell: Cell, kept: loop.Kept, file: Path, tcp: bool | None) -> tuple[Outcome, list[str]]:
-    """cell, compensation, readings of a short check, --tcp → outcome, places that act with tool center point control only."""
+def judged(cell: Cell, kept: loop.Kept, file: Path, tcp: bool | None, *, same_stylus: bool = False) -> tuple[Outcome, list[str]]:
+    """cell, compensation, readings of a short check, --tcp, --same-stylus → outcome, places that act with TCP only."""
     few = read_readings(file, cell.machine, cell.artefact)
     own = file.parent if (file.parent / loop.CELL).exists() else cell.folder
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
         click.echo(line, err=True)
-    asked = _asked(cell, kept, _days(kept, ended(file)), tcp)
+    asked = _asked(cell, kept, _days(kept, ended(file)), tcp, same_stylus=same_stylus)
     places = switched(kept.record, asked.held)
     if places and tcp is None:
         raise InputError(neither(kept.number, places))
     touches = from_readings(cell.machine, cell.artefact, few)
     found = short_outcome(asked, touches)
-    if places and found.verdict != "kept":
-        other = Short(kept, asked.before, asked.held, not asked.tcp, asked.first_tcp)
-        found = asked_otherwise(found, short_outcome(other, touches), tcp=asked.tcp)
+    if places and found.verdict not in HELPS:
+        found = asked_otherwise(found, short_outcome(replace(asked, tcp=not asked.tcp), touches), tcp=asked.tcp)
+    if found.verdict == "undecided" and found.unsure:
+        found = replace(found, text=f"{found.text}. {_mend(cell, asked, touches, found)}")
     return found, places
 
 
-def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, tcp: bool) -> Outcome:
-    """outcome of a run that determines everything, cell, compensation, readings, --tcp → the same, unless a part does not act."""
-    if found.verdict != "kept" or "made_from" not in kept.record:
+def _mend(cell: Cell, asked: Short, touches: Touches, found: Outcome) -> str:
+    """cell, short check, its touches, outcome that decides nothing → what would decide it."""
+    same = replace(asked, before=replace(asked.before, same_stylus=True))
+    if not asked.before.same_stylus and short_outcome(same, touches).verdict != "undecided":
+        return (
+            "A center that moves looks like another stylus. Where the stylus is that of the full run and has not been out of its "
+            "holder since, state it: the same command with --same-stylus. That decides it, without another touch"
+        )
+    whole = "with the whole strategy, which says more ('tango run')"
+    minutes, stated = _minutes(cell, asked, found.unsure), ""
+    if minutes is None and not asked.before.same_stylus:
+        minutes, stated = _minutes(cell, same, found.unsure), ", with the stylus of the full run, and state --same-stylus"
+    if minutes is None:
+        return f"Measure {whole}: no short check of an hour decides it"
+    return (
+        f"Make the touches that 'tango compensate -C {shlex.quote(str(cell.folder))} --short-check {asked.kept.number} --minutes "
+        f"{minutes:g}' chooses{stated}, or measure {whole}"
+    )
+
+
+def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> float | None:
+    """cell, short check, names of what is to be decided → minutes at most of a check that does; None: not in an hour."""
+    before, _ = promises(asked.kept.record)
+    for minutes in LONGER:
+        found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), minutes)
+        std = dict(zip(found.names, found.std, strict=True))
+        if all(std.get(name, 0.0) <= DECIDES for name in (*names, WHOLE)):
+            return minutes
+        if found.seconds < WAITS * 60 * minutes:  # every touch is made: more time brings nothing
+            return None
+    return None
+
+
+def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, *, tcp: bool, same_stylus: bool) -> Outcome:
+    """outcome of a run that determines everything, cell, compensation, readings, --tcp, --same-stylus → the same, unless a
+    part does not act, or may not."""
+    if found.verdict not in HELPS or "made_from" not in kept.record:
         return found
-    asked = _asked(cell, kept, _days(kept, None), tcp)
+    asked = _asked(cell, kept, _days(kept, None), tcp, same_stylus=same_stylus)
     return not_all(found, by_part(asked, from_readings(cell.machine, cell.artefact, readings)), kept)
 
 
@@ -121,10 +171,16 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
     """cell, compensation, options → writes the cell of a short check, and says what to do with it."""
     kept = loop.one(cell.folder, number)
     loop.check(kept.folder)
-    asked = _asked(cell, kept, _days(kept, None), options["tcp"])
+    state = loop.state(cell.folder, number)
+    if state == BACK:
+        raise InputError(
+            f"--short-check: found compensation {number}, which is noted as {state}; allowed: one that is in the control. "
+            "Propose it anew, where it is to come back"
+        )
+    asked = _asked(cell, kept, _days(kept, None), options["tcp"], same_stylus=options["same_stylus"])
     before, _ = promises(kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"])
-    place = options["out"] or cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}"
+    place = options["out"] or _free(cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}")
     _write(cell, found, place)
     data = {
         "format": "tango-short-check/1",
@@ -138,6 +194,10 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
     }
     if not write_json(options["json_file"], data):
         click.echo(_text(cell, kept, asked, found, place))
+        if state == "proposed":
+            click.echo(
+                f"not yet noted as in the control: before it is measured, tango compensate -C {cell.folder} --written {number}"
+            )
     return 0
 
 
@@ -195,9 +255,20 @@ def by_hand(cell: Cell, proposal: Proposal, result: Estimate, *, tcp: bool) -> l
     ]
 
 
+def _measured(place: Path) -> bool:
+    """folder of a check → whether readings lie there."""
+    return place.is_dir() and any(place.glob("*.csv"))
+
+
+def _free(place: Path) -> Path:
+    """folder for a check → it, or the first beside it, 'check-001-2', without readings."""
+    beside = (place.with_name(f"{place.name}-{i}") for i in itertools.count(2))
+    return next(folder for folder in itertools.chain((place,), beside) if not _measured(folder))
+
+
 def _write(cell: Cell, found: Look, place: Path) -> None:
     """Writes a cell with the files of this one, and the touches of the check as its strategy."""
-    if place.exists() and (place / "readings.csv").exists():
+    if _measured(place):
         raise InputError(f"-o: found {place}, which has readings already; allowed: another folder (-o DIR), or take it away")
     place.mkdir(parents=True, exist_ok=True)
     for file in sorted((*cell.folder.glob("*.yaml"), *cell.folder.glob("*.py"))):
@@ -215,17 +286,21 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
     how = ""
     if switched(kept.record, asked.held):
         how = " --tcp" if asked.tcp else " --no-tcp"
+    how += " --same-stylus" if asked.before.same_stylus else ""
     known = ", ".join(f"{name} to ± {200 * std:.0f} %" for name, std in zip(found.names, found.std, strict=True))
     lines = [
         f"→ {place}: {len(found.plan.touches)} touches at {len(found.cell.strategy.indexations)} indexations, "
         f"predicted time {spoken(found.seconds)}",
         f"by these it will be known how much of each part acts: {known} (95 %)",
     ]
-    if max(found.std) > UNSURE:
-        lines.append("that decides nothing of a part that is known to less than ± 60 %: allow more time with --minutes")
+    if found.undecided:
+        minutes = _minutes(cell, asked, found.names)
+        more = "the whole strategy says more" if minutes is None else f"--minutes {minutes:g} would tell all of it"
+        lines.append(f"of these it will hardly tell whether they act: {', '.join(found.undecided)}; {more}")
+        if not asked.before.same_stylus:
+            lines.append("a stylus that stays in its holder since the full run makes it better known: state --same-stylus")
     if found.small:
-        listed = ", ".join(found.small[:4]) + (f" and {len(found.small) - 4} more" if len(found.small) > 4 else "")
-        lines.append(f"not asked for, as each takes little of the error away: {listed}")
+        lines.append(f"not asked for, as each takes little of the error away, or no touch tells it: {', '.join(found.small)}")
     return "\n".join(
         [
             *lines,

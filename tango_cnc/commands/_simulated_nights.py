@@ -13,7 +13,7 @@ import numpy as np
 from ..files import readings_text
 from ..files.nightly import Nightly
 from ..history import History
-from ..nightly import Delivery, Finding, Measured, Ports, night
+from ..nightly import Delivery, Measured, Ports, PreflightPoint, night
 from ..nightly.parts import part_of
 from ..plan import plan
 from ..records import Cell, Readings
@@ -137,11 +137,11 @@ class _Machine:
     temperature: float = STANDARD
     clock: Time | None = None  # goes on while it measures
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """→ all is well."""
         return (
-            Finding("control", True, say("preflight.simulated.simulated_idle")),
-            Finding("probe", True, say("preflight.simulated.simulated_not_triggered")),
+            PreflightPoint("control", True, say("preflight.simulated.simulated_idle")),
+            PreflightPoint("probe", True, say("preflight.simulated.simulated_not_triggered")),
         )
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:

@@ -93,7 +93,7 @@ def _place(text: str | None, machine: Machine) -> dict[str, float]:
             number = math.nan
         if name.strip() not in names or not math.isfinite(number):
             raise InputError(f"--at: found {part!r}; allowed: AXIS=NUMBER,… in mm and degrees, axes {' '.join(names)}")
-        low, high = machine.axis(name.strip()).travel or (-math.inf, math.inf)
+        low, high = machine.axis(name.strip()).limits
         own = number if name.strip() in machine.linear else math.radians(number)
         if not low - 1e-6 <= own <= high + 1e-6:
             factor = 1.0 if name.strip() in machine.linear else 180 / math.pi

@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from ..files.nightly import NAME, SCHEMES, Nightly, read_nightly
 from ..history import Decision, Knowledge, Night
-from ..nightly import Finding, Measured
+from ..nightly import Measured, PreflightPoint
 from ..records import InputError, TangoError
 
 URL = re.compile(rf"(?:{'|'.join(SCHEMES)}):[^\s,'\"\]}}]+")
@@ -62,7 +62,7 @@ class Unreadable:
         """Raises what is wrong."""
         raise self.error
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """Raises what is wrong."""
         raise self.error
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -20,7 +21,7 @@ from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..judgement import Judgement
-from ..loaded import IN_CONTROL
+from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..touches import from_readings
 from ..verify.apart import apart
@@ -72,9 +73,9 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
-@click.option(
-    "--tcp/--no-tcp", default=None, help="With --present, --measured, --short-check: whether tool center point control is on."
-)
+@click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
+@click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
+@click.option("--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -96,6 +97,9 @@ def command(**options: Any) -> int:
     A number that would change by more than the cap is refused.
     """
     folder: Path = options["folder"]
+    if options["tcp"] and options["no_tcp"]:
+        raise InputError("--tcp, --no-tcp: found both; allowed: the one that is true of the readings")
+    options["tcp"] = True if options["tcp"] else False if options["no_tcp"] else None
     if options["checked"] is not None:
         record = loop.check(options["checked"])
         if not write_json(options["json_file"], {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
@@ -224,7 +228,8 @@ def _written(folder: Path, number: int) -> int:
     kept = loop.one(folder, number)
     loop.check(kept.folder)
     if (state := loop.state(folder, number)) != "proposed":
-        raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed")
+        anew = f" ({_again(folder, kept)})" if state == BACK else ""
+        raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed{anew}")
     if (other := loop.other_control(folder, kept)) is not None:
         raise InputError(
             f"--written: found compensation {number} ({kept.record['target']}), and compensation {other.number} "
@@ -238,6 +243,11 @@ def _written(folder: Path, number: int) -> int:
         f"{_measure(folder, kept)}"
     )
     return 0
+
+
+def _again(folder: Path, kept: loop.Kept) -> str:
+    """cell, compensation that was taken out → the command that proposes it anew."""
+    return f"'tango compensate -C {shlex.quote(str(folder))} --target {kept.record['target']}' proposes it anew"
 
 
 def _measure(folder: Path, kept: loop.Kept) -> str:
@@ -292,8 +302,9 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     loop.check(kept.folder)
     if (state := loop.state(cell.folder, number)) not in IN_CONTROL:
         raise InputError(
-            f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is written "
-            f"('tango compensate --written {number}')"
+            f"--measured: found compensation {number}, which is noted as {state}; allowed: one that is in the control ("
+            + (_again(cell.folder, kept) if state == BACK else f"'tango compensate --written {number}'")
+            + ")"
         )
     if options["turned"] is not None:
         return _noted(cell, kept, *_short_check.turned(cell, kept, options["turned"]), tcp=True, json_file=options["json_file"])
@@ -306,7 +317,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     if file.exists() and _short_check.is_short(kept, file):
-        found, places = _short_check.judged(cell, kept, file, options["tcp"])
+        found, places = _short_check.judged(cell, kept, file, options["tcp"], same_stylus=options["same_stylus"])
     else:
         found, places = _by_itself(cell, kept, options)
     return _noted(cell, kept, found, places, tcp=bool(options["tcp"]), json_file=options["json_file"])
@@ -315,13 +326,17 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
 def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
     """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
-    loop.note(cell.folder, kept, _now(), found.verdict, **figures, text=found.text, **({"tcp": tcp} if places else {}))
+    unseen: dict[str, Any] = {}
+    if found.left_if_none is not None:
+        unseen = {"not_seen": list(found.not_seen), "left_if_none_um": round(found.left_if_none, 4)}
+    loop.note(cell.folder, kept, _now(), found.verdict, **figures, **unseen, text=found.said, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)
     data = {"format": "tango-compensation-outcome/1", "compensation": kept.number, "verdict": found.verdict, **figures}
     data["measured_interval_um"] = [round(found.measured.low, 4), round(found.measured.high, 4)]
+    data |= unseen
     if not write_json(json_file, data):
-        click.echo(f"compensation {kept.number}: {found.verdict}: {found.text}")
-    return 0 if found.verdict == "kept" else TangoError.exit_code
+        click.echo(f"compensation {kept.number}: {found.verdict}: {found.said}")
+    return 0 if found.verdict in HELPS else TangoError.exit_code
 
 
 def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Outcome, list[str]]:
@@ -333,13 +348,13 @@ def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Ou
         raise InputError(_short_check.neither(kept.number, places))
     tcp = bool(options["tcp"])
     found = outcome(kept, result, held, tcp=tcp)
-    if places and found.verdict != "kept":
+    if places and found.verdict not in HELPS:
         found = asked_otherwise(found, outcome(kept, result, held, tcp=not tcp), tcp=tcp)
     if not options["despite"]:
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
-    return _short_check.by_place(found, cell, kept, readings, tcp), places
+    return _short_check.by_place(found, cell, kept, readings, tcp=tcp, same_stylus=options["same_stylus"]), places
 
 
 def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any], *, simulated: bool) -> int:

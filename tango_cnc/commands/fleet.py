@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,11 +14,11 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..link.lock import cut_off, unsent
+from ..link.lock import cut_off, ended
 from ..records import InputError, TangoError
 from ..texts import joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
-from ._shop import headlines, note_simulated
+from ._shop import ENDED, headlines, note_simulated
 
 if TYPE_CHECKING:
     from ..history import History, Night, Standing
@@ -94,11 +94,7 @@ def command(
     --again estimates the whole history of the cells once more, after a change of the model: into new files, one a machine. What
     was cut off goes on when it is called again.
     """
-    from ..history import Standing, opened
-    from ..history.clock import asks, in_future, told
-    from ..report.age import night_of_stamp
-    from ..report.characters import sparkline
-    from ..report.texts import code, texts
+    from ..report.texts import texts
 
     cells = tuple(c for cell in (*cells, *folders) for c in cells_in(cell) or [cell])
     cells = cells or (() if where is not None else tuple(cells_in(Path("."))))
@@ -108,81 +104,111 @@ def command(
         raise InputError("--dask: found without --again; allowed: with it")
     if (where is None) == (not cells):
         raise InputError("fleet: found neither or both of cells and --history; allowed: folders of cells, or one history")
-    now, hours = datetime.now(UTC).isoformat(), late
-    t = texts()
-    found: list[_Row] = []
     trouble: dict[str, str] = {}
-    for place, known in ({where if "://" in where else Path(where): []} if where else _places(cells, trouble)).items():
-        if len(cells) > 1 and isinstance(place, Path) and not place.exists():
+    places = {where if "://" in where else Path(where): []} if where else _places(cells, trouble)
+    found = _rows(places, len(cells), late, trouble, texts() if json_file is None else None)
+    if not write_json(json_file, {"format": "tango-fleet/1", "machines": _as_json(found), "unreadable": trouble}):
+        click.echo(table(_table(found, texts()), "<<<><<<", on_terminal()))
+    for folder, why in trouble.items():
+        click.echo(texts()("cli.fleet.unreadable", cell=folder, why=why), err=True)
+    return 1 if trouble or any(row.wants_somebody for row in found) else 0
+
+
+def _rows(
+    places: Mapping[str | Path, Sequence[_Known]], cells: int, late: float | None, trouble: dict[str, str], t: Texts | None
+) -> list[_Row]:
+    """{history: cells that name it}, how many cells in all, --late, {cell: why it cannot be read} that is added to, texts of notes
+    on stderr → a line a machine, those first that want somebody.
+    """
+    from ..history import opened
+
+    found: list[_Row] = []
+    now = datetime.now(UTC).isoformat()
+    for place, known in places.items():
+        if cells > 1 and isinstance(place, Path) and not place.exists():
             found += [_Row(_never(c.name), c.folder) for c in known]  # no night yet
             continue
         try:
             with opened(place, create=False) as whole:
-                history = whole.as_of(lambda: datetime.fromisoformat(now))
-                wanted = {c.name: hours or c.late_hours for c in known} or {"": hours or LATE}
-                own = [s for name, most in wanted.items() for s in history.fleet(now, most) if name in ("", s.machine)]
-                for s in own:
-                    nights = history.nights(s.machine, last=NIGHTS)
-                    tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
-                    said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
-                    cell = next((c for c in known if c.name == s.machine), None)
-                    usual = Nightly(late_hours=hours or LATE).answers_for
-                    stale = _stale(history, nights, usual if cell is None else cell.answers_for)
-                    place_of = None if cell is None else cell.folder
-                    moving = _moving(history, nights, place_of, stale, t)
-                    found.append(_Row(s, place_of, tuple(tip), said, moving=moving, stale=stale))
-                    if (future := in_future(history, s.machine)) is not None:
-                        later = Standing(s.machine, future, s.nights, int(asks(future)), False)
-                        found.append(_Row(later, found[-1].cell, (), told(future), former=True))
-                    if json_file is None:
-                        note_simulated(history, s.machine, t)
-                there = {s.machine for s in own}
-                found += [_Row(_never(c.name), c.folder) for c in known if c.name not in there]
-                found += [row for c in known for row in _former(history, place, c, known, c.name not in there)]
+                found.extend(
+                    _of_history(whole.as_of(lambda: datetime.fromisoformat(now)), place, known, late, now, t)
+                )  # those before an error stay
         except TangoError as error:  # one machine that cannot be read hides no other one
-            if not known or len(cells) == 1:
+            if not known or cells == 1:
                 raise
             trouble |= {str(c.folder): str(error) for c in known}
     found = [row if row.former or row.cell is None else replace(row, cut_off=tuple(cut_off(row.cell))) for row in found]
-    found.sort(key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
-    machines = [
+    return sorted(found, key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
+
+
+def _of_history(
+    history: History, place: str | Path, known: Sequence[_Known], late: float | None, now: str, t: Texts | None
+) -> Iterator[_Row]:
+    """history, where it is, cells that name it (none: all machines), --late, UTC, texts of notes on stderr → their lines."""
+    wanted = {c.name: late or c.late_hours for c in known} or {"": late or LATE}
+    own = [s for name, most in wanted.items() for s in history.fleet(now, most) if name in ("", s.machine)]
+    for s in own:
+        yield from _of_machine(history, s, next((c for c in known if c.name == s.machine), None), late)
+        if t is not None:
+            note_simulated(history, s.machine, t)
+    there = {s.machine for s in own}
+    yield from (_Row(_never(c.name), c.folder) for c in known if c.name not in there)
+    for c in known:
+        yield from _former(history, place, c, known, c.name not in there)
+
+
+def _of_machine(history: History, s: Standing, cell: _Known | None, late: float | None) -> Iterator[_Row]:
+    """history, standing of a machine, its cell, --late → its line, and one for nights that are dated in the future."""
+    from ..history import Standing
+    from ..history.clock import asks, in_future, told
+
+    nights = history.nights(s.machine, last=NIGHTS)
+    tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
+    said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+    stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
+    folder = None if cell is None else cell.folder
+    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)
+    if (future := in_future(history, s.machine)) is not None:
+        yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)
+
+
+def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
+    """lines → machines of tango-fleet/1."""
+    return [
         {
-            **vars(s),
-            "last": None if s.last is None else vars(s.last),
+            **vars(row.standing),
+            "last": None if row.standing.last is None else vars(row.standing.last),
             "cell": None if row.cell is None else str(row.cell),
             "cut_off": row.cut_off,
             "stale_nights": row.stale,
             "moving": bool(row.moving),
         }
         for row in found
-        for s in [row.standing]
     ]
-    if not write_json(json_file, {"format": "tango-fleet/1", "machines": machines, "unreadable": trouble}):
-        heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
-        rows = [[*heads, "", t("cli.fleet.tip"), t("cli.history.what")]]
-        named = Counter(row.standing.machine for row in found)
-        for row in found:
-            s = row.standing
-            last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
-            size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
-            late_word = row.moving or (
-                t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
-            )
-            name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
-            drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
-            early = [] if row.cell is None else unsent(row.cell, row.cut_off)
-            cut = joined(
-                "; ",
-                [
-                    t(f"cli.nightly.{'ended_before' if stamp in early else 'cut_off'}", stamp=night_of_stamp(stamp))
-                    for stamp in row.cut_off
-                ],
-            )
-            rows.append([name, *last, str(s.alarms_open or ""), late_word, drawn, joined("; ", (cut or None, row.said or None))])
-        click.echo(table(rows, "<<<><<<", on_terminal()))
-    for folder, why in trouble.items():
-        click.echo(t("cli.fleet.unreadable", cell=folder, why=why), err=True)
-    return 1 if trouble or any(row.wants_somebody for row in found) else 0
+
+
+def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
+    """lines, texts → the table that is printed, its heads first."""
+    from ..report.age import night_of_stamp
+    from ..report.characters import sparkline
+    from ..report.texts import code
+
+    heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
+    rows = [[*heads, "", t("cli.fleet.tip"), t("cli.history.what")]]
+    named = Counter(row.standing.machine for row in found)
+    for row in found:
+        s = row.standing
+        last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
+        size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
+        late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+        late = row.moving or late
+        name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
+        drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
+        how = {} if row.cell is None else ended(row.cell, row.cut_off)
+        keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
+        cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
+        rows.append([name, *last, str(s.alarms_open or ""), late, drawn, joined("; ", (cut or None, row.said or None))])
+    return rows
 
 
 def _former(history: History, place: str | Path, own: _Known, known: Sequence[_Known], new: bool) -> list[_Row]:
@@ -211,20 +237,21 @@ def _stale(history: History, nights: Sequence[Night], most: float) -> int:
     return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
 
 
-def _moving(history: History, nights: Sequence[Night], folder: Path | None, stale: int, t: Texts) -> str:
-    """history, last nights of a machine, its cell, nights since it was measured where these are too many, texts → the answer of its
-    page where its control may still execute a program, else ''.
+def _moving(history: History, nights: Sequence[Night], folder: Path | None, stale: int) -> str:
+    """history, last nights of a machine, its cell, nights since it was measured where these are too many → the answer of its page
+    where its control may still execute a program, else ''.
     """
     from ..report.answer import of_moving, said_cut_off
+    from ..report.texts import texts
 
     cut = () if folder is None else cut_off(folder)
-    former = () if folder is None else said_cut_off(cut, unsent(folder, cut))
+    former = () if folder is None else said_cut_off(cut, ended(folder, cut))
     if not nights or not (cut or nights[0].verdict == "not_measured"):
         return ""
     last = next((n for n in nights if n.verdict != "not_measured"), None)
     record = history.night(nights[0].entry).record
     before = None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
-    told = of_moving(record, t, before, former, stale)
+    told = of_moving(record, texts(), before, former, stale)
     return "" if told is None else told.word
 
 

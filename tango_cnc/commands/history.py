@@ -148,7 +148,7 @@ def _said(event: Compensation, t: Texts) -> str:
 @json_option
 def show(history: History, machine: str, night: str, readings_file: Path | None, json_file: str | None) -> None:
     """One night whole: last, a date, or the number of an entry."""
-    from ..nightly.words import message
+    from ..nightly.mail import message
     from ..report.tonight import by_tonight
 
     stored = history.night(_night(history, machine, night))
@@ -277,7 +277,7 @@ def decide(history: History, machine: str, alarm: str, action: str, owner: str, 
     """
     from ..history import Decision
     from ..nightly.answered import meaning
-    from ..nightly.words import decided
+    from ..nightly.mail import decided
     from ..report.texts import code
 
     before, t = [d for d in history.decisions(machine) if d.alarm == alarm], here()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -13,6 +13,9 @@ from ..files.targets import spared
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, dialect, json_option, json_text
 from ._live import Live
 from ._written import conducted, written
+
+if TYPE_CHECKING:
+    from ..locate import Located
 
 PLACE = "Measure 20"  # in the list of commands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
@@ -120,5 +123,6 @@ def command(
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 
 
-def _worst(found: Any) -> float:
+def _worst(found: Located) -> float:
+    """what was found → mm, the largest difference of a touch that counts."""
     return float(np.sort(np.abs(found.residual))[: len(found.residual) - len(found.left_out)].max())

@@ -14,12 +14,11 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
-from ..link.lock import cut_off, unsent
 from ..records import Cell, InputError, TangoError
 from ..report.texts import Texts
-from ..texts import joined, say
-from ._common import cell_option, controller_of, json_option, on_terminal, table, write_json
-from ._shop import headlines, note_simulated, of_shop
+from ..texts import say
+from ._common import cell_option, controller_of, json_option, write_json
+from ._shop import looked_at, of_shop
 
 if TYPE_CHECKING:
     from ..history import History
@@ -80,7 +79,9 @@ def command(
     if tell:
         return _tell(disk, mail, t)
     if status:
-        return _status(folder, settings, wrong, where, disk, json_file, t)
+        from ._nightly_status import status as told
+
+        return told(folder, settings, wrong, where, disk, json_file, t)
     begun = RealClock().now()
     stamp = begun.astimezone(UTC).strftime("%Y-%m-%dT%H%M%SZ")
     try:
@@ -95,7 +96,7 @@ def command(
         analysis = nights_of(cell, settings, made)
         control = RealControl(cell, settings, made, analysis.check, stamp, port, simulated)
         if dry_run:
-            place = _looked_at(place)
+            place = looked_at(place)
         with opened(place) as history:
             if dry_run:
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
@@ -121,7 +122,7 @@ def command(
         why = str(error.strerror or error) if isinstance(error, OSError) else str(error)
         click.echo(t("night.night.not_written", name=f"{record['artefacts']['folder']}/morning.html", why=why), err=True)
     if not write_json(json_file, record):
-        from ..nightly.words import message
+        from ..nightly.mail import message
 
         subject, text = message(record, record.get("trouble", ()), (), newest, t=t)
         click.echo(f"{subject}\n\n{text}", nl=False)
@@ -144,7 +145,7 @@ class _Held:
 
 
 def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
-    """history, record of tonight → what its page is told by: decisions, last night that measured, last one in limits."""
+    """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
     from ..report.morning import last_within, never_within, volumes_of
 
@@ -162,7 +163,7 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:
-    """history, record of the night that was just told → entries and newest hash; None where it is not in the history."""
+    """history, record of tonight → entries and newest hash; None where it is not in the history."""
     with suppress(TangoError):
         return None if record.get("trouble") else history.newest_hashes().get(record["machine"])
     return None
@@ -191,6 +192,7 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:
+    """cell, --install, --at → exit status; the timer is in nights/timer, and what to do with it is said."""
     from ..nightly.install import ENCODING, advice, skipped, units
 
     if not re.fullmatch(r"([01]\d|2[0-3]):[0-5]\d", at):
@@ -207,27 +209,8 @@ def _install(cell: Cell, kind: str, at: str) -> int:
     return 0
 
 
-def _answer(folder: Path, place: str | Path, t: Texts) -> str:
-    """cell, its history, texts → whether parts may be made, as on its page and in its report; '' where no night says so."""
-    from ..report.units import Units
-    from .report import nights
-
-    with suppress(TangoError):  # what is wrong with the cell is said above
-        machine, u = read_cell(folder).machine, Units()
-        found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
-        if found is not None:
-            told = found.answer(u, t, machine)
-            lines = (f"{told.word}{', ' + told.old if told.old else ''}.", told.why, f"{told.numbers}." if told.numbers else "")
-            return f"{t('may.ask')} {' '.join(x for x in (*lines, told.soon) if x)}"
-    return ""
-
-
-def _looked_at(place: str | Path) -> str | Path:
-    """history → itself, or an empty one in memory where the file is missing, so that a mere look creates no file."""
-    return "sqlite://" if isinstance(place, Path) and not place.exists() else place
-
-
 def _tell(disk: Any, mail: Any, t: Texts) -> int:
+    """disk, mail, texts → exit status: 3 where a message that waits could not be sent again."""
     from ..nightly.night import delivered
 
     failed = 0
@@ -247,6 +230,7 @@ def _tell(disk: Any, mail: Any, t: Texts) -> int:
 def _dry(
     control: Any, analysis: Any, history: Any, now: datetime, disk: Any, settings: Nightly, json_file: str | None, t: Texts
 ) -> int:
+    """control, analysis, history, now, disk, settings, --json, texts → exit status: 1 where this night could not begin."""
     from ..nightly import day_of
     from ..nightly.night import room
     from ..report.texts import code
@@ -268,116 +252,3 @@ def _dry(
             click.echo(f"  {word:<{room_for}} {name}: {t.of(p.found)}{'; ' + t.of(p.do) if p.do else ''}")
         click.echo(t("cli.nightly.nothing_moved"))
     return 0 if data["passed"] else 1
-
-
-def _status(
-    folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
-) -> int:
-    from ..history import opened
-    from ..history.clock import asks, in_future
-    from ..history.clock import told as told_of
-    from ..history.former import formers, of_folder
-    from ..nightly.words import answer
-    from ..report.age import measured_on, night_of_stamp, nights_old
-    from ..report.morning import next_night
-    from ..report.repeated import shortened
-    from ..report.texts import code
-    from ..report.tonight import by_tonight
-    from ._unreadable import machine_of
-
-    name = ""
-    if not folder.is_dir():
-        read_cell(folder)  # says that there is no such cell
-    try:
-        name = read_cell(folder).machine.name
-    except TangoError as error:
-        wrong = wrong or error
-    place = history_of(folder, settings, where)
-    with opened(_looked_at(place)) as whole:
-        history = whole.as_of(lambda: datetime.now(UTC))
-        name = name or machine_of(folder, history.machines())
-        renamed = formers(history, name, folder, of_folder(place, folder))
-        future = in_future(history, name)
-        nights = history.nights(name, last=7) if name in history.machines() else ()
-        newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
-        waiting = [stamp for stamp, _ in disk.unsent()]
-        unfinished = [stamp for stamp, _ in disk.unfinished()]
-        cut = cut_off(folder)
-        early = unsent(folder, cut)
-        alarms = history.open_alarms(name, today=f"{datetime.now().astimezone():%Y-%m-%d}") if nights else ()
-        record = history.night(newest.entry).record if newest else {}
-        told = {a["id"]: a for a in record.get("standing") or ()}
-        alarms = tuple(
-            {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}, **by_tonight(told[a["id"]])}
-            if a["id"] in told
-            else a
-            for a in alarms
-        )
-        last = next((n for n in nights if n.verdict != "not_measured"), None)
-        before = record if last is None or newest is None or last.entry == newest.entry else history.night(last.entry).record
-        coming = next_night(record, history.decisions(name), before) if nights else {}
-        said = headlines(history, nights)
-        standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
-        standing = next((s for s in standings if s.machine == name), None)  # as in the list of all machines
-        late = standing is None or standing.late
-        stale = (
-            nights_old(measured_on(record, before), f"{datetime.now().astimezone():%Y-%m-%d}", settings.answers_for)
-            if nights
-            else 0
-        )
-        if json_file is None:
-            note_simulated(history, name, t)
-    data = {
-        **{
-            "format": "tango-nightly-status/1",
-            "machine": name,
-            "late": late,
-            "stale_nights": stale,
-            "waiting": waiting,
-            "unfinished": unfinished,
-        },
-        "cut_off": cut,
-        "trouble": None if wrong is None else str(wrong),
-        "left_out": None if future is None else vars(future),
-        **{"open_alarms": list(alarms), "nights": [vars(n) for n in nights], "next": coming or None},
-        "former": [
-            {"machine": f.machine, "nights": f.nights, "last": f.last, "open_alarms": list(f.alarms), "held_alarms": list(f.held)}
-            for f in renamed
-        ],
-    }
-    if not write_json(json_file, data):
-        word = t("cli.nightly.no_night" if not nights else "cli.nightly.late" if late else "cli.nightly.on_time")
-        click.echo(f"{name}: {t('cli.nightly.stale', nights=stale) if stale else word}")
-        if told_now := _answer(folder, place, t):
-            click.echo(f"  {told_now}")
-        if stale:
-            click.echo(f"  {t('morning.old_todo')}")
-        if wrong is not None:
-            click.echo("  " + t("cli.nightly.cannot_begin", why=str(wrong)))
-        if future is not None:
-            click.echo(f"  {t.of(told_of(future))}")
-        for f in renamed:
-            if f.alarms or f.held or not nights:
-                click.echo(f"  {t.of(f.told(name, not nights))}")
-        rows = [[""] * 5]  # no heads
-        for n, text in zip(nights, shortened([said.get(n.entry) or n.headline for n in nights]), strict=True):
-            rows.append([n.night, *(t.of(code(word)) for word in (n.kind, n.status, n.verdict)), " ".join(t.of(text).split())])
-        columns = on_terminal()
-        listed = table(rows, "<<<<<", None if columns is None else columns - 2)
-        click.echo("".join(f"  {line}\n" for line in listed.splitlines() if line.strip()), nl=False)
-        for alarm in alarms:
-            command = answer(alarm["id"], str(folder), where)
-            click.echo(
-                "  "
-                + t("cli.nightly.open_alarm", id=alarm["id"], text=joined("; ", (alarm["text"], alarm.get("now"))), command=command)
-            )
-        for stamp in waiting:
-            click.echo("  " + t("cli.nightly.waits", stamp=stamp))
-        for stamp in unfinished:
-            key = "ended_before" if stamp in early else "cut_off" if stamp in cut else "begun"
-            click.echo("  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp)))
-        if coming:
-            click.echo("  " + t("cli.nightly.next", kind=code(coming["kind"]), why=coming["why"]))
-    wanted = standing is None or standing.wants_somebody or stale > 0
-    wanted |= future is not None and asks(future)
-    return 1 if wanted or cut or alarms or wrong is not None or any(f.alarms for f in renamed) else 0

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,12 +18,15 @@ from ..files.normals import refuse_inward
 from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
 from ..link.lock import holding
-from ..records import InputError
+from ..records import Cell, InputError, Plan
 from . import _trusted
 from ._common import Output, ahead, cell_option, json_option, json_text
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
 from ._stylus import folder_of, left, of_stylus, stylus_option
+
+if TYPE_CHECKING:
+    from postprocessors import Post
 
 PLACE = "Plan 20"  # in the list of commands
 
@@ -77,12 +81,61 @@ def command(
     json_file: str | None,
 ) -> None:
     """Writes the NC program and plan.csv: where every touch happens and how the probe gets there."""
-    import postprocessors as posts
-
     from .. import plan as planner
-    from ..program import parts, programs, stale
-    from ..report import path, pictures
-    from ._proofs import proven
+
+    _checked(dry_run, json_file, picture, indexation)
+    whole = read_cell(folder)
+    refuse_inward(whole)
+    cell = of_stylus(whole, stylus)
+    chosen = _chosen(cell, folder, post, dry_run)
+    target = folder_of(out or folder / "program", cell) if capability is None else out or folder / "capability" / capability
+    if not dry_run:  # before the work; the names of programs are known after it
+        _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
+    if capability is not None:
+        within = planner.reachable(cell, obstructed)  # what is touched hundreds of times is a facet that can be touched
+        artefact, strategy = capability_program(capability, cell.machine, cell.artefact, within)
+        cell = replace(cell, artefact=artefact, strategy=strategy)
+    made = planner.plan(cell, obstructed)
+    for text in (*warnings(made), *(left(whole, cell, "tango plan") if capability is None else ())):
+        click.echo(text, err=True)
+    beside = {} if picture is None else {"--picture": (picture, _drawn(made, picture, indexation))}
+    if dry_run:
+        shown = _parts(chosen, made, most, folder)
+        _write({}, beside, folder, post)
+        for line in dry(shown):
+            click.echo(line)
+        return
+    _program(_Wanted(cell, made, chosen, target, folder, post, capability, most, json_file), beside)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """The post of a plan, and what the profile of the cell says for it."""
+
+    name: str | None  # None: the cell has no control yet
+    dialect: Post | None
+    own: bool  # the one of the cell's profile
+    options: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """A plan whose program is written."""
+
+    cell: Cell
+    made: Plan
+    chosen: _Chosen
+    target: Path  # folder of the program
+    folder: Path  # of the cell
+    post: str | None  # --post
+    capability: Kind | None
+    most: int | None  # --split
+    json_file: str | None
+
+
+def _checked(dry_run: bool, json_file: str | None, picture: Path | None, indexation: int | None) -> None:
+    """--dry-run, --json, --picture, --indexation → nothing. Raises InputError for those that do not go together."""
+    from ..report import pictures
 
     if dry_run and json_file is not None:
         raise InputError("--dry-run and --json: a dry run writes no program, so there is nothing for --json; leave one of them out")
@@ -92,9 +145,12 @@ def command(
         if picture.suffix.lower() not in DRAWN:
             raise InputError(f"--picture: found {str(picture)!r}; allowed: a name that ends with {', '.join(DRAWN)}")
         pictures.needed()
-    whole = read_cell(folder)
-    refuse_inward(whole)
-    cell = of_stylus(whole, stylus)
+
+
+def _chosen(cell: Cell, folder: Path, post: str | None, dry_run: bool) -> _Chosen:
+    """cell, its folder, --post, --dry-run → the post and its options. Raises InputError for a program that no post writes."""
+    import postprocessors as posts
+
     name = post or (cell.controller.post if cell.controller else None)
     if name is None and not dry_run:
         raise InputError(f"{folder / 'tango.yaml'}: no controller.post; state it there or with --post ({', '.join(posts.names())})")
@@ -111,64 +167,68 @@ def command(
             f"them. State post: {post} there where they hold for it, too",
             err=True,
         )
-    target = folder_of(out or folder / "program", cell) if capability is None else out or folder / "capability" / capability
-    if not dry_run:  # before the work; the names of programs are known after it
-        _kept("--out", [target / n for n in ("plan.csv", *(CELL_FILES if capability else ()))], folder, post)
-    if capability is not None:
-        within = planner.reachable(cell, obstructed)  # what is touched hundreds of times is a facet that can be touched
-        artefact, strategy = capability_program(capability, cell.machine, cell.artefact, within)
-        cell = replace(cell, artefact=artefact, strategy=strategy)
-    made = planner.plan(cell, obstructed)
-    for text in (*warnings(made), *(left(whole, cell, "tango plan") if capability is None else ())):
-        click.echo(text, err=True)
-    beside: dict[str, tuple[Path, Content]] = {}  # option: what goes elsewhere than the program
-    if picture is not None:
-        drawn = path.picture(made, indexation)
-        beside["--picture"] = picture, partial(pictures.encoded, drawn, picture.suffix[1:].lower())
-    if dry_run:
-        if dialect is None:  # the moves of a cell for no control yet can be looked at all the same
-            shown = (made,) if most is None else planner.split(made, most)
-        else:
-            with blamed_on(folder / "tango.yaml") if options else nullcontext():
-                posts.begins(dialect, made, options)
-                shown = parts(dialect, made, options, most)
-        _write({}, beside, folder, post)
-        for line in dry(shown):
-            click.echo(line)
-        return
+    return _Chosen(name, dialect, own, options)
+
+
+def _drawn(made: Plan, picture: Path, indexation: int | None) -> Content:
+    """plan, --picture, --indexation → what goes into that file."""
+    from ..report import path, pictures
+
+    return partial(pictures.encoded, path.picture(made, indexation), picture.suffix[1:].lower())
+
+
+def _parts(chosen: _Chosen, made: Plan, most: int | None, folder: Path) -> Sequence[Plan]:
+    """post, plan, --split, folder of the cell → the plan in as many parts as it has programs."""
+    import postprocessors as posts
+
+    from .. import plan as planner
+    from ..program import parts
+
+    if chosen.dialect is None:  # the moves of a cell for no control yet can be looked at all the same
+        return (made,) if most is None else planner.split(made, most)
+    with blamed_on(folder / "tango.yaml") if chosen.options else nullcontext():
+        posts.begins(chosen.dialect, made, chosen.options)
+        return parts(chosen.dialect, made, chosen.options, most)
+
+
+def _program(w: _Wanted, beside: Mapping[str, tuple[Path, Content]]) -> None:
+    """plan whose program is wanted, {option: file of it} → program, plan.csv and what belongs to them are written and named."""
+    import postprocessors as posts
+
+    from ..program import programs, stale
+    from ._proofs import proven
+
+    name, dialect, options, target = w.chosen.name, w.chosen.dialect, w.chosen.options, w.target
     assert name is not None and dialect is not None
-    gate = options.get("gate")
-    if own and capability is None and gate == "facet":
+    made, gate = w.made, options.get("gate")
+    if w.chosen.own and w.capability is None and gate == "facet":
         from ._night_gate import as_found  # with the nights comes their database
 
-        made = as_found(cell, made, dialect)
-    with blamed_on(folder / "tango.yaml") if options else nullcontext():
-        written = programs(dialect, made, options, most)
+        made = as_found(w.cell, made, dialect)
+    with blamed_on(w.folder / "tango.yaml") if options else nullcontext():
+        written = programs(dialect, made, options, w.most)
         companions = posts.companions(dialect, made, options)
-    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for w in written for d in w.unread))
-    files: dict[Path, Content] = {target / w.name: w.lines for w in written}
+    doubts = (*posts.unverified(dialect, options), *posts.reach(made), *dict.fromkeys(d for p in written for d in p.unread))
+    files: dict[Path, Content] = {target / p.name: p.lines for p in written}
     files[target / "plan.csv"] = lambda: plan_lines(made)
     files |= {target / name_beside: partial(iter, texts) for name_beside, texts in companions.items()}
-    if capability is not None:
-        texts = artefact_text(cell.artefact), strategy_text(cell.strategy)
+    if w.capability is not None:
+        texts = artefact_text(w.cell.artefact), strategy_text(w.cell.strategy)
         files |= {target / n: partial(iter, text.splitlines()) for n, text in zip(CELL_FILES, texts, strict=True)}
-    result = as_json(made, name, target, written, doubts, proven(cell, dialect) if own else {}, str(gate))
+    result = as_json(made, name, target, written, doubts, proven(w.cell, dialect) if w.chosen.own else {}, str(gate))
     result |= {
-        "drawings": drawn_sizes(cell.machine, cell.artefact),
+        "drawings": drawn_sizes(w.cell.machine, w.cell.artefact),
         "companions": [str(target / name_beside) for name_beside in companions],
     }
-    if json_file not in (None, "-"):
-        beside["--json"] = Path(str(json_file)), lambda: [json_text(result)]
-    _write(files, beside, folder, post)
-    if json_file == "-":
-        click.echo(json_text(result))
-    else:
-        click.echo(as_text(made, result))
+    if w.json_file not in (None, "-"):
+        beside = {**beside, "--json": (Path(str(w.json_file)), lambda: [json_text(result)])}
+    _write(files, beside, w.folder, w.post)
+    click.echo(json_text(result) if w.json_file == "-" else as_text(made, result))
     for text in stale(target, set(files), result["plan_hash"]):
         click.echo(text, err=True)
-    if json_file != "-" and capability is None and cell.controller is not None:
+    if w.json_file != "-" and w.capability is None and w.cell.controller is not None:
         tried = result["proven"]
-        ahead(folder, *(() if tried and "FAIL" not in tried.values() else ("commission",)), "run")
+        ahead(w.folder, *(() if tried and "FAIL" not in tried.values() else ("commission",)), "run")
 
 
 def _write(files: Mapping[Path, Content], beside: Mapping[str, tuple[Path, Content]], folder: Path, post: str | None) -> None:

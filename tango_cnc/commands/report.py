@@ -22,7 +22,7 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
-from ..link.lock import cut_off, unsent
+from ..link.lock import cut_off, ended
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
@@ -311,7 +311,7 @@ def nights(
             old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
-            former=said_cut_off(cut := cut_off(folder), unsent(folder, cut)),
+            former=said_cut_off(cut := cut_off(folder), ended(folder, cut)),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
         return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))

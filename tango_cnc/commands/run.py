@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,8 @@ from ._written import say_beside
 if TYPE_CHECKING:
     from postprocessors import Post
 
+    from ..design.until import Until
+    from ..link.measure import Wanted
     from ..program import Program
 
 PLACE = "Measure 30"  # in the list of commands
@@ -99,29 +101,96 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
-    from ..link.follow import follow
-    from ..link.lock import holding
-    from ..link.measure import Wanted, measure, protocol_of
-    from ..link.secrets import shown
+    from ..link.measure import protocol_of
     from ..plan import plan
-    from .check import positioning_feed
 
     target = readings_file or of_stylus(folder / "readings.csv", stylus or 1)
     if watching:
-        with Live(json_file) as live:
-            complete = follow(target.with_suffix(".journal"), live, lambda: time.sleep(PAUSE))
-            live.add("end", {"readings": str(target), "complete": complete})
-            if not complete:
-                raise LinkError(f"{target.with_suffix('.journal')}: the run has stopped before its end")
+        _watched(target, json_file)
         return
     spared("--readings", target, folder, replaces="readings.csv")
     whole = read_cell(folder)
     refuse_inward(whole)
     cell = cell_of_stylus(whole, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
-    controller = controller_of(cell)
+    controller_of(cell)
     address, post = address_of(cell, port), dialect(cell)
     protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
+    _checked(whole, resume, program_file, most, until, obstructed)
+    goal = None if until is None else wanted_by(cell, until)
+    if goal is not None:
+        cell = goal.cell
+    made = plan(cell, obstructed) if goal is None else goal.plan
+    for text in warnings(made):
+        click.echo(text, err=True)
+    if gate_of(cell, post) == "facet":
+        made = _proving(cell, folder, made, post, resume)
+    someone = attended()
+    if (yes or not someone) and not simulated:
+        unattended(cell, post)
+    how = resuming(until, obstructed, stylus, readings_file)
+    job = _Job(cell, post, made, address, target, program_file, most, resume, timeout, simulated, how, someone, yes)
+    _driven(job, folder, goal, transcript, json_file)
+    others = left(whole, cell, "tango run")
+    for text in others:
+        said(text)
+    if json_file != "-" and readings_file is None and not others:
+        ahead(folder, "estimate")
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A plan on its way to the control."""
+
+    cell: Cell
+    post: Post
+    made: Plan
+    address: str
+    target: Path  # readings
+    program_file: Path | None  # --program
+    most: int | None  # --split
+    resume: bool
+    timeout: float | None
+    simulated: bool
+    how: str  # what 'tango run' has to state to go on
+    someone: bool  # is there, and can say yes
+    yes: bool  # --yes: has said it
+
+    def posted(self, part: Plan) -> list[Program]:
+        """part of the plan → its programs."""
+        return written_for(self.cell, self.post, self.made, part, self.program_file, self.most)
+
+    def kept(self, part: Plan, programs: Sequence[Program]) -> list[Program]:
+        """part of the plan, its programs → the same, in program/."""
+        return keep(self.cell, self.post, self.made, part, programs)
+
+    def confirm(self, part: Plan, program: Program) -> None:
+        """part of the plan, its program → somebody has said yes. Raises what ends the run otherwise."""
+        from ..link.secrets import shown
+        from .check import positioning_feed
+
+        if self.someone and not self.yes:
+            cell, post = self.cell, self.post
+            doubts, gate, own = unproven_of(cell, post), gate_of(cell, post), obeys(cell, post)
+            ask(program.plan, shown(self.address), positioning_feed(cell), doubts, gate, own)
+
+
+def _watched(target: Path, json_file: str | None) -> None:
+    """readings, --json → what another 'tango run' writes is shown until it ends. Raises LinkError where it stops before."""
+    from ..link.follow import follow
+
+    journal = target.with_suffix(".journal")
+    with Live(json_file) as live:
+        complete = follow(journal, live, lambda: time.sleep(PAUSE))
+        live.add("end", {"readings": str(target), "complete": complete})
+        if not complete:
+            raise LinkError(f"{journal}: the run has stopped before its end")
+
+
+def _checked(
+    whole: Cell, resume: bool, program_file: Path | None, most: int | None, until: str | None, obstructed: str | None
+) -> None:
+    """cell, --resume, --program, --split, --until, --obstructed → nothing. Raises InputError for those that do not go together."""
     if resume and program_file is not None:
         raise InputError("--program and --resume: a run goes on with a program of the remaining touches; leave --program out")
     if most is not None and program_file is not None:
@@ -130,65 +199,59 @@ def command(
         raise InputError("--until: found --program or --obstructed too; allowed: --until alone, which plans what it needs")
     if until is not None and len({i.stylus for i in whole.strategy.indexations}) > 1:
         raise InputError("--until: found a strategy with several styli; allowed: a strategy with one")
-    goal = None if until is None else wanted_by(cell, until)
-    if goal is not None:
-        cell = goal.cell
-    made = plan(cell, obstructed) if goal is None else goal.plan
-    for text in warnings(made):
-        click.echo(text, err=True)
-    if gate_of(cell, post) == "facet":
-        from ._night_gate import as_found, proves  # with the nights comes their database
 
-        made = as_found(cell, made, post)
-        if not resume and not (alive := proves(cell, made)).passed:
-            raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
-    someone = attended()
-    if (yes or not someone) and not simulated:
-        unattended(cell, post)
+
+def _proving(cell: Cell, folder: Path, made: Plan, post: Post, resume: bool) -> Plan:
+    """cell, its folder, plan, post, --resume → the plan with the facet that proves the probe. Raises InputError where none does."""
+    from ._night_gate import as_found, proves  # with the nights comes their database
+
+    made = as_found(cell, made, post)
+    if not resume and not (alive := proves(cell, made)).passed:
+        raise InputError(f"{folder / 'tango.yaml'}: gate: found facet: {alive.found}; {alive.do}. Nothing was sent")
+    return made
+
+
+def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None, json_file: str | None) -> None:
+    """job, folder of the cell, what --until wants, --transcript, --json → the plan is driven, its readings are on disk, what has
+    come is said.
+    """
+    from ..link.lock import holding
+    from ..link.measure import Wanted, measure
+
+    target = job.target
     journal = target.with_suffix(".journal")
-
-    def confirm(part: Plan, program: Program) -> None:
-        if not yes and someone:
-            ask(
-                program.plan,
-                shown(address),
-                positioning_feed(cell),
-                unproven_of(cell, post),
-                gate_of(cell, post),
-                obeys(cell, post),
-            )
-
     elsewhere = holding(target.parent, "tango run") if target.parent.is_dir() else nullcontext()
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
-        if not resume and journal.exists() and not target.exists():  # while another run is at work, nobody gets here
+        if not job.resume and journal.exists() and not target.exists():  # while another run is at work, nobody gets here
             kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
             said(f"{kept}; {broken_off(journal)}")
-        start = start_patience(someone)
-        how = resuming(until, obstructed, stylus, readings_file)
-        wanted = Wanted(address, post.link, controller.post, target, resume, timeout, start, heard, simulated=simulated, how=how)
+        wanted = Wanted(
+            job.address,
+            job.post.link,
+            controller_of(job.cell).post,
+            target,
+            job.resume,
+            job.timeout,
+            start_patience(job.someone),
+            heard,
+            simulated=job.simulated,
+            how=job.how,
+        )
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:
-            def posted(part: Plan) -> list[Program]:
-                return written_for(cell, post, made, part, program_file, most)
+            return measure(job.cell, job.made, own, job.posted, live, job.confirm, count, job.kept)
 
-            def kept(part: Plan, programs: Sequence[Program]) -> list[Program]:
-                return keep(cell, post, made, part, programs)
+        origin = run(wanted) if goal is None else run_until(job.cell, goal, wanted, run, said)
+        if not live.add("end", {"readings": str(target), **origin}):
+            said(_summary(origin, target), err=False)
 
-            return measure(cell, made, own, posted, live, confirm, count, kept)
 
-        origin = run(wanted) if goal is None else run_until(cell, goal, wanted, run, said)
-        result = {"readings": str(target), **origin}
-        if not live.add("end", result):
-            bad = "".join(
-                f", {origin[status]} {word}" for status, word in (("miss", "missed"), ("early", "early")) if origin[status]
-            )
-            doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
-            said(f"{origin['touches'] - len(origin['missing'])} touches{bad}{doubted} → {target}", err=False)
-    others = left(whole, cell, "tango run")
-    for text in others:
-        said(text)
-    if json_file != "-" and readings_file is None and not others:
-        ahead(folder, "estimate")
+def _summary(origin: Mapping[str, Any], target: Path) -> str:
+    """what has come, readings → in words: '390 touches, 3 missed → readings.csv'."""
+    words = (("miss", "missed"), ("early", "early"))
+    bad = "".join(f", {origin[status]} {word}" for status, word in words if origin[status])
+    doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""
+    return f"{origin['touches'] - len(origin['missing'])} touches{bad}{doubted} → {target}"
 
 
 def resuming(until: str | None, obstructed: str | None, stylus: int | None, readings: Path | None) -> str:

@@ -4,7 +4,7 @@
 into proofs, `keys.py` says how long each of them holds.
 """
 
-from .experiment import DIAL, Experiment, Question, Seen, Verdict
+from .experiment import DIAL, Experiment, Question, Ruling, Seen
 from .flight import HELD_FEED, MOST, UNTRIED_FEED, air, held
 from .keys import keys
 from .rolling import rolling
@@ -19,8 +19,8 @@ __all__ = [
     "Experiment",
     "Judged",
     "Question",
+    "Ruling",
     "Seen",
-    "Verdict",
     "air",
     "answerable",
     "by_danger",

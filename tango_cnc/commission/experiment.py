@@ -40,7 +40,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Ruling:
     """PASS, FAIL or OPEN, in words, with a number where there is one."""
 
     verdict: str
@@ -71,7 +71,7 @@ class Experiment:
     says: str  # the belief in one sentence
     check: str  # how to look at it by hand
     advice: str  # what to change when it is wrong
-    judge: Callable[[Seen], Verdict]
+    judge: Callable[[Seen], Ruling]
     stops: re.Pattern[str] = re.compile(r"(?!)")  # texts of stops that come when it is wrong
     settles: re.Pattern[str] = re.compile(r"(?!)")  # what of the list of unverified it proves
     asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
@@ -85,22 +85,22 @@ def unmade_of(asked: Mapping[str, Question], seen: Seen) -> list[str]:
     return [what for what, question in asked.items() if not set(question.moves) <= set(seen.records)]
 
 
-def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Callable[[Seen], Verdict]:
+def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Callable[[Seen], Ruling]:
     """belief, what it asks → the judge of an experiment that a person answers: one no is a FAIL, a question left open is OPEN.
 
     What is said of a move that has no record counts for nothing: nobody can have seen it.
     """
 
-    def judge(seen: Seen) -> Verdict:
+    def judge(seen: Seen) -> Ruling:
         said, asked = seen.answers.get(belief, {}), asks(seen.plan)
         unmade = unmade_of(asked, seen)
         wrong = [what for what in asked if what not in unmade and said.get(what) is False]
         if wrong:
-            return Verdict("FAIL", f"{', '.join(wrong)}: the person at the machine says no")
+            return Ruling("FAIL", f"{', '.join(wrong)}: the person at the machine says no")
         if unmade:
-            return Verdict("OPEN", f"the moves of {', '.join(unmade)} were not made")
+            return Ruling("OPEN", f"the moves of {', '.join(unmade)} were not made")
         if unsaid := [what for what in asked if what not in said]:
-            return Verdict("OPEN", f"nobody has said it of {', '.join(unsaid)}")
-        return Verdict("PASS", "said by the person at the machine")
+            return Ruling("OPEN", f"nobody has said it of {', '.join(unsaid)}")
+        return Ruling("PASS", "said by the person at the machine")
 
     return judge

@@ -70,7 +70,7 @@ def held(made: Plan) -> Plan:
         at.update(move.target)
     name = next(name for name in made.machine.linear if name in begun.target)
     up = math.copysign(HELD, float(_up(made)[made.machine.column(name)]))
-    low, high = made.machine.axis(name).travel or (-math.inf, math.inf)
+    low, high = made.machine.axis(name).limits
     place = next((at[name] + by for by in (up, up / 10, -up) if low <= at[name] + by <= high), None)
     if place is None:
         raise InputError(f"{name}: {at[name]:.1f} mm is where the moves in the air end; allowed: {HELD:g} mm of travel beside it")
@@ -135,7 +135,7 @@ def _sideways(made: Plan, touch: Touch, up: Array) -> Iterator[Array]:
     """→ the step of 1 mm along each linear axis that does not go up by itself, where there is room, and never down."""
     begin = np.array(touch.over) + ABOVE * up
     for name in made.machine.linear:
-        column, travel = made.machine.column(name), made.machine.axis(name).travel or (-math.inf, math.inf)
+        column, travel = made.machine.column(name), made.machine.axis(name).limits
         if abs(up[column]) >= UPRIGHT:
             continue
         signs = (math.copysign(1.0, up[column]),) if abs(up[column]) > 1e-3 else (1.0, -1.0)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ..records import Plan
 from . import experiments as folder
-from .experiment import Experiment, Question, Seen, Verdict, unmade_of
+from .experiment import Experiment, Question, Ruling, Seen, unmade_of
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
@@ -60,7 +60,7 @@ class Judged:
     """One experiment and what came of it."""
 
     experiment: Experiment
-    verdict: Verdict
+    verdict: Ruling
 
 
 def experiments() -> tuple[Experiment, ...]:
@@ -88,9 +88,9 @@ def judge(seen: Seen) -> list[Judged]:
         verdict = experiment.judge(seen)
         if experiment is blamed and experiment is not noticed:
             doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
-            verdict = Verdict("FAIL", f"the program stopped: {seen.said}{doubt}")
+            verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
         elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
-            verdict = Verdict("OPEN", f"the program stopped before: {seen.said}")
+            verdict = Ruling("OPEN", f"the program stopped before: {seen.said}")
         judged.append(Judged(experiment, verdict))
     return judged
 

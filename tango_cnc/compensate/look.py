@@ -6,6 +6,7 @@ their order: one after the other that touch is taken that lowers the variances o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,15 +16,16 @@ from ..design.order import again
 from ..duration import of_moves, proof
 from ..plan import last_motion, plan
 from ..records import Array, Cell, InputError, Plan
-from ..touches import of_facets
-from .fit import posed, rms
+from ..touches import Touches, of_facets
+from .fit import posed
 from .promise import Figure
-from .shares import System, apart, system
-from .short import Short, asked_for, levers_of
+from .seen import WITHIN, asked_for
+from .shares import Part, System, apart, foreseen, system
+from .short import WHOLE, Short, levers_of
 from .space import Poses
 
-WHOLE = "all of it together"
 GOAL = 0.2  # standard deviation of a share
+TELLS = 0.25  # standard deviation by the whole strategy: a file that this tells less of is not asked for
 FEWEST = 16  # touches: fewer show nothing that does not fit
 USUAL, LONGEST = 5.0, 8.0  # minutes at most, where nobody states a time
 DECIDES, BETTER = 0.25, 0.95  # standard deviation that decides; of what is left open, what the longer ones have to reach
@@ -52,14 +54,19 @@ class Look:
     cell: Cell
     plan: Plan
     seconds: float
-    names: tuple[str, ...]  # of the parts that matter, and `WHOLE`
+    names: tuple[str, ...]  # of the files that the strategy can tell, of the parts that matter, and `WHOLE`
     std: tuple[float, ...]  # of the share of each
-    small: tuple[str, ...]  # parts that take too little away to be asked for
+    small: tuple[str, ...]  # files, and parts of files, that it does not ask for
 
     @property
     def open(self) -> float:
         """→ how much it leaves open: the sum of what is to be known, each not better than it has to be."""
         return sum(max(std, GOAL) for std in self.std)
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """→ names of those of which it does not tell whether they act."""
+        return tuple(name for name, std in zip(self.names, self.std, strict=True) if std > 1 / WITHIN)
 
 
 def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None) -> Look:
@@ -77,20 +84,12 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
             f"--short-check: found compensation {asked.kept.number}, which changes kinematics alone: touches without tool center "
             "point control do not see them; allowed: --tcp, for a program that runs with it on"
         )
-    sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-    matter = np.array([asked_for(size, before, asked.before.sigma) for size in sizes])
-    if not matter.any():
-        matter[int(np.argmax(sizes))] = True
-    ready = system(asked.before, touches, parts)
     where = np.array([touch.indexation for touch in made.touches])
     touch, turns = _costs(made, where, feed)
     costs = Costs(touch, min(again(cell, feed), touch), turns)
-    wanted = np.zeros((int(matter.sum()) + 1, len(ready.root)))
-    wanted[np.arange(len(wanted) - 1), np.flatnonzero(matter) + len(ready.root) - len(parts)] = 1.0
-    wanted[-1] = _whole(asked, ready, at)
-    names = np.array([part.name for part in parts])
-    job = _Job(cell, made, feed, proof(made, gate, feed), ready, asked.before.sigma, where, costs, wanted)
-    words = (*names[matter].tolist(), WHOLE), tuple(names[~matter].tolist())
+    aims = _aims(asked, touches, parts, at, before)
+    job = _Job(cell, made, feed, proof(made, gate, feed), tuple(aim for aim, _, _ in aims), where, costs)
+    words = tuple(name for _, names, _ in aims for name in names), tuple(name for _, _, small in aims for name in small)
     if minutes:  # whoever states a time wants to know as much as that allows
         return job.made_of(60 * minutes, 0.0, *words)
     longer = job.made_of(60 * LONGEST, GOAL, *words)
@@ -104,6 +103,57 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
 
 
 @dataclass(frozen=True)
+class _Aim:
+    """One way to divide a compensation, and what of it is to be known."""
+
+    rows: Array  # (n, q) of every touch, in what is independent before them, in standard deviations
+    wanted: Array  # (k, q) of that
+
+    @classmethod
+    def of(cls, ready: System, sigma: float, wanted: Array) -> _Aim:
+        """system, mm of a touch, (k, q) what is to be known → the same in what is independent before the touches."""
+        return cls(ready.rows @ ready.root / sigma, wanted @ ready.root)
+
+
+def _aims(
+    asked: Short, touches: Touches, parts: Sequence[Part], at: Poses, before: Figure
+) -> list[tuple[_Aim, tuple[str, ...], tuple[str, ...]]]:
+    """short check, touches to choose from, parts, poses, µm before → aims, with names of what is to be known and what is not.
+
+    Files first: each that the whole strategy would tell, however little it takes away. Then tables of them that matter.
+    """
+    question, sigma = asked.question(parts), asked.before.sigma
+    found, known = [], set[frozenset[str]]()
+    if question.loads:
+        ready = system(asked.before, touches, question.loads)
+        std = np.sqrt(np.diag(foreseen(asked.before, touches, question.loads)))
+        tells = std <= TELLS
+        wanted = _shares_of(ready, tells)
+        names = np.array([part.name for part in question.loads])
+        found.append((_Aim.of(ready, sigma, wanted), tuple(names[tells].tolist()), tuple(names[~tells].tolist())))
+        known = {frozenset(h.place for h in part.held) for part, t in zip(question.loads, tells, strict=True) if t}
+    alone = np.array([frozenset(h.place for h in part.held) in known for part in parts])  # a file of one table
+    sizes = question.sizes(parts)
+    matter = np.array([asked_for(size, before, sigma) for size in sizes])
+    if not matter.any():
+        matter[int(np.argmax(sizes))] = True
+    ready = system(asked.before, touches, parts)
+    wanted = np.vstack([_shares_of(ready, matter & ~alone), _whole(asked, ready, at)])
+    names = np.array([part.name for part in parts])
+    unasked = {name for _, _, small in found for name in small}
+    dim = np.array([not {question.held_in.get(h.place) for h in part.held} <= unasked for part in parts])  # else the file says it
+    named = (*names[matter & ~alone].tolist(), WHOLE), tuple(names[~matter & ~alone & dim].tolist())
+    return [*found, (_Aim.of(ready, sigma, wanted), *named)]
+
+
+def _shares_of(ready: System, which: NDArray[np.bool_]) -> Array:
+    """system, (g,) which parts → (k, q) their shares."""
+    found = np.zeros((int(which.sum()), len(ready.root)))
+    found[np.arange(len(found)), np.flatnonzero(which) + len(ready.root) - len(which)] = 1.0
+    return found
+
+
+@dataclass(frozen=True)
 class _Job:
     """All that a choice of touches needs."""
 
@@ -111,18 +161,16 @@ class _Job:
     made: Plan
     feed: float | None
     alive: float  # s that it takes to prove the probe alive
-    ready: System
-    sigma: float
+    aims: tuple[_Aim, ...]
     where: Count
     costs: Costs
-    wanted: Array  # (k, q) what is to be known
 
     def made_of(self, seconds: float, goal: float, names: tuple[str, ...], small: tuple[str, ...]) -> Look:
         """s at most, standard deviation that does, names of what is to be known and of what is not → the touches."""
         most, least, longest = seconds - self.alive, 0.0, np.inf
         best: Look | None = None
         for _ in range(TRIES):  # what turns take is known when they are planned
-            chosen = _chosen(self.ready, self.sigma, self.where, self.costs, self.wanted, most, goal)
+            chosen = _chosen(self.aims, self.where, self.costs, most, goal)
             if not chosen.any():
                 if not np.isfinite(longest):
                     break
@@ -135,7 +183,7 @@ class _Job:
                 longest = most
                 most = max(LESS * most * seconds / takes, (least + most) / 2 if best else 0.0)
                 continue
-            std = _std(self.ready, self.sigma, chosen, self.wanted)
+            std = _std(self.aims, chosen)
             made = Look(found, planned, takes, names, tuple(std.tolist()), small)
             best = made if best is None or made.open < best.open else best
             if max(made.std) <= goal or takes > FULL * seconds or not np.isfinite(longest):
@@ -173,12 +221,12 @@ def _costs(made: Plan, where: Count, feed: float | None) -> tuple[float, Array]:
     return float(np.mean(spent)), turning
 
 
-def _chosen(ready: System, sigma: float, where: Count, costs: Costs, wanted: Array, seconds: float, goal: float) -> Count:
-    """system of all touches, their indexations, costs, shares to be known, s, goal → (n,) how often each is made.
+def _chosen(aims: Sequence[_Aim], where: Count, costs: Costs, seconds: float, goal: float) -> Count:
+    """what is to be known of all touches, their indexations, costs, s, goal → (n,) how often each is made.
 
     Where the probe is already one touch more is weighed; elsewhere as many together as are worth the turn.
     """
-    draft = _Draft(ready.rows @ ready.root / sigma, wanted @ ready.root, np.eye(len(ready.root)), np.zeros_like(where), goal)
+    draft = _Draft(tuple(aims), tuple(np.eye(aim.rows.shape[1]) for aim in aims), np.zeros_like(where), goal)
     visited: set[int] = set()
     while True:
         enough = draft.worst <= goal and draft.count.sum() >= FEWEST and len(visited) >= min(INDEXATIONS, len(costs.turns))
@@ -200,16 +248,15 @@ def _chosen(ready: System, sigma: float, where: Count, costs: Costs, wanted: Arr
 class _Draft:
     """Touches in what is independent before them, shares that are to be known, the covariance after those chosen so far."""
 
-    rows: Array  # (n, q)
-    aim: Array  # (k, q)
-    covariance: Array  # (q, q)
+    aims: tuple[_Aim, ...]
+    covariance: tuple[Array, ...]  # (q, q) of each
     count: Count  # (n,) how often each is made
     goal: float
 
     @property
     def worst(self) -> float:
         """→ largest standard deviation of a share that matters."""
-        return float(stds(self.aim @ self.covariance @ self.aim.T).max())
+        return float(_stds(self.aims, self.covariance).max())
 
     def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, _Draft, float] | None:
         """touches of one place, costs, s of coming there, s that are left → gain a second, draft with them, s; None: no time."""
@@ -220,31 +267,37 @@ class _Draft:
             free, each = free[each <= seconds - price], each[each <= seconds - price]
             if not len(free):
                 break
-            variance = np.einsum("kq,qr,kr->k", draft.aim, draft.covariance, draft.aim)
-            # A variance below the goal counts less than one above it: more of it helps nobody.
-            weight = np.maximum(variance, 0.05 * max(self.goal, 0.05) ** 2)
-            seen = draft.rows[free] @ draft.covariance
-            lever = 1.0 + np.einsum("nq,nq->n", seen, draft.rows[free])
-            gain = ((seen @ draft.aim.T) ** 2 / lever[:, None]) @ weight
+            gain, seen = np.zeros(len(free)), []
+            for aim, covariance in zip(draft.aims, draft.covariance, strict=True):
+                # A variance below the goal counts less than one above it: more of it helps nobody.
+                variance = np.einsum("kq,qr,kr->k", aim.wanted, covariance, aim.wanted)
+                weight = np.maximum(variance, 0.05 * max(self.goal, 0.05) ** 2)
+                by = aim.rows[free] @ covariance
+                lever = 1.0 + np.einsum("nq,nq->n", by, aim.rows[free])
+                gain += ((by @ aim.wanted.T) ** 2 / lever[:, None]) @ weight
+                seen.append((by, lever))
             at = int(np.argmax(gain / each))
             total, price = total + float(gain[at]), price + float(each[at])
             count = draft.count.copy()
             count[free[at]] += 1
-            draft = replace(draft, covariance=draft.covariance - np.outer(seen[at], seen[at]) / lever[at], count=count)
+            after = tuple(c - np.outer(by[at], by[at]) / lever[at] for c, (by, lever) in zip(draft.covariance, seen, strict=True))
+            draft = replace(draft, covariance=after, count=count)
             if best is None or total / price > best[0]:
                 best = total / price, draft, price
         return best
 
 
-def _std(ready: System, sigma: float, chosen: Count, wanted: Array) -> Array:
-    rows = np.repeat(ready.rows, chosen, axis=0) @ ready.root / sigma
-    inner = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
-    return stds(wanted @ ready.root @ inner @ (wanted @ ready.root).T)
+def _std(aims: Sequence[_Aim], chosen: Count) -> Array:
+    """what is to be known, how often each touch is made → (k,) standard deviations of all of it."""
+    every = [np.repeat(aim.rows, chosen, axis=0) for aim in aims]
+    return _stds(aims, [np.asarray(np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)) for rows in every])
 
 
-def stds(covariance: Array) -> Array:
-    """(k + 1, k + 1) covariance of shares and of all together → (k + 1,) standard deviations of telling each from none."""
-    return np.append(apart(covariance[:-1, :-1]), covariance[-1, -1] ** 0.5)
+def _stds(aims: Sequence[_Aim], covariance: Sequence[Array]) -> Array:
+    """what is to be known, covariance of each → (k,) standard deviations of telling each from none; of all together at the end."""
+    found = [aim.wanted @ c @ aim.wanted.T for aim, c in zip(aims, covariance, strict=True)]
+    last = found.pop()
+    return np.concatenate([*(apart(c) for c in found), apart(last[:-1, :-1]), last[-1:, -1] ** 0.5])
 
 
 def _with(cell: Cell, made: Plan, chosen: Count) -> Cell:

@@ -189,7 +189,7 @@ def history(cell: Path, until: str = "") -> list[dict[str, Any]]:
 
 
 def state(cell: Path, number: int) -> str:
-    """cell, number → proposed, written, kept, not as promised, undecided, no help, rolled back."""
+    """cell, number → proposed, written, kept, kept as far as seen, not as promised, undecided, no help, rolled back."""
     return next((e["event"] for e in reversed(history(cell)) if e["compensation"] == number), "proposed")
 
 

@@ -1,4 +1,4 @@
-"""What a second measurement says of a compensation: kept, not as promised, undecided, no help."""
+"""What a second measurement says of a compensation: kept, kept as far as seen, not as promised, undecided, no help."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..estimate import Estimate
+from ..loaded import AS_SEEN, HELPS
 from ..records import Array
 from .fit import Known, known, rms
 from .hidden import of_record, unseen
@@ -20,6 +21,7 @@ from .space import Held, Poses, sample
 SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 HELPED = 0.5  # of what was changed: less is no help
+KINEMATICS = "the kinematics"
 TRY_KINEMATICS = (
     "Nothing proves yet that the control uses the kinematics: before a part relies on them, touch one facet at two indexations "
     "with tool center point control on (docs/compensate.md)"
@@ -33,27 +35,45 @@ class Outcome:
     before: Figure
     promised: Figure
     measured: Figure
-    verdict: str  # kept, not as promised, undecided, no help
+    verdict: str  # kept, kept as far as seen, not as promised, undecided, no help
     text: str
+    not_seen: tuple[str, ...] = ()  # may be in the control or not: this run does not see it
+    left_if_none: float | None = None  # µm rms that would be left, were none of that in the control
+    unsure: tuple[str, ...] = ()  # what more touches would decide
+
+    @property
+    def said(self) -> str:
+        """→ all that a person reads; first what was not seen."""
+        if not self.not_seen or self.left_if_none is None:
+            return self.text
+        p, it = self.promised, "it does not" if len(self.not_seen) == 1 else "it uses none of them"
+        within = "within" if self.left_if_none <= p.high else "more than"
+        return (
+            f"this run does not see whether the control uses {listed(self.not_seen)}. If {it}, {self.left_if_none:.2f} µm would "
+            f"be left, {within} the {p.low:.2f} to {p.high:.2f} µm that were promised. {self.text[0].upper()}{self.text[1:]}"
+        )
 
 
 @dataclass(frozen=True)
-class Run:
+class Remeasured:
     """What a run with a compensation in the control finds, over its volume, set-up taken out."""
 
     levers: Array  # (3n, p) mm per unit of every coefficient
     error: Array  # (3n,) mm, `told` taken off
     told: Array  # (3n,) mm that the kinematics take away and the run did not see
     moved: Array  # (3n,) mm of what was changed that the run could see
+    hidden: Array  # (3n,) mm of what was changed that it could not see
     now: Known
 
-    def left(self, *, loaded: bool = True) -> Figure:
-        """→ what is left, µm rms, as a proposal says it; not `loaded`: what would be, were it not in these readings."""
+    def left(self, *, loaded: bool = True, kinematics: bool = True) -> Figure:
+        """→ what is left, µm rms, as a proposal says it; not `loaded`: what would be, were it not in these readings; without
+        `kinematics`: were those numbers not in the control that the run could not see."""
         gone = self.told if loaded else self.told + self.moved
+        gone = gone if kinematics else gone - self.hidden
         return mean(there(self.now.values, self.now.covariance, self.levers, gone, self.now.freedom))
 
 
-def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run:
+def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Remeasured:
     """compensation, estimate of readings made with it in the control, what its target holds → what they find.
 
     `tcp`: the readings were made with tool center point control on. Without it a probing cycle sees the axes and not the
@@ -65,9 +85,10 @@ def ran(kept: Kept, result: Estimate, held: Sequence[Held], *, tcp: bool) -> Run
     at = sample(machine, limits)
     now = known(result, at)
     told = _unseen(kept, held, at) if not tcp else np.zeros(3 * len(at))
-    columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, [tcp or not h.tcp for h in held])]
-    error, told, moved = at.free(np.stack(columns, axis=1)).T
-    return Run(at.free(now.levers(at)), error, told, moved, now)
+    sees = [tcp or not h.tcp for h in held]
+    columns = [now.error(at).ravel() - told, told, _moved(kept, held, at, sees), _moved(kept, held, at, [not s for s in sees])]
+    error, told, moved, hidden = at.free(np.stack(columns, axis=1)).T
+    return Remeasured(at.free(now.levers(at)), error, told, moved, hidden, now)
 
 
 def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: bool) -> Outcome:
@@ -106,7 +127,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     elif verdict == "kept":
         text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {share}{calculated}"
         if run.told.any():
-            text = f"as far as this run could see. {text[0].upper()}{text[1:]}. {TRY_KINEMATICS}"
+            text += f". {TRY_KINEMATICS}"
         if not less(measured, before):
             text += f". Whether less is left than before ({before.low:.2f} to {before.high:.2f} µm), these touches cannot tell"
     else:
@@ -115,7 +136,15 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
             text += f"It has helped in part: look for a table that the control does not use; to go back, {undo}"
         else:
             text += f"The control uses what was written: look for what else has changed since (a knock, warmth); to go back, {undo}"
+    if verdict == "kept" and run.hidden.any():
+        return Outcome(before, promised, measured, AS_SEEN, text, (KINEMATICS,), run.left(kinematics=False).value)
     return Outcome(before, promised, measured, verdict, text)
+
+
+def listed(names: Sequence[str]) -> str:
+    """names → the same in a sentence; with semicolons where names have commas."""
+    between = "; " if any("," in name for name in names) else ", "
+    return names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
 
 
 def rolled_back(kept: Kept) -> str:
@@ -162,7 +191,7 @@ def asked_otherwise(found: Outcome, other: Outcome, *, tcp: bool) -> Outcome:
     control more than all of it would be gone, which cannot be: nothing is decided then. With it, the kinematics may really be
     unused: the verdict stays.
     """
-    if found.verdict == "kept" or other.verdict != "kept":
+    if found.verdict in HELPS or other.verdict not in HELPS:
         return found
     left = f"{other.measured.value:.2f} µm ({other.measured.low:.2f} to {other.measured.high:.2f})"
     if tcp:

@@ -32,9 +32,11 @@ CERTAIN = 0.01  # standard deviation of a share that is taken for known
 SHARE, SPREAD = 0.5, 1.0  # of what is in the control, before a touch: not at all and whole are as likely
 LEAST_DAYS, MOST_DAYS = 4.0, 30.0  # that a machine wanders: as far as in four at least, as warmth moves it within one
 STYLUS, TABLE, TURN, RADIUS, RUN = 0.2, 1.0, 2e-3, 0.05, 5e-3  # mm, mm, rad, mm, mm: anew in every run
+SAME, LONGER = 2e-3, 0.02  # mm: a stylus that stayed in its holder, across and along it, which warmth makes longer
 CALM = 1e-4  # mm at a touch by which a gain or an error motion, the shape of a guideway, wanders in a day at most
 WIDELY = 30.0  # standard deviations of a touch: a direction that was as uncertain takes a touch, and says nothing of the fit
 FACET = 2e-4  # mm: a facet that is cleaned before each run
+ALONG = "EZt"  # coefficient: where the stylus is along the spindle
 NEW = 1.0  # mm: a facet or ball that the full run has not touched
 
 
@@ -58,6 +60,7 @@ class Before:
     result: Estimate
     days: float
     moves: float = 1.0  # times what it wanders in these days; 0: it is what it was
+    same_stylus: bool = False  # it is that of the full run, and has not been out of its holder since
 
     @property
     def sigma(self) -> float:
@@ -65,16 +68,25 @@ class Before:
         return max(self.result.sigma, self.result.model.touches.machine.probe.repeatability, 1e-5)
 
 
-def parts_of(held: Sequence[Held], numbers: Mapping[str, float], *, tcp: bool, singly: bool = False) -> list[Part]:
+def parts_of(
+    held: Sequence[Held],
+    numbers: Mapping[str, float],
+    *,
+    tcp: bool,
+    singly: bool = False,
+    files: Mapping[str, str] | None = None,
+) -> list[Part]:
     """what a target holds, by how much each of its numbers changes → the parts that a run sees, those that change.
 
     `singly`: every number that belongs to no table of an axis is a part of its own, as a person may type one of them wrong.
+    `files`: {place: name of its file}; then what one file holds is one part.
     """
     found: dict[str, list[tuple[Held, float]]] = {}
     for h in held:
         change = numbers.get(h.place, 0.0)
         if change and (tcp or not h.tcp):
             name = h.place if singly and h.axis is None else h.table
+            name = name if files is None else files.get(h.place, name)
             found.setdefault(name, []).append((h, change * h.sign / h.factor))
     return [Part(name, tuple(h for h, _ in own), tuple(v for _, v in own)) for name, own in found.items()]
 
@@ -126,11 +138,16 @@ class System:
 
 
 def system(
-    before: Before, touches: Touches, parts: Sequence[Part], shifted: Array | None = None, certain: Collection[str] = ()
+    before: Before,
+    touches: Touches,
+    parts: Sequence[Part],
+    shifted: Array | None = None,
+    certain: Collection[str] = (),
+    absent: Collection[str] = (),
 ) -> System:
     """what was known, touches of a check, parts of the compensation, (n,) mm that gaps differ by for certain → system.
 
-    `certain`: names of parts that are taken to be in the control.
+    `certain`, `absent`: names of parts that are taken to be in the control, and not to be in it.
     """
     model = before.result.model
     own = Model(touches, model.coefficients)
@@ -150,13 +167,14 @@ def system(
     covariance[np.arange(p), np.arange(p)] += wander**2
     q = len(columns)
     covariance[np.arange(p, q), np.arange(p, q)] = NEW**2
-    wide = np.array([TABLE, TABLE, TABLE, TURN, TURN, TURN, RADIUS])[-more.shape[1] :]
+    tip = SAME if before.same_stylus else RADIUS
+    wide = np.array([TABLE, TABLE, TABLE, TURN, TURN, TURN, tip])[-more.shape[1] :]
     covariance[np.arange(q, q + len(wide)), np.arange(q, q + len(wide))] = wide**2
     last = np.arange(q + len(wide), rows.shape[1])
-    there = np.array([part.name in certain for part in parts], dtype=np.bool_)
-    covariance[last, last] = np.where(there, CERTAIN, SPREAD) ** 2
+    there, away = (np.array([part.name in names for part in parts], dtype=np.bool_) for names in (certain, absent))
+    covariance[last, last] = np.where(there | away, CERTAIN, SPREAD) ** 2
     mean = np.zeros(rows.shape[1])
-    mean[last] = np.where(there, 1.0, SHARE)
+    mean[last] = np.where(there, 1.0, np.where(away, 0.0, SHARE))
     return System(rows, _root(covariance), mean, gaps if shifted is None else gaps - shifted, p, len(parts))
 
 
@@ -180,7 +198,7 @@ def _wander(before: Before) -> Array:
     found = np.full(len(model.names), FACET)
     for j, c in enumerate(model.coefficients):
         if c.slot.stage == "stylus":
-            found[j] = STYLUS
+            found[j] = STYLUS if not before.same_stylus else LONGER if c.name == ALONG else SAME
         elif c.name in PLACEMENT:
             found[j] = TABLE if c.unit == "mm" else TURN
         elif not posed(c, model.touches):
@@ -197,11 +215,24 @@ def _root(covariance: Array) -> Array:
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
+def foreseen(before: Before, touches: Touches, parts: Sequence[Part]) -> Array:
+    """what was known, touches, parts → (g, g) covariance of the shares after such touches, whatever they find."""
+    ready = system(before, touches, parts)
+    white = ready.rows @ ready.root / before.sigma
+    own = ready.root[-len(parts) :]
+    return np.asarray(own @ np.linalg.solve(np.eye(white.shape[1]) + white.T @ white, own.T))
+
+
 def shares(
-    before: Before, touches: Touches, parts: Sequence[Part], shifted: Array | None = None, certain: Collection[str] = ()
+    before: Before,
+    touches: Touches,
+    parts: Sequence[Part],
+    shifted: Array | None = None,
+    certain: Collection[str] = (),
+    absent: Collection[str] = (),
 ) -> Shares:
     """as `system` → the shares."""
-    ready = system(before, touches, parts, shifted, certain)
+    ready = system(before, touches, parts, shifted, certain, absent)
     white = ready.rows @ ready.root / before.sigma
     value = -(ready.gaps + ready.rows @ ready.mean) / before.sigma
     inner = linalg.cholesky(np.eye(white.shape[1]) + white.T @ white, lower=True)
@@ -245,6 +276,8 @@ def acting(share: Array, covariance: Array, margin: float) -> list[bool | None]:
 def apart(covariance: Array) -> Array:
     """(k, k) covariance of shares → (k,) standard deviation of telling each from none, alone or with others."""
     result = np.sqrt(np.diag(covariance))
+    if not len(result):
+        return result
     most = np.argsort(-np.diag(covariance))[:TOGETHER]
     precision = np.linalg.inv(covariance[np.ix_(most, most)])
     missing = np.array(list(itertools.product((0.0, 1.0), repeat=len(most))))[1:]

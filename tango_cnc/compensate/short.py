@@ -1,30 +1,27 @@
-"""What a short check says of a compensation: kept, not as promised, undecided, no help; resting on the run it was made from."""
+"""What a short check says of a compensation (`Outcome`), resting on the run that it was made from."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..loaded import AS_SEEN, HELPS
 from ..model import Model
 from ..records import Array
 from ..touches import Touches
 from .fit import posed, rms
 from .hidden import of_record, unseen
 from .loop import Kept
-from .outcome import HELPED, TRY_KINEMATICS, Outcome, judged, less, promises, rolled_back, said_share, spans
+from .outcome import HELPED, KINEMATICS, TRY_KINEMATICS, Outcome, judged, less, listed, promises, rolled_back, said_share, spans
 from .promise import DRAWS, Figure
-from .shares import Before, Part, Shares, acting, parts_of, shares
+from .seen import MISFIT, MISSING, Question, Seen
+from .shares import Before, Part, Shares, parts_of, shares
 from .space import Held, Poses, sample
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
-MATTERS = 0.1  # of the error before: a part that takes less away is not asked for by itself …
-SEEN = 2.0  # … nor one that takes less away than this many standard deviations of a touch
-TOLD = 0.5  # standard deviations of a touch: less than that is not said to be missing
-WITHIN, MISSING, FAINT = 2.5, 3.0, 4.0  # standard deviations from none; from all of it; the same of a part that hardly matters
-NEAR = 0.2  # of a part: as much may be missing of one that is in the control
-MISFIT = 1e-3  # p-value of touches that no share of the parts explains
+WHOLE = "all of it together"
 
 
 @dataclass(frozen=True)
@@ -36,6 +33,7 @@ class Short:
     held: Sequence[Held]
     tcp: bool  # whether the check was made with tool center point control
     first_tcp: bool  # whether the full run was
+    files: Mapping[str, str] = field(default_factory=dict)  # {place that changed: its file}, where that is known
 
     @property
     def poses(self) -> Poses:
@@ -48,6 +46,11 @@ class Short:
     def parts(self) -> list[Part]:
         """→ what changed and a run like this sees."""
         return parts_of(self.held, changes(self.kept), tcp=self.tcp)
+
+    def question(self, parts: Sequence[Part]) -> Question:
+        """parts → what is asked."""
+        loads = parts_of(self.held, changes(self.kept), tcp=self.tcp, files=self.files) if self.files else []
+        return Question(self.before, parts, loads, self.files, self.poses, promises(self.kept.record)[0])
 
     def kinematics(self, at: Poses, *, new: bool) -> Array:
         """poses → (n, 3) mm that the control's kinematics take away, with the new numbers or with those before."""
@@ -68,45 +71,68 @@ def changes(kept: Kept) -> dict[str, float]:
     return {v["place"]: v["new"] - v["present"] for v in kept.record["values"] if v["new"] != v["present"]}
 
 
+@dataclass(frozen=True)
+class _Over:
+    """What parts and unknowns do over the volume of a compensation, set-up taken out."""
+
+    own: list[int]  # unknowns that act there
+    levers: Array  # (3n, c) mm per unit of each
+    moved: Array  # (3n, g) mm that each part takes away
+    error: Array  # (3n,) mm by the full run, `told` taken off
+    told: Array  # (3n,) mm that is taken off by calculation
+    hidden: Array  # (3n,) mm of what was changed that the touches could not see
+
+    @classmethod
+    def of(cls, asked: Short, parts: Sequence[Part]) -> _Over:
+        """short check, its parts → the same over the volume."""
+        at, model = asked.poses, asked.before.result.model
+        own = [j for j, c in enumerate(model.coefficients) if posed(c, at.touches)]
+        then, now = (asked.kinematics(at, new=new).ravel() for new in (False, True))
+        hidden = np.zeros_like(now) if asked.tcp else now - then
+        by_run = {(True, True): np.zeros_like(now), (True, False): then, (False, False): now, (False, True): hidden}
+        told = by_run[asked.tcp, asked.first_tcp]
+        levers, moved = at.free(levers_of(model, own, at)), at.free(np.stack([p.moved(at).ravel() for p in parts], axis=1))
+        told, hidden = at.free(np.stack([told, hidden], axis=1)).T
+        return cls(own, levers, moved, levers @ asked.before.result.values[own] - told, told, hidden)
+
+    def drawn(self, told_by: Shares, *, kinematics: bool = True) -> tuple[Array, Array]:
+        """shares → (m,) draws of what is gone of all, (m,) draws of what is left, µm rms; without `kinematics`: of those hidden."""
+        change, share = told_by.draws(DRAWS)
+        left = (self.error + (0 if kinematics else self.hidden))[:, None] + self.levers @ change[self.own] - self.moved @ share
+        whole = self.moved.sum(axis=1)
+        size = np.sqrt(np.sum(left**2, axis=0) / (len(left) / 3)) * 1e3
+        return 1.0 - whole @ left / float(whole @ whole), size
+
+
 def short_outcome(asked: Short, touches: Touches) -> Outcome:
     """short check, its touches → what became of the promise."""
-    kept, parts = asked.kept, asked.parts
-    before, promised = promises(kept.record)
+    parts = asked.parts
+    before, promised = promises(asked.kept.record)
     if not parts:
         text = (
             "nothing that these touches could see was changed: kinematics act with tool center point control only. Measure with it "
             "on, and state --tcp, or by hand, as steps.txt says (--turned)"
         )
         return Outcome(before, promised, before, "undecided", text)
-    found = shares(asked.before, touches, parts, asked.shifted(touches))
-    at = asked.poses
-    model = asked.before.result.model
-    own = [j for j, c in enumerate(model.coefficients) if posed(c, at.touches)]
-    levers = levers_of(model, own, at)
-    moved = np.stack([part.moved(at).ravel() for part in parts], axis=1)
-    told = np.zeros(3 * len(at)) if asked.tcp else asked.kinematics(at, new=True).ravel()
-    if asked.tcp and not asked.first_tcp:
-        told = asked.kinematics(at, new=False).ravel()
-    if not asked.tcp and asked.first_tcp:
-        told = told - asked.kinematics(at, new=False).ravel()
-    levers, moved, told = at.free(levers), at.free(moved), at.free(told[:, None])[:, 0]
-    sizes = [rms(column) for column in moved.T]
-    parts_by = Sorted.of(asked, found, sizes)
-    certain = {*parts_by.within, *parts_by.small}
-    still = shares(replace(asked.before, moves=0.0), touches, parts, asked.shifted(touches), certain)
-    as_it_was = levers @ asked.before.result.values[own] - told
-    whole = moved.sum(axis=1)
-
-    def drawn(told_by: Shares) -> tuple[Array, Array]:
-        change, share = told_by.draws(DRAWS)
-        left = as_it_was[:, None] + levers @ change[own] - moved @ share
-        return 1.0 - whole @ left / float(whole @ whole), np.sqrt(np.sum(left**2, axis=0) / len(at)) * 1e3
-
-    gone, size = drawn(found)
-    helped, most, least = _interval(gone), _interval(size), _interval(drawn(still)[1])
+    shifted = asked.shifted(touches)
+    found = shares(asked.before, touches, parts, shifted)
+    over = _Over.of(asked, parts)
+    known = asked.question(parts).answer(found, touches, shifted)
+    calm = replace(asked.before, moves=0.0)
+    gone, size = over.drawn(found)
+    helped, most = _interval(gone), _interval(size)
+    least = _interval(over.drawn(shares(calm, touches, parts, shifted, (*known.acting, *known.hidden)))[1])
     # What might have moved, and what might be missing unseen, make an error look larger than it is: the lower end is without.
     measured = Figure((most.value + least.value) / 2, min(least.low, most.low), most.high)
-    return _said(asked, found, parts_by, before, promised, measured, helped, 0.0 if asked.tcp else rms(told))
+    none = _none(calm, over, touches, parts, shifted, known)
+    return _said(asked, found, known, before, promised, measured, helped, over, none)
+
+
+def _none(calm: Before, over: _Over, touches: Touches, parts: Sequence[Part], shifted: Array, known: Seen) -> float:
+    """what was known, over the volume, touches, parts, what is known of them → µm rms left, were nothing unseen in the control."""
+    absent = [part.name for part in parts if part.name not in known.acting]
+    told_by = shares(calm, touches, parts, shifted, known.acting, absent)
+    return _interval(over.drawn(told_by, kinematics=False)[1]).value
 
 
 def levers_of(model: Model, own: Sequence[int], at: Poses) -> Array:
@@ -120,105 +146,71 @@ def _interval(draws: Array) -> Figure:
     return Figure(float(middle), float(low), float(high))
 
 
-def asked_for(size: float, before: Figure, sigma: float) -> bool:
-    """µm rms that a part takes away, µm before, mm of a touch → whether a short check is to show that this part acts."""
-    return size >= max(MATTERS * before.value, SEEN * 1e3 * sigma)
+def by_part(asked: Short, touches: Touches) -> tuple[Seen, float] | None:
+    """a run made ready, all its touches → what is known of its parts, µm rms left were none of the unseen ones in the control.
 
-
-@dataclass(frozen=True)
-class Sorted:
-    """Names of parts by what the touches say of them."""
-
-    within: list[str]
-    missing: list[str]
-    unsure: list[str]
-    small: list[str]  # takes too little away to be asked for
-
-    @classmethod
-    def of(cls, job: Short, found: Shares, sizes: Sequence[float], faint: float = FAINT) -> Sorted:
-        """short check, shares, µm rms that each part takes away → the parts, sorted.
-
-        `faint`: standard deviations from all of it by which a part that hardly matters is missing.
-        """
-        result = cls([], [], [], [])
-        before, sigma = promises(job.kept.record)[0], job.before.sigma
-        asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
-        acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
-        for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
-            small = i not in acts
-            lacks = abs(share - 1)
-            if lacks > max((faint if small else MISSING) * std, NEAR) and lacks * size > TOLD * 1e3 * sigma:
-                result.missing.append(f"{name} ({_how(share, std)})")
-            elif acts.get(i, share > max(WITHIN * std, HELPED)):
-                result.within.append(name)
-            elif acts.get(i) is False:
-                result.missing.append(name)
-            else:
-                (result.small if small else result.unsure).append(name)
-        return result
-
-
-def _how(share: float, std: float) -> str:
-    """share of a part, its standard deviation → how it acts, for people."""
-    if share + FAINT * std < 0:
-        return f"it acts the wrong way round, by {-100 * share:.0f} ± {200 * std:.0f} %: do a sign trial"
-    return f"{max(100 * share, 0.0):.0f} ± {200 * std:.0f} % of it acts"
-
-
-def by_part(asked: Short, touches: Touches) -> Sorted | None:
-    """a run made ready, all its touches → its parts, sorted; None where the touches fit no share of them.
-
-    By table and group first; where all of these may act, by single numbers: a reversal value of one axis was lost among all.
+    None where the touches fit no share of them. By table, group and file first; where all of these may act, by single numbers: a
+    reversal value of one axis was lost among all.
     """
-    at, result = asked.poses, None
+    result: tuple[Seen, float] | None = None
+    shifted = asked.shifted(touches)
     for singly in (False, True):
         parts = parts_of(asked.held, changes(asked.kept), tcp=asked.tcp, singly=singly)
         if not parts:
             return None
-        found = shares(asked.before, touches, parts, asked.shifted(touches))
+        found = shares(asked.before, touches, parts, shifted)
         if found.p_value < MISFIT:
             return None
-        sizes = [rms(at.free(part.moved(at).reshape(-1, 1))[:, 0]) for part in parts]
-        result = Sorted.of(asked, found, sizes, MISSING)
-        if result.missing:
+        known = asked.question(parts).answer(found, touches, shifted, MISSING)
+        if result is None or known.missing:
+            calm = replace(asked.before, moves=0.0)
+            result = known, _none(calm, _Over.of(asked, parts), touches, parts, shifted, known)
+        if known.missing:
             break
     return result
 
 
-def not_all(found: Outcome, parts: Sorted | None, kept: Kept) -> Outcome:
-    """outcome of a run that determines everything, its parts, compensation → the same; not as promised where one does not act.
+def not_all(found: Outcome, parts: tuple[Seen, float] | None, kept: Kept) -> Outcome:
+    """outcome of a run that determines everything, what is known of its parts, compensation → the same; not as promised where one
+    does not act, kept as far as seen where that is not known of one.
 
     What centers take away may hide what a table leaves.
     """
-    if found.verdict != "kept" or parts is None or not parts.missing:
+    if found.verdict not in HELPS or parts is None:
         return found
-    text = (
-        f"{found.measured.value:.2f} µm ({found.measured.low:.2f} to {found.measured.high:.2f}) are left of "
-        f"{found.before.value:.2f} µm, which is near the promise; but not everything acts as it was written: "
-        f"{_some(parts.missing)}. Look whether its file was loaded; to go back, load the files of {kept.folder / 'undo'}"
-    )
-    return replace(found, verdict="not as promised", text=text)
+    known, none = parts
+    if known.missing:
+        text = (
+            f"{found.measured.value:.2f} µm ({found.measured.low:.2f} to {found.measured.high:.2f}) are left of "
+            f"{found.before.value:.2f} µm, which is near the promise; but not everything acts as it was written: "
+            f"{_some(known.missing)}. Look whether its file was loaded; to go back, load the files of {kept.folder / 'undo'}"
+        )
+        return replace(found, verdict="not as promised", text=text, not_seen=(), left_if_none=None)
+    names = (*found.not_seen, *known.unsure, *known.unseen)
+    if not (found.not_seen or known.files or known.unsure or none > found.promised.high) or not names:
+        return found
+    return replace(found, verdict=AS_SEEN, not_seen=names, left_if_none=none)
 
 
 def _said(
     asked: Short,
     found: Shares,
-    parts: Sorted,
+    parts: Seen,
     before: Figure,
     promised: Figure,
     measured: Figure,
     helped: Figure,
-    calculated: float,
+    over: _Over,
+    none: float,
 ) -> Outcome:
-    """short check, shares, parts, figures, µm that are taken off by calculation → the verdict with its text."""
+    """short check, shares, what is known of the parts, figures, over the volume, µm if nothing unseen acts → the verdict."""
     verdict = _verdict(parts, before, promised, measured, helped)
     undo = f"load the files of {asked.kept.folder / 'undo'}"
     left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
     gone = f"{said_share(helped)}. A short check, which rests on the run that the compensation was made from"
+    calculated = not asked.tcp and rms(over.told) > 0
     if calculated:
-        gone += f"; what the kinematics hold ({calculated:.2f} µm) is taken off by calculation, this run could not see it"
-    if parts.small:
-        gone += f". Of parts that take little away it says nothing by itself: {_some(parts.small)}"
+        gone += f"; what the kinematics hold ({rms(over.told):.2f} µm) is taken off by calculation, this run could not see it"
     if found.p_value < MISFIT:
         number, off = found.off[0]
         text = (
@@ -235,8 +227,13 @@ def _said(
         )
     elif verdict == "kept":
         text = f"{left}, and {promised.low:.2f} to {promised.high:.2f} µm were promised: they agree; {gone}"
+        names = (*((KINEMATICS,) if over.hidden.any() else ()), *parts.unseen)
         if calculated:
-            text = f"as far as this run could see. {text[0].upper()}{text[1:]}. {TRY_KINEMATICS}"
+            text = f"{text}. {TRY_KINEMATICS}"
+        if over.hidden.any() or parts.files or none > promised.high:
+            return Outcome(before, promised, measured, AS_SEEN, text, names, none)
+        if names:
+            text = f"{text}. By themselves these are not seen: {listed(names)}; {none:.2f} µm would be left without them"
     elif verdict == "not as promised":
         what = (
             f"this does not act as it was written: {_some(parts.missing)}"
@@ -246,24 +243,22 @@ def _said(
         text = f"{left}, but no more than {promised.high:.2f} µm were promised; {what}; {gone}. To go back, {undo}"
     else:
         what = f"whether {_some(parts.unsure)} is in the control" if parts.unsure else "whether it has helped"
-        text = (
-            f"{left}; these touches cannot tell {what}; {gone}. Make the touches that 'tango compensate --short-check "
-            f"{asked.kept.number}' chooses, or the whole strategy"
-        )
+        text = f"{left}; these touches cannot tell {what}; {gone}"
+        return Outcome(before, promised, measured, verdict, text, unsure=parts.unsure or (WHOLE,))
     return Outcome(before, promised, measured, verdict, text)
 
 
-def _verdict(parts: Sorted, before: Figure, promised: Figure, measured: Figure, helped: Figure) -> str:
-    """parts by what is known of them, figures → the verdict.
+def _verdict(parts: Seen, before: Figure, promised: Figure, measured: Figure, helped: Figure) -> str:
+    """what is known of the parts, figures → the verdict.
 
     Less than half is gone and some of it is in the control all the same: then it is in part, unless more is left than before.
     """
     found = judged(before, promised, measured, helped)
-    if found == "no help" and parts.within and less(measured, before):
+    if found == "no help" and parts.acting and less(measured, before):
         return "not as promised"
     if found == "no help" or spans(helped):
         return found
-    if parts.missing and not parts.within and not parts.unsure and helped.value < HELPED:
+    if parts.missing and not parts.acting and not parts.unsure and helped.value < HELPED:
         return "no help"
     if parts.missing:
         return "not as promised"

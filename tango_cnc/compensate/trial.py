@@ -22,7 +22,7 @@ LEAST = 0.003  # mm that the best touch has to change by for a sign to be told
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Sign:
     """What the touches say: `ratio` is 1 for the sign that was assumed, −1 for the other one, 0 for no effect."""
 
     ratio: float
@@ -91,7 +91,7 @@ def flips(module: ModuleType, request: Request, places: Mapping[str, float]) -> 
     return found
 
 
-def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches, after: Touches) -> Verdict:
+def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches, after: Touches) -> Sign:
     """what a target stores, changes, touches before and with the change → verdict. Raises InputError without common touches."""
     first = {int(number): i for i, number in enumerate(before.number)}
     pairs = [(first[int(number)], j) for j, number in enumerate(after.number) if int(number) in first]
@@ -103,7 +103,7 @@ def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches,
     got = np.sum((tips[1] - tips[0]) * before.normal[rows], axis=1)
     power = float(want @ want)
     if power < LEAST**2:
-        return Verdict(0.0, np.inf, "undecided", len(rows))
+        return Sign(0.0, np.inf, "undecided", len(rows))
     ratio = float(want @ got) / power
     scatter = before.machine.probe.repeatability * 2**0.5
     if len(rows) > 3:
@@ -111,5 +111,5 @@ def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches,
     std = scatter / power**0.5
     for word, value in (("as assumed", 1.0), ("turned round", -1.0), ("not used", 0.0)):
         if abs(ratio - value) < max(3 * std, 0.15) and std < 0.2:
-            return Verdict(ratio, std, word, len(rows))
-    return Verdict(ratio, std, "undecided", len(rows))
+            return Sign(ratio, std, word, len(rows))
+    return Sign(ratio, std, "undecided", len(rows))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..estimate import Estimate
 from ..records import TangoError
 from .fit import Fit, rms
-from .outcome import Outcome, Run
+from .outcome import Outcome, Remeasured
 
 HALF = 0.5  # of the sum of squares of all effects on the tool tip
 
@@ -45,7 +45,7 @@ def as_far_as_trusted(
     result: Estimate,
     untrusted: Collection[str],
     hidden: Mapping[str, float],
-    run: Run,
+    run: Remeasured,
 ) -> Outcome:
     """outcome, record of the compensation, estimate of readings made with it, labels that are not to be trusted, {label: by how
     much what no touch shows may move it, mm or rad}, what the readings find → what to say.
@@ -69,7 +69,8 @@ def as_far_as_trusted(
     mend = "mend what makes them doubtful and measure again"
     if found.verdict == "no help":
         return replace(found, text=f"{found.text}. But {why}: take it back all the same, then {mend}")
-    return replace(found, verdict="undecided", text=f"this run decides nothing: {why}. {mend.capitalize()}")
+    text = f"this run decides nothing: {why}. {mend.capitalize()}"
+    return replace(found, verdict="undecided", text=text, not_seen=(), left_if_none=None)
 
 
 def _some(names: list[str]) -> str:

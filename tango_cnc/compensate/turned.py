@@ -21,7 +21,8 @@ from ..records import Array, InputError, Machine
 from .fit import known, rms
 from .outcome import Outcome, promises, rolled_back
 from .promise import DRAWS, Figure
-from .short import NEAR, WITHIN, Short, changes
+from .seen import NEAR, WITHIN
+from .short import Short, changes
 from .space import Poses
 
 DRIFT = 0.002  # mm: what a cycle of the control and warmth between both measurements may make
@@ -96,7 +97,7 @@ def _allowed(machine: Machine, axis: str, angle: float) -> None:
         raise InputError(
             f"--turned: found the axis {axis!r}; allowed: a rotary axis of the table ({', '.join(tables) or 'none here'})"
         )
-    low, high = machine.axis(axis).travel or (-np.inf, np.inf)
+    low, high = machine.axis(axis).limits
     if not low - 1e-9 <= angle <= high + 1e-9 or abs(angle) < np.radians(20):
         raise InputError(f"--turned: found {np.degrees(angle):g} deg; allowed: 20 deg or more, within the travel of {axis}")
 

@@ -1,4 +1,4 @@
-"""What a plan is for, in words of the command line → the criterion that it is chosen by, and in which words the result is told."""
+"""What a plan is for, in words of the command line → the criterion that chooses it, and the words of the result."""
 
 from __future__ import annotations
 

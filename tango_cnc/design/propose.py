@@ -236,6 +236,17 @@ def std_of(ready: Setting, information: Array, widens: float = 1.0) -> dict[str,
     return {choice.selection.label(c.name): (float(std[j]), c.unit) for j, c in enumerate(choice.selection.model.coefficients)}
 
 
+def most_uncertain(ready: Setting, information: Array) -> str | None:
+    """setting, information → the coefficient that is farthest from its limit; None where the goal has no limits."""
+    worst, choice = ready.problem.criterion.worst, ready.problem.choice
+    if ready.problem.criterion.name != "limits" or worst is None:
+        return None
+    ratio = np.einsum("kp,pq,kq->k", worst, np.linalg.inv(information), worst)
+    place = int(np.flatnonzero(worst[int(np.argmax(ratio))])[0])
+    own = choice.selection.model.coefficients
+    return choice.selection.label(own[place].name) if place < len(own) else None
+
+
 def competitors(ready: Setting, found: Chosen) -> dict[str, float]:
     """setting, plan → φ of the regular plan of its time, and of the best of 100 random ones of as many touches and turns."""
     ready.problem.say("100 random plans, and the regular one")

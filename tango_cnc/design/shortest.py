@@ -18,7 +18,7 @@ from .how_long import LONGEST, Quick
 from .problem import Chosen, Problem
 
 BEGIN = 300.0  # s that are looked at first
-TRIES, ENOUGH = 6, 4  # times that are searched at most, and at most from the first one on that has a plan
+TRIES, ENOUGH = 8, 6  # times that are searched at most, and at most from the first one on that has a plan
 LEAST, FINE = 30.0, 1.05  # s below which no quick choice looks; of its times, as near are they looked for
 NEAR = 0.06  # of the time: nearer to the least one is near enough
 STEP = 0.1  # of the time by which the next search is longer at least

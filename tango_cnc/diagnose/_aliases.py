@@ -20,7 +20,7 @@ from ._search import CLOSE
 from ._seen import taken
 from ._space import below, best_noise, scan
 
-MOST = 3  # aliases of a cause that are told
+MOST = 3  # aliases of a cause that are named
 TRIED = 12  # settings that are looked at closely
 GRID = 181  # places of an axis where two settings are compared
 PLACES = ("at", "until", "nodes")

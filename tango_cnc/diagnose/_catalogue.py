@@ -218,7 +218,7 @@ def refined(place: Space, cat: Catalogue, start: Candidate, others: Array, setti
         if score < begun + SETTLED:
             break
     if best.setting.get("shape") == "linear" and settings:
-        # A straight line is the beginning of an exponential: the time constant is told where the data allow one.
+        # A straight line is the beginning of an exponential: the time constant is named where the data allow one.
         curved = [c for c in cat.candidates if c.cause == best.cause and _bends(c, best, ways)]
         if curved:
             other = refined(place, cat, max(curved, key=value), others, settings)

@@ -1,8 +1,8 @@
 """What a shape follows, said with as little as does as well; and what else it may follow.
 
 A pair of covariates often beats one of them by a little that is chance. An interaction is reported where there is strong evidence
-for it beside the covariate alone; the others that come as near are told, because these touches cannot tell them apart. What a name
-with a size that changes follows is one of these, too. Of as many covariates, those that are no history are told first: a plan that
+for it beside the covariate alone; the others that come as near are named, as these touches cannot tell them apart. What a name
+with a size that changes follows is one of these, too. Of as many covariates, those that are no history are named first: a plan that
 goes to few places makes the path to them a function of the places, and a path has more variants to be the best by chance.
 Few functions tell best what a weak shape follows; its size comes from more of them.
 """
@@ -25,7 +25,7 @@ from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, score, scores, whiten
 from ._smooth import CURVED, Kernel
 
-TOLD = 3  # other covariates that are told
+TOLD = 3  # other covariates that are named
 LEVER = 0.75  # of the lever of a tilt that one place makes
 FLAT = 1e-6  # component of a normal that has no side
 AMONG = SURE - STRONG  # what it costs at least that functions were chosen among hundreds, where they have one covariate more

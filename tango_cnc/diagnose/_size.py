@@ -82,7 +82,7 @@ def _slopes(e: Explanation, c: Chosen, v: Array) -> Array:
 
 
 def _told(c: Chosen, weight: Array) -> Told:
-    """→ how a size is told: millimetres as they are, angles and slopes as the largest effect on a touch."""
+    """→ a size in words: millimetres as they are, angles and slopes as the largest effect on a touch."""
     units = [k.unit for k in c.candidate.coefficients]
     if units and units[0] != "mm":
         return _shown(weight)
@@ -91,7 +91,7 @@ def _told(c: Chosen, weight: Array) -> Told:
 
 
 def _shown(weight: Array) -> Told:
-    """→ a size told as the largest effect on a touch."""
+    """→ a size as the largest effect on a touch."""
     return lambda v, effect: float(np.abs(effect / weight).max())
 
 

@@ -111,7 +111,7 @@ def history_of(folder: Path, settings: Nightly, given: str | None = None) -> str
     """folder, settings, --history → file or URL of the history. Raises InputError for an empty one."""
     where = given if given is not None else settings.history
     if not where:
-        raise InputError("history: found ''; allowed: a file, or postgresql://user:password@host/database")
+        raise InputError("history: found ''; allowed: a file, or postgresql://user:${NAME}@host/database")
     if "://" in where:
         return where
     return Path(where) if given is not None else folder / where

@@ -6,17 +6,20 @@ import os
 import stat
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from sqlalchemy import Connection, Engine, create_engine, event, inspect, text
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError, StatementError
 
 from ..files.checked import printable
+from ..files.environment import filled
 from ..records import InputError, LinkError
 
 HEAD = "0002"
 WAIT = 30  # s that a writer waits for another one
-ALLOWED = "the name of an SQLite file, or postgresql://user:password@host/database"
+ALLOWED = "the name of an SQLite file, or postgresql://user:${NAME}@host/database, NAME of a variable of the environment"
+REFUSED = ("authentication", "password", "role ")  # in what PostgreSQL says when it is the user who is wrong
 
 
 def connect(where: str | Path, create: bool = True) -> Engine:
@@ -49,12 +52,25 @@ def connect(where: str | Path, create: bool = True) -> Engine:
         engine.dispose()  # else a file that was refused stays open and locked
         where = f"history {url.render_as_string()}"
         if isinstance(error, OperationalError):
-            doing = "is the database there, is there room on its disk, and may this user write?"
-            raise LinkError(f"{where}: {first_line(error)}; {doing}") from None
+            raise LinkError(f"{where}: {first_line(error)}; {_look_at(error)}") from None
         if isinstance(error, DBAPIError | UnicodeDecodeError):  # names in a damaged schema are no text
             raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
         raise
     return engine
+
+
+def _look_at(error: OperationalError) -> str:
+    """what the database refused → what a person looks at."""
+    if any(word in str(error.orig) for word in REFUSED):
+        return "are user and password right? In the URL ${NAME} is a variable of the environment; PGPASSWORD and ~/.pgpass do too"
+    return "is the database there, is there room on its disk, and may this user write?"
+
+
+def _unset(name: str) -> InputError:
+    return InputError(
+        f"history: found ${{{name}}}, and the environment has no variable of this name; allowed: set it, for a timer in "
+        "nights/timer/environment of the cell"
+    )
 
 
 def writable(file: Path) -> bool:
@@ -77,7 +93,7 @@ def _url(where: str | Path) -> Any:
     if isinstance(where, Path) or "://" not in where:
         return make_url("sqlite://").set(database=str(where))
     try:
-        url = make_url(where)
+        url = make_url(filled(where, lambda word: quote(word, ""), _unset))
     except ArgumentError:
         raise InputError(f"history: found {where!r}; allowed: {ALLOWED}") from None
     if url.drivername in ("postgresql", "postgres"):

@@ -121,7 +121,7 @@ decision = Table(
     Index("ix_decision_machine", "machine_id", "utc"),
 )
 
-# One event of a compensation: proposed, written, kept, not as promised, undecided, no help, rolled back.
+# One event of a compensation: proposed, written, kept, kept as far as seen, not as promised, undecided, no help, rolled back.
 compensation = Table(
     "compensation",
     metadata,

@@ -13,7 +13,7 @@ from . import _tables as t
 from .records import Compensation
 from .store import History
 
-EVENTS = ("proposed", "written", "kept", "not as promised", "undecided", "no help", "rolled back")
+EVENTS = ("proposed", "written", "kept", "kept as far as seen", "not as promised", "undecided", "no help", "rolled back")
 _COLUMNS = ("entry_id", "utc", "number", "target", "event", "text", "before_um", "promised_um", "measured_um")
 
 

@@ -68,7 +68,7 @@ def formers(
         last = {d.alarm: d for d in history.decisions(other)}
         last = {key: d for key, d in last.items() if not over(d, today)}
         told = reversed(history.alarmed(other))
-        each = {a["id"]: a for s in told for a in s.record["alarms"]}  # one that goes on is told by several nights
+        each = {a["id"]: a for s in told for a in s.record["alarms"]}  # several nights report one that goes on
         alarms = [a for a in reversed(each.values()) if a["id"] not in merged(each.values())]
         open_ = tuple(a for a in alarms if a["id"] not in last)
         held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)

@@ -95,7 +95,7 @@ class Compensation:
     utc: str
     number: int  # of the compensation within its cell
     target: str
-    event: str  # proposed, written, kept, not as promised, undecided, no help, rolled back
+    event: str  # proposed, written, kept, kept as far as seen, not as promised, undecided, no help, rolled back
     text: str  # the reason, empty where the event says all
     before_um: float | None
     promised_um: float | None

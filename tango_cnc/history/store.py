@@ -277,7 +277,7 @@ class History:
         told = [alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]]
         newest: dict[str, Mapping[str, Any]] = {}
         for alarm in told:
-            newest.setdefault(alarm["id"], alarm)  # one that goes on is told by several nights
+            newest.setdefault(alarm["id"], alarm)  # several nights report one that goes on
         closed = decided | merged(told)
         return tuple(alarm for key, alarm in newest.items() if key not in closed)
 
@@ -370,11 +370,15 @@ class History:
             with self.engine.connect() as connection:
                 found = list(connection.execute(wanted, given).all())
         except (DBAPIError, UnicodeDecodeError) as error:
-            raise LinkError(
-                f"history: it cannot be read ({first_line(error)}); restore a backup with 'tango history restore'"
-            ) from None
+            raise LinkError(f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}") from None
         _whole.rows(wanted, found)
         return found
+
+    def _look_at(self, error: Exception) -> str:
+        """what was raised while it was read → what a person does: a server that went away has lost nothing."""
+        if isinstance(error, OperationalError) and self.engine.dialect.name == "postgresql":
+            return "is the database switched on, and the network between?"
+        return "restore a backup with 'tango history restore'"
 
     def close(self) -> None:
         """Lets go of the database."""

@@ -1,6 +1,6 @@
 """Figures of the tool relative to the workpiece, each as it depends on the coefficients: nothing is decided here.
 
-Straightness is told three ways (ISO 230-1:2012, 3.4.9): about the least-squares line, about the line through the end points, and
+Straightness has three definitions (ISO 230-1:2012, 3.4.9): about the least-squares line, about the line through the end points, and
 the minimum zone. Squareness is the angle between two trajectories on the part, less 90°, and the symbol E_C(0X)Y: the turn about
 the machine's base vector that takes the perpendicular of X to Y.
 """

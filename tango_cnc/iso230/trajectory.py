@@ -18,7 +18,7 @@ from ..texts import say
 from .poses import all_steady, at_poses
 
 POINTS = 61
-ARM = 100.0  # mm, of the points by whose ways the turn of the tool is told
+ARM = 100.0  # mm, of the points whose ways show the turn of the tool
 
 
 @dataclass(frozen=True)

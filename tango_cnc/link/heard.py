@@ -8,7 +8,7 @@ from .client import Begun, Ended, Touched
 from .words import record
 
 NAMES = {0x11: "DC1 (send)", 0x12: "DC2 (print begins)", 0x13: "DC3 (stop sending)", 0x14: "DC4 (print ends)"}
-ENOUGH = 8  # characters from which parity is told
+ENOUGH = 8  # characters that it takes to see the parity
 
 
 def parity_of(data: bytes) -> str | None:

@@ -116,12 +116,19 @@ def cut_off(folder: Path) -> list[str]:
     return begun if begun and not at_work(folder) else []
 
 
-def unsent(folder: Path, stamps: Sequence[str]) -> list[str]:
-    """folder of a cell, stamps of nights that were cut off → those that ended before anything was sent to the control: a night
-    writes down what it is to touch, or a warm-up, before that. A disk that is full refuses a night there.
+def ended(folder: Path, stamps: Sequence[str]) -> dict[str, str]:
+    """folder of a cell, stamps of nights with the mark of one at work → {stamp: how it ended} of those that did end.
+
+    `waiting`: its record is beside its readings until the history takes it. `unsent`: nothing had been sent to the control, as a
+    night writes down what it is to touch, or a warm-up, before that. A disk that is full refuses a night there.
     """
-    nights, left = folder / "nights", ("planned.json", "readings*", "warm-up*")
-    return [stamp for stamp in stamps if not any(next((nights / stamp).glob(name), None) for name in left)]
+    nights, left, found = folder / "nights", ("planned.json", "readings*", "warm-up*"), {}
+    for stamp in stamps:
+        if (nights / stamp / "unkept.json").is_file():
+            found[stamp] = "waiting"
+        elif not any(next((nights / stamp).glob(name), None) for name in left):
+            found[stamp] = "unsent"
+    return found
 
 
 def lock(handle: int) -> None:

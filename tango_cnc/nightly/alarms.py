@@ -26,7 +26,7 @@ TURNED = re.compile(r"E[ABC]0([XYZABCS])")
 
 @dataclass(frozen=True)
 class Known:
-    """What alarms are told by: the cell, what is followed, and (m, 3, p) mm of the volume by unknown."""
+    """What alarms are worded with: the cell, what is followed, and (m, 3, p) mm of the volume by unknown."""
 
     cell: Cell
     followed: Frame

@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import __version__
 from ..estimate import Estimate
-from ..files.nightly import Nightly
-from ..history import Knowledge, Night
+from ..history import Knowledge
 from ..history.records import merged
-from ..loaded import Event
 from ..records import Array, Cell, Readings
 from ..report.tonight import is_gone
 from ..state import (
-    Frame,
     Named,
+    Seen,
     State,
     Tonight,
     Within,
-    choose,
     grown,
     hypotheses,
     judge,
     name_change,
-    predicted,
     seen,
     start,
     stepped,
@@ -39,353 +32,304 @@ from ..state import (
 )
 from ..state.filter import as_numbers
 from ..state.naming import SCALES
-from ..state.volume import Aim, aim, levers, over_volume
+from ..state.volume import Volume, over_volume
 from ..texts import say
 from ..touches import from_readings
 from . import again, answered, parts
-from .alarms import Known, alarms_of
+from .alarms import alarms_of
+from .before import Before
 from .behind import behind
-from .control import Given, InControl, limited
+from .control import limited
 from .course import ALIKE
-from .dates import clock_wrong, date_of, since
+from .dates import Since, clock_wrong, date_of, since
 from .doubt import Judged, attempted, believed, doubted
-from .drift import as_alarm
+from .drift import Drift, as_alarm
 from .goes_on import anew, going_on
-from .lag import lagging
+from .lag import Lag, lagging
 from .lag import sentence as lag_told
-from .learning import READ, Earlier
 from .lengths import with_total
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
-from .trend import SLOPE, drift, looking_ahead, slopes
+from .trend import drift, looking_ahead, slopes
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
 STYLUS = 0.1  # share of the false alarms of drifts that a stylus which creeps may have
-RECENT = 40  # nights that are looked at first: nearly always as many as are needed
-SET_APART = 7  # nights looked back over for one that measured
-
-
-def _full(night: Night) -> bool:
-    return night.kind == "full" and night.status == "complete"
 
 
 @dataclass(frozen=True)
-class Timed:
-    """What the touches of the strategy cost: their rows in the strategy's order, indexation of each, s of a touch and of a turn."""
+class Update:
+    """What the readings of one night did to what was known."""
 
-    numbers: NDArray[np.int64]  # (n,)
-    indexation: NDArray[np.int64]  # (n,)
-    touch: float
-    turn: float
-    first: tuple[int, ...] = ()  # numbers of touches that every night begins with: they prove the probe
+    recent: Sequence[Mapping[str, Any]]  # records of the nights before, newest first
+    warmth: Mapping[str, Array]  # K at every touch
+    ahead: State  # what was expected
+    what: Seen
+    tonight: Tonight
+    named: Named | None  # what explains an alarm of the machine best
+    after: State
+    first: bool  # nothing was known before
+    alarm: bool
+    repaired: bool
+    lag: Lag | None
+    learned: int  # nights that its rates come from
+    since_learned: int  # measured nights since then
+
+    @property
+    def quiet(self) -> bool:
+        """→ whether nothing has happened but a night."""
+        return not (self.alarm or self.first or self.repaired)
 
 
 @dataclass(frozen=True)
-class Nights:
-    """The analysis of one cell; frozen, so what one night computes another may use."""
+class Place:
+    """Where the machine stands after a night."""
 
-    cell: Cell
-    settings: Nightly
-    followed: Frame
-    times: Timed
-    read: READ  # text of readings.csv → readings
-    check: Cell | None = None  # the cell with the strategy of check.yaml
-    judged: Callable[[Cell, Readings, Estimate, str, bool], Judged] | None = None  # the last: kind of night, as predicted
-    diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
-    written: Callable[[Estimate], Mapping[str, str]] | None = None
-    control: InControl | None = None
-    given: tuple[Given, ...] = ()  # when the control got or lost a compensation, oldest first
-    old: bool = False  # nights of long ago, brought in by the hundred: only what is not plain is diagnosed
-    happened: tuple[Event, ...] = ()  # all that happened to compensations, oldest first
+    gone: Array  # (p,) what the control takes away
+    chart: Volume
+    limits: Sequence[Mapping[str, Any]]
+    parameters: dict[str, dict[str, Any]]
+    moving: Drift | None
 
-    @cached_property
-    def lever(self) -> Array:
-        """→ (m, 3, p) of the volume that the strategy touches."""
-        return levers(self.followed)
 
-    @cached_property
-    def aim(self) -> Aim:
-        """→ what the volume takes from the unknowns."""
-        return aim(self.lever)
+@dataclass(frozen=True)
+class Heard:
+    """Alarms of a night, by what is to be done about them."""
 
-    def _std_um(self, state: State, days: float) -> float:
-        """state, days → µm, standard deviation of the volume that many days later when nothing is touched."""
-        rates = np.diag(self.aim.matrix) @ state.rates * max(days, 0.0)
-        return float(np.sqrt(np.sum(self.aim.matrix * state.covariance) + rates)) * 1e3
+    alarms: Sequence[dict[str, Any]]
+    helped: Sequence[dict[str, Any]] = ()  # repairs that helped
+    ignored: Sequence[dict[str, Any]] = ()
+    waiting: Sequence[dict[str, Any]] = ()  # of nights before, not answered
+    silent: Sequence[dict[str, Any]] = ()  # of nights before, that somebody ignores
 
-    @cached_property
-    def offered(self) -> Array:
-        """→ (n, p) what every touch of the strategy would tell."""
-        from ..model import linearise
 
-        model = self.followed.model
-        _, jacobian = linearise(model, np.zeros(len(model.names)))
-        rows = np.zeros((len(jacobian), len(self.followed.names)))
-        rows[:, : jacobian.shape[1]] = jacobian
-        return rows
-
-    @cached_property
-    def earlier(self) -> Earlier:
-        """→ what the nights before teach."""
-        return Earlier(self.cell.machine.name, self.followed, self.read, self.settings.sensor)
-
-    @cached_property
-    def known(self) -> Known:
-        """→ what alarms are told by."""
-        return Known(self.cell, self.followed, self.lever)
-
-    # Before ---------------------------------------------------------------------------------------------------------
-
-    def state(self, past: Past) -> State | None:
-        """history → what was known after the last measured night; None when there is none, or a repair began anew."""
-        machine = self.cell.machine.name
-        found = past.latest_knowledge(machine)
-        if found is None:
-            return None
-        last, knowledge = found
-        if not self._newest or self._newest[-1][0] is not knowledge:
-            self._newest[:] = [(knowledge, self.earlier.restored(knowledge, past.records_of([last.entry])[last.entry]))]
-        return self._newest[-1][1]
-
-    @cached_property
-    def _newest(self) -> list[tuple[Knowledge, State | None]]:
-        """→ what the last call of `state` was told by the history, and the state that it is: a night asks twice."""
-        return []
-
-    def choice(self, past: Past, day: float) -> tuple[str, str, tuple[int, ...]]:
-        """history, day → full or check, why, numbers of the touches (empty: all of that strategy)."""
-        state = self.state(past)
-        kind, why = self._due(past, state, day)
-        if kind == "full" or self.check is not None or state is None:
-            return kind, why, ()
-        ahead = predicted(state, day)
-        found = choose(
-            ahead,
-            self.offered,
-            self.times.indexation,
-            self.aim,
-            60 * self.settings.check_minutes,
-            self.times.touch,
-            self.times.turn,
-            [
-                int(row)
-                for row in np.flatnonzero(np.isin(self.times.numbers, self.times.first) | self._apart(self._last_ones(past)))
-            ],
-        )
-        return kind, why, tuple(int(self.times.numbers[row]) for row in found.rows)
-
-    def _due(self, past: Past, state: State | None, day: float) -> tuple[str, str]:
-        machine = self.cell.machine.name
-        if state is None:
-            return "full", say("night.analysis.nothing_known_this_machine_yet")
-        nights = past.nights(machine, last=RECENT)
-        full = next((n for n in nights if _full(n)), None) or next((n for n in past.nights(machine, last=400) if _full(n)), None)
-        if full is None:
-            return "full", say("night.analysis.no_full_run_history")
-        age = day - datetime.fromisoformat(full.start_utc).timestamp() / 86_400
-        if age > self.settings.full_every_days - 0.5:
-            return "full", say(
-                "night.analysis.last_full_run_days_old", age=f"{age:.0f}", full_every_days=f"{self.settings.full_every_days:g}"
-            )
-        measured = next((n for n in nights if n.status in ("complete", "partial") and n.touches), None)
-        if measured is not None and (measured.verdict == "doubtful" or self._asked(past, measured)):
-            return "full", say("night.analysis.night_asked_for", night=measured.night, headline=measured.headline)
-        repaired = [
-            d for d in past.decisions(machine) if d.action == "repaired" and (d.utc > full.start_utc or d.entry > full.entry)
-        ]
-        if repaired:
-            return "full", say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
-        std = self._std_um(state, day - state.day)
-        if std > self.settings.volume_std_um:
-            return "full", say(
-                "night.analysis.volume_only_known_allowed", std=f"{std:.1f}", volume_std_um=f"{self.settings.volume_std_um:g}"
-            )
-        return "check", say("night.analysis.nothing_too_uncertain")
-
-    def _asked(self, past: Past, measured: Night) -> bool:
-        """history, last night that measured → whether it was a check with an alarm that has asked for no full run yet."""
-        if not measured.alarms or measured.kind == "full":
-            return False
-        return anew(past.records_of([measured.entry])[measured.entry]["alarms"])
-
-    # After ----------------------------------------------------------------------------------------------------------
+class Nights(Before):
+    """The analysis of one cell: readings against what was known."""
 
     def analysed(
         self, past: Past, day: float, kind: str, measured: Measured
     ) -> tuple[dict[str, Any], Knowledge | None, dict[str, str]]:
         """history, day, kind, readings → members of the record, all unknowns, files of the night. Raises TangoError."""
-        readings = measured.readings
+        assert measured.readings is not None
+        u = self._updated(past, day, measured)
+        asked = self.judged is not None or self.written is not None
+        result = parts.estimated(self.followed, measured.readings, u.after, u.tonight) if asked else None
+        last = since(past, self.cell.machine.name, day, self.settings.every_days)
+        alarms = alarms_of(self.known, last, u.ahead, u.tonight, u.named) if u.alarm else []
+        judged, inner, diagnosis = self._judged(past, kind, measured, u, result, alarms)
+        heard = Heard([]) if not judged.believed else Heard(alarms) if u.first else self._answered(past, day, u, alarms, last)
+        place = self._place(u, judged.believed and u.quiet)
+        heard = replace(heard, alarms=self._dated(past, day, kind, u, place, heard.alarms))
+        heard = self._with_others(past, day, kind, u, place, judged.believed, heard)
+        moving = as_alarmed(self.known, place.moving, heard.waiting, u.recent, u.after)
+        if moving is not None:
+            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
+                place.parameters[name]["rate_per_day"] = moving.rate_per_day
+            heard = self._drifted(past, day, u, place, moving, last, heard)
+        if judged.believed and u.quiet:
+            heard = self._crept(past, day, u, heard)
+        told = self._told(u, place, judged, moving, heard, diagnosis)
+        if not judged.believed:  # what is not believed must not teach the state anything
+            told = {key: value for key, value in told.items() if key not in ("parameters", "state")}
+            told |= {"within": as_json(self.known, inner)} if inner is not None else {}
+            return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
+        files = {} if self.written is None or result is None else dict(self.written(result))
+        return told | {"next": self._next(u.after, day, anew(heard.alarms), kind)}, parts.knowledge(u.after), files
+
+    def _updated(self, past: Past, day: float, measured: Measured) -> Update:
+        """history, day, readings → what they did to what was known."""
+        readings, before = measured.readings, self.state(past)
         assert readings is not None
-        before = self.state(past)
         warmth = parts.warmth(readings, self.settings.sensor)
-        first = before is None
+        recent, first = self._recent(past), before is None
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
-        what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
-        machine, known = self.cell.machine.name, self.known
-        recent = self._recent(past)
+        what = self._seen(readings, ahead, ahead.mean)
         tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(recent))
-        rate = 1 / self.settings.false_alarm_nights
-        alarm = not first and tonight.alarm(rate * AT_ONCE)
+        alarm = not first and tonight.alarm(1 / self.settings.false_alarm_nights * AT_ONCE)
         named, opened = None, ahead
         if alarm and tonight.p_machine <= tonight.p_noise:
-            tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
-            done = answered.expected(past, machine)
-            named = name_change(ahead, self.followed, tonight, tried, done)
-            if (far := parts.far(named)) is not None:  # touches are linear near where the machine is, and it is not near any more
-                what = seen(self.followed, readings, ahead.mean + far, ahead.reference, self.settings.sensor)
-                tonight = judge(ahead, what, self.followed.points, self._again(recent))
-                named = name_change(ahead, self.followed, tonight, tried, done)
+            named, what, tonight = self._named(past, readings, recent, ahead, warmth, what, tonight)
             opened = parts.opened(ahead, self.followed, named)
+        machine = self.cell.machine.name
         repaired = not first and bool(answered.repaired(past, machine))
-        opened = answered.may_have_moved(past, machine, known, opened) if repaired else opened
-        after = updated(opened, what, tonight, quiet=not (alarm or first or repaired))
+        opened = answered.may_have_moved(past, machine, self.known, opened) if repaired else opened
+        quiet = not (alarm or first or repaired)
+        after = updated(opened, what, tonight, quiet=quiet)
         for _ in range(2 if first else 0):  # the first night begins far from the truth: linearise where it ended
-            what = seen(self.followed, readings, after.mean, ahead.reference, self.settings.sensor)
+            what = self._seen(readings, ahead, after.mean)
             tonight = judge(ahead, what)
             after = updated(ahead, what, tonight, quiet=False)
         if measured.text is not None:  # learning asks for them again, in this program or in a later one
             self.earlier.keep(measured.text, ahead, what)
-        lag = None if alarm or first or repaired else lagging(self.followed, recent, ahead, after)
+        lag = lagging(self.followed, recent, ahead, after) if quiet else None
         if lag is not None:
             after = self.earlier.anew(past, lag, recent, after, what.without(tonight.outliers))
         after, learned, since_learned = self.earlier.learned(past, recent, after)
-        result = None if self.judged is None and self.written is None else parts.estimated(self.followed, readings, after, tonight)
+        return Update(recent, warmth, ahead, what, tonight, named, after, first, alarm, repaired, lag, learned, since_learned)
+
+    def _seen(self, readings: Readings, ahead: State, at: Array) -> Seen:
+        """readings, what was expected, (p,) where touches are linear → what they say."""
+        return seen(self.followed, readings, at, ahead.reference, self.settings.sensor)
+
+    def _named(
+        self,
+        past: Past,
+        readings: Readings,
+        recent: Sequence[Mapping[str, Any]],
+        ahead: State,
+        warmth: Mapping[str, Array],
+        what: Seen,
+        tonight: Tonight,
+    ) -> tuple[Named | None, Seen, Tonight]:
+        """→ what explains the alarm best; what the readings say where the machine is then, and their judgement."""
+        tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
+        done = answered.expected(past, self.cell.machine.name)
+        named = name_change(ahead, self.followed, tonight, tried, done)
+        if (far := parts.far(named)) is None:
+            return named, what, tonight
+        what = self._seen(readings, ahead, ahead.mean + far)
+        tonight = judge(ahead, what, self.followed.points, self._again(recent))
+        return name_change(ahead, self.followed, tonight, tried, done), what, tonight
+
+    def _judged(
+        self, past: Past, kind: str, measured: Measured, u: Update, result: Estimate | None, alarms: Sequence[dict[str, Any]]
+    ) -> tuple[Judged, Within | None, dict[str, Any]]:
+        """→ how far the readings are to be believed; a step of the machine within this run that explains them; their diagnosis."""
+        readings = measured.readings
+        assert readings is not None
         judged = Judged("trustworthy")
         if self.judged is not None and result is not None:
-            judged = self.judged(*self._judgeable(kind, measured), result, kind, not first and not alarm)
-        last = since(past, machine, day, self.settings.every_days)
-        alarms = alarms_of(known, last, ahead, tonight, named) if alarm else []
+            judged = self.judged(*self._judgeable(kind, measured), result, kind, not u.first and not u.alarm)
         diagnosis, undiagnosed = dict[str, Any](), ""
-        if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, alarm, judged):
+        if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, u.alarm, judged):
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
-        inner = None if first or not (alarm or judged.verdict != "trustworthy") else self._within(ahead, readings, tonight)
-        moves = -np.inf if first or not alarm or inner is not None else self._moves(ahead, readings, tonight, named)
-        judged = believed(judged, diagnosis, alarms, first, moves) if inner is None else moved_within(known, inner, readings)
-        judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, machine) else judged
-        helped, ignored = list[dict[str, Any]](), list[dict[str, Any]]()
-        if not judged.believed:
-            alarms = []
-        elif not first:
-            alarms = answered.undone(past, machine, known, after, alarms)
-            alarms, helped = answered.after_repairs(past, machine, known, after, alarms)
-            alarms = going_on(past, machine, known, after, alarms, last, self.given)
-            alarms, ignored = answered.split(past, machine, known, after, alarms, day)
-            alarms = again.after_a_repair(past, machine, alarms)
-        quiet = judged.believed and not (first or alarm or repaired)
-        gone = np.zeros_like(after.mean) if self.control is None else self.control.gone
-        parts_have = replace(after, mean=after.mean - gone)
-        chart = over_volume(self.lever, parts_have.mean, after.covariance)
-        limits = limited(self.followed, self.settings.limits, parts_have, chart)
-        moving = drift(known, recent, after, tonight.scale, limits, gone) if quiet else None
-        moving = lag_told(known, lag, recent, after) if quiet and moving is None else moving
-        beyond = [limit for limit in limits if limit["passed"] is False]
-        parameters = parts.parameters(self.followed, ahead, after, None if first else slopes(recent))
+        odd = not u.first and (u.alarm or judged.verdict != "trustworthy")
+        inner = self._within(u.ahead, readings, u.tonight) if odd else None
+        moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u.ahead, readings, u.tonight, u.named)
+        judged = believed(judged, diagnosis, alarms, u.first, moves) if inner is None else moved_within(self.known, inner, readings)
+        judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, self.cell.machine.name) else judged
+        return judged, inner, {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
+
+    def _answered(self, past: Past, day: float, u: Update, alarms: Sequence[dict[str, Any]], last: Since) -> Heard:
+        """alarms of the night, since when → the same by what was answered before: undone, repaired, going on, ignored."""
+        machine, known = self.cell.machine.name, self.known
+        alarms = answered.undone(past, machine, known, u.after, alarms)
+        alarms, helped = answered.after_repairs(past, machine, known, u.after, alarms)
+        alarms = going_on(past, machine, known, u.after, alarms, last, self.given)
+        alarms, ignored = answered.split(past, machine, known, u.after, alarms, day)
+        return Heard(again.after_a_repair(past, machine, alarms), helped, ignored)
+
+    def _place(self, u: Update, quiet: bool) -> Place:
+        """what the night did, whether nothing else has happened → where the machine stands, and whether it moves on."""
+        gone = np.zeros_like(u.after.mean) if self.control is None else self.control.gone
+        left = replace(u.after, mean=u.after.mean - gone)  # what parts have
+        chart = over_volume(self.lever, left.mean, u.after.covariance)
+        limits = limited(self.followed, self.settings.limits, left, chart)
+        moving = drift(self.known, u.recent, u.after, u.tonight.scale, limits, gone) if quiet else None
+        moving = lag_told(self.known, u.lag, u.recent, u.after) if quiet and moving is None else moving
+        parameters = parts.parameters(self.followed, u.ahead, u.after, None if u.first else slopes(u.recent))
         for i in self.followed.machine if gone.any() else ():
             parameters[self.followed.selection.label(self.followed.names[i])]["in_control"] = float(gone[i])
-        alarms = [{**a, "was": parts.was(a, parameters, recent)} for a in alarms]
-        alarms = [a | since_full(a, date_of(day) if kind == "full" else "") for a in alarms]
-        if (newest := past.latest_knowledge(machine)) is not None:
+        return Place(gone, chart, limits, parameters, moving)
+
+    def _dated(
+        self, past: Past, day: float, kind: str, u: Update, place: Place, alarms: Sequence[dict[str, Any]]
+    ) -> list[dict[str, Any]]:
+        """alarms → the same with what the number was, the full run before, and a compensation given since the last night."""
+        dated = [{**a, "was": parts.was(a, place.parameters, u.recent)} for a in alarms]
+        dated = [a | since_full(a, date_of(day) if kind == "full" else "") for a in dated]
+        if (newest := past.latest_knowledge(self.cell.machine.name)) is not None:
             given = [g for g in self.given if g.utc >= newest[0].end_utc]
-            alarms = [given[-1].told(a) for a in alarms] if given else alarms
-        found = parameters if judged.believed else {}
-        waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in alarms} | merged(alarms))
-        if judged.believed:
-            waiting = [looking_ahead(known, a, recent, after, limits, gone) for a in waiting]
-            waiting = with_total(past, machine, known, after, waiting, kind)
+            dated = [given[-1].told(a) for a in dated] if given else dated
+        return dated
+
+    def _with_others(self, past: Past, day: float, kind: str, u: Update, place: Place, trusted: bool, heard: Heard) -> Heard:
+        """alarms of the night → with them those of nights before: those without an answer, and those that somebody ignores."""
+        machine, known = self.cell.machine.name, self.known
+        found = place.parameters if trusted else {}
+        waiting = standing(past, machine, day, found, kind, self.happened, {a["id"] for a in heard.alarms} | merged(heard.alarms))
+        if trusted:
+            waiting = [looking_ahead(known, a, u.recent, u.after, place.limits, place.gone) for a in waiting]
+            waiting = with_total(past, machine, known, u.after, waiting, kind)
         silent = unheard(past, machine, day, found, kind)
-        alarms = [again.step_by_step(a, [*waiting, *silent], parameters) for a in alarms]
-        gone_again = [{key: a[key] for key in ("alarm", "now", "total")} for a in silent if is_gone(a["now"])]
-        moving = as_alarmed(known, moving, waiting, recent, after)
-        if moving is not None:
-            for name in SCALES if moving.parameter == ALIKE else (moving.parameter,):
-                parameters[name]["rate_per_day"] = moving.rate_per_day
-        goes_on = moving is not None and any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in waiting)
-        if moving is not None and moving.alarms and moving.p_value < rate * (1 - AT_ONCE) * (1 - STYLUS) and not goes_on:
-            told_of = going_on(past, machine, known, after, [as_alarm(moving, known)], last, self.given)
-            alarms, ignored = answered.split(past, machine, known, after, told_of, day)
-            alarms = [{**a, "was": parts.was(told_of[0], parameters, ())} for a in alarms]
-            waiting = [a for a in waiting if a["id"] not in {x["id"] for x in alarms}]
-        loose = crept(known, recent, after, rate * (1 - AT_ONCE) * STYLUS) if quiet and not alarms else None
-        if loose is not None and not any(a["cause"] == "stylus" for a in (*waiting, *silent)):
-            alarms, ignored = answered.split(past, machine, known, after, [loose], day)
-        doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
+        alarms = [again.step_by_step(a, [*waiting, *silent], place.parameters) for a in heard.alarms]
+        return replace(heard, alarms=alarms, waiting=waiting, silent=silent)
+
+    def _drifted(self, past: Past, day: float, u: Update, place: Place, moving: Drift, last: Since, heard: Heard) -> Heard:
+        """a drift, alarms → the drift is one of them where it is certain and none of those that wait goes on with it."""
+        rate = 1 / self.settings.false_alarm_nights * (1 - AT_ONCE)
+        goes_on = any(a["rate_per_day"] and a["parameter"] == moving.parameter for a in heard.waiting)
+        if goes_on or not (moving.alarms and moving.p_value < rate * (1 - STYLUS)):
+            return heard
+        machine, known = self.cell.machine.name, self.known
+        told_of = going_on(past, machine, known, u.after, [as_alarm(moving, known)], last, self.given)
+        alarms, ignored = answered.split(past, machine, known, u.after, told_of, day)
+        alarms = [{**a, "was": parts.was(told_of[0], place.parameters, ())} for a in alarms]
+        waiting = [a for a in heard.waiting if a["id"] not in {x["id"] for x in alarms}]
+        return replace(heard, alarms=alarms, ignored=ignored, waiting=waiting)
+
+    def _crept(self, past: Past, day: float, u: Update, heard: Heard) -> Heard:
+        """alarms of a quiet night → a stylus that creeps is one of them where no other alarm is new and none is of the stylus."""
+        rate = 1 / self.settings.false_alarm_nights * (1 - AT_ONCE)
+        loose = None if heard.alarms else crept(self.known, u.recent, u.after, rate * STYLUS)
+        if loose is None or any(a["cause"] == "stylus" for a in (*heard.waiting, *heard.silent)):
+            return heard
+        alarms, ignored = answered.split(past, self.cell.machine.name, self.known, u.after, [loose], day)
+        return replace(heard, alarms=alarms, ignored=ignored)
+
+    def _told(
+        self, u: Update, place: Place, judged: Judged, moving: Drift | None, heard: Heard, diagnosis: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """→ members of the record."""
+        rate = 1 / self.settings.false_alarm_nights
+        alarms, waiting = list(heard.alarms), list(heard.waiting)
+        beyond = [limit for limit in place.limits if limit["passed"] is False]
         since_then = begun([*alarms, *waiting], moving)
         crossed = beyond if judged.believed else []
-        causes = [cause for limit in crossed for cause in behind(known, recent, after, limit, gone, since_then)]
+        causes = [c for limit in crossed for c in behind(self.known, u.recent, u.after, limit, place.gone, since_then)]
         if self.control is not None and not self.control.measured:
             causes = [{**c, "do": self.control.instead(c["do"], changed=bool(c["since"]))} for c in causes]
             alarms = [{**a, "do": self.control.instead(a["do"], changed=True)} for a in alarms]
+        doubtful = not judged.believed or (judged.verdict == "doubtful" and not alarms)
+        changed = bool(alarms or waiting)  # the worst first: it names what has changed, too
         told: dict[str, Any] = {
-            "verdict": "doubtful"
-            if doubtful
-            else "out_of_limits"  # the worst first: what has changed is told with it
-            if beyond
-            else "changed"
-            if alarms or waiting
-            else "good",
-            "change": None if first else parts.change(tonight, rate * AT_ONCE, rate),
+            "verdict": "doubtful" if doubtful else "out_of_limits" if beyond else "changed" if changed else "good",
+            "change": None if u.first else parts.change(u.tonight, rate * AT_ONCE, rate),
             "alarms": alarms,
             "terms": list(self.cell.terms),
-            "parameters": parameters,
-            "stylus": tip_of(known, after),
-            "volume": {"worst_um": chart.worst * 1e3, "rms_um": chart.rms * 1e3, "std_um": chart.std * 1e3},
-            "limits": limits,
-            "residual": parts.residual(what, after, tonight),
-            "outliers": list(tonight.outliers),
+            "parameters": place.parameters,
+            "stylus": tip_of(self.known, u.after),
+            "volume": {"worst_um": place.chart.worst * 1e3, "rms_um": place.chart.rms * 1e3, "std_um": place.chart.std * 1e3},
+            "limits": place.limits,
+            "residual": parts.residual(u.what, u.after, u.tonight),
+            "outliers": list(u.tonight.outliers),
             "plausible": {"verdict": judged.verdict, "reasons": list(judged.reasons)},
-            "temperatures": {name: parts.told(values) for name, values in warmth.items()},
+            "temperatures": {name: parts.told(values) for name, values in u.warmth.items()},
             "versions": {"tango_cnc": __version__},
-            "state": as_numbers(after) | {"learned": learned, "since_learned": since_learned},
+            "state": as_numbers(u.after) | {"learned": u.learned, "since_learned": u.since_learned},
             "carried": judged.believed,
         }
-        told |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
-        told |= {"in_control": self.control.as_json()} if self.control is not None else {}
-        told |= ({"behind": causes} if causes else {}) | ({"ignored": ignored} if ignored else {})
-        told |= ({"repaired": helped} if helped else {}) | ({"gone": gone_again} if gone_again else {})
-        if lag is not None:
-            told["opened"] = [self.followed.selection.label(self.followed.names[lag.place])]
-        told |= {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
+        again_gone = [{key: a[key] for key in ("alarm", "now", "total")} for a in heard.silent if is_gone(a["now"])]
+        more = {
+            "standing": waiting,
+            "unheard": heard.silent,
+            "in_control": None if self.control is None else self.control.as_json(),
+            "behind": causes,
+            "ignored": heard.ignored,
+            "repaired": heard.helped,
+            "gone": again_gone,
+        }
+        told |= {key: value for key, value in more.items() if value}
+        if u.lag is not None:
+            told["opened"] = [self.followed.selection.label(self.followed.names[u.lag.place])]
+        told |= diagnosis
         if moving is not None and not alarms:
             told["trend"] = vars(moving) | {"text": moving.text}
-        if not judged.believed:  # what is not believed must not teach the state anything
-            told.pop("parameters")
-            told.pop("state")
-            told |= {"within": as_json(known, inner)} if inner is not None else {}
-            return told | {"next": {"kind": "full", "why": say("night.analysis.tonight_readings_doubt")}}, None, {}
-        files = {} if self.written is None or result is None else dict(self.written(result))
-        return told | {"next": self._next(past, after, day, anew(alarms), kind)}, parts.knowledge(after), files
-
-    def _last_ones(self, past: Past) -> Sequence[Mapping[str, Any]]:
-        machine = self.cell.machine.name
-        return past.records(machine, SET_APART) if past.knows(machine) else ()
-
-    def _recent(self, past: Past) -> Sequence[Mapping[str, Any]]:
-        """history → records of the last nights, newest first: as many as what follows looks at."""
-        machine = self.cell.machine.name
-        if not past.knows(machine):
-            return ()
-        recent = past.records(machine, RECENT)
-        enough = len(recent) < RECENT or sum("state" in r for r in recent) > SLOPE
-        return recent if enough else past.records(machine, 2 * RECENT)
-
-    def _apart(self, recent: Sequence[Mapping[str, Any]]) -> NDArray[np.bool_]:
-        """records newest first → (n,) of the strategy: touches that the last measured night set apart, as they fitted nothing."""
-        found = recent[:SET_APART] if self.check is None else ()
-        last = next((r for r in found if r.get("touches") and r.get("carried", True)), None)
-        return np.isin(self.times.numbers, () if last is None else last.get("outliers") or ())
-
-    def _again(self, recent: Sequence[Mapping[str, Any]]) -> tuple[int, ...]:
-        """records newest first → touches of the same points: a chip is gone the next time, a facet that has moved is not."""
-        apart = self._apart(recent)
-        if not apart.any():
-            return ()
-        points = np.abs(self.offered[:, self.followed.points]) > 0.5
-        return tuple(int(n) for n in self.times.numbers[np.any(points @ points[apart].T, axis=1)])
+        return told
 
     def _asks(self, kind: str, alarm: bool, judged: Judged) -> bool:
         """kind, whether there is an alarm, judgement → whether a diagnosis is made. Nobody waits for that of an old night that was
@@ -422,7 +366,7 @@ class Nights:
         renumbered = replace(readings, touch=np.array([new.get(int(t), int(t)) for t in readings.touch], dtype=np.int64))
         return replace(cell, strategy=strategy), renumbered
 
-    def _next(self, past: Past, after: State, day: float, alarmed: bool, kind: str) -> dict[str, str]:
+    def _next(self, after: State, day: float, alarmed: bool, kind: str) -> dict[str, str]:
         if alarmed and kind != "full":
             return {"kind": "full", "why": say("night.analysis.tonight_check_found_change")}
         std = self._std_um(after, day + self.settings.every_days - after.day)

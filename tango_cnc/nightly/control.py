@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..loaded import HELPS
 from ..records import Array
 from ..report.compensated import ENTERING, order
 from ..report.units import shown
@@ -26,13 +27,13 @@ class InControl:
     target: str
     date: str  # of the event that counts
     gone: Array  # (p,) of every unknown that is followed: what parts do not have
-    event: str = "kept"  # or written, undecided, not as promised, no help: then nothing of it is gone: nobody knows that it acts
+    event: str = "kept"  # or kept as far as seen; after another one nothing of it is gone: nobody knows that it acts
     beneath: int | None = None  # the one that was kept, and that it was made on top of: what is gone then
 
     @property
     def measured(self) -> bool:
         """→ whether it was found to help."""
-        return self.event == "kept"
+        return self.event in HELPS
 
     def instead(self, do: Said | str, *, changed: bool) -> Said | str:
         """what to do about an error → the same while nobody knows whether the compensation acts: none is entered once more.

@@ -50,18 +50,24 @@ def creeping(
     tried = 0
     best: tuple[float, float, Place, int] = (CREEPS, 0.0, -1, 0)
     back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
-    for i in followed(k):
-        day, values = _course(k, i, after, back)
-        for nights in (n for n in WINDOWS if n <= len(day)):
-            steps = np.diff(values[:nights]) / np.diff(day[:nights])
-            sigmas = abs(steps.mean()) / max(float(steps.std(ddof=1)) / np.sqrt(len(steps)), 1e-15)
-            tried += 1
-            chance = 2 * float(special.stdtr(len(steps) - 1, -sigmas))
+    courses = {i: _course(k, i, after, back) for i in followed(k)}
+    for i, (day, values) in courses.items():
+        windows = [n for n in WINDOWS if n <= len(day)]
+        tried += len(windows)
+        steps = np.diff(values) / np.diff(day)
+        for nights in windows:
+            own = steps[: nights - 1]
+            mean = float(own.sum()) / len(own)
+            spread = float(np.sqrt((own - mean) @ (own - mean) / (len(own) - 1)))
+            sigmas = abs(mean) / max(spread / np.sqrt(len(own)), 1e-15)
+            chance = 2 * float(special.stdtr(len(own) - 1, -sigmas))
             if (chance, sigmas) < best[:2]:
-                best = (chance, float(sigmas), i, nights)
+                best = (chance, sigmas, i, nights)
     chance, sigmas, i, nights = best
-    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after)) is not None:
-        tried, (chance, sigmas, i, nights) = len(followed(k)), slow
+    if (i == -1 or tried * chance > CREEPS) and (
+        slow := _slow(k, back, after, {i: len(day) for i, (day, _) in courses.items()})
+    ) is not None:
+        tried, (chance, sigmas, i, nights) = len(courses), slow
     if i == -1 or tried * chance > CREEPS:
         return None
     record = back[nights - 2]
@@ -75,14 +81,15 @@ def creeping(
     return found if limits and limited(k, found, after, limits, gone).nights is not None else None
 
 
-def _slow(k: Known, back: Sequence[Mapping[str, Any]], after: State) -> tuple[float, float, Place, int] | None:
-    """what is known, measured nights newest first, state after tonight → what has gone farthest one way against its wander, by
-    maximum likelihood over all nights: chance, standard deviations, parameter, nights. It costs more than steps that are counted,
-    so it is asked only of what stands out.
+def _slow(
+    k: Known, back: Sequence[Mapping[str, Any]], after: State, courses: Mapping[Place, int]
+) -> tuple[float, float, Place, int] | None:
+    """what is known, measured nights newest first, state after tonight, nights of each parameter → what has gone farthest one way
+    against its wander, by maximum likelihood over all nights: chance, standard deviations, parameter, nights. It costs more than
+    steps that are counted, so it is asked only of what stands out.
     """
     found = []
-    for i in followed(k):
-        nights = len(_course(k, i, after, back)[0])
+    for i, nights in courses.items():
         if nights < SLOW:
             continue
         size, std = moved_since(k, i, back[nights - 2], after)
@@ -106,7 +113,7 @@ def _course(k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]])
         if any(name not in r["parameters"] for name in names) or not r["state"]["day"] < days[-1]:
             break
         days.append(float(r["state"]["day"]))
-        values.append(float(np.mean([r["parameters"][name]["value"] for name in names])))
+        values.append(sum(float(r["parameters"][name]["value"]) for name in names) / len(names))
         if told(r, *names, *((ALIKE,) if names[0] in SCALES else ())):
             break
     return np.array(days), np.array(values)

@@ -1,4 +1,4 @@
-"""Whether the readings of a night may be believed, and what is told of a machine that was warming up while it was measured."""
+"""Whether to believe the readings of a night, and what the night says of a machine that warmed up while it was measured."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def believed(
     moves on while it is measured explains the touches better than what the alarms name (state/warming.py) → the judgement of the
     night.
 
-    Not believed: implausible, incomplete, doubtful without an alarm, and a machine that warmed up while it was measured. What such
-    a night would have said by itself is told with the reasons. An alarm that may be warm-up as well says so. What the diagnosis
+    Not believed: implausible, incomplete, doubtful without an alarm, and a machine that warmed up while it was measured. Its
+    reasons carry what such a night would have said by itself. An alarm that may be warm-up as well says so. What the diagnosis
     cannot explain makes a night doubtful; it is carried on, as every touch still tells the machine as it is.
     """
     t, warm_up = texts(), serving("warm-up")

@@ -103,7 +103,7 @@ def drift_of(
     records: Sequence[Mapping[str, Any]],
     alarms: bool = True,
 ) -> Drift:
-    """what is known, a parameter, night since which, size ± std, state after tonight, how sure, records since → told as a drift."""
+    """what is known, a parameter, night since which, size ± std, state after tonight, how sure, records since → the drift."""
     name, one = name_of(k, i), i[0] if isinstance(i, tuple) else i
     unit, cause = k.followed.units[one], cause_of(k, i)
     effect, on_part, do = effect_of(k, cause, name, size, unit, only(k, i, size), record["night"])

@@ -44,7 +44,7 @@ def going_on(
     given: Sequence[Given] = (),
 ) -> list[dict[str, Any]]:
     """history, machine, what is known, state after tonight, alarms of tonight, since when, what the control got or lost → the same;
-    one that goes on has the id of the alarm that it goes on from, and is told since then.
+    one that goes on has the id of the alarm that it goes on from, and its date.
     """
     if not alarms or not past.knows(machine):
         return list(alarms)

@@ -3,7 +3,7 @@
     value of a night = level + steps at its alarms + causes + what it wanders + what the night does not know
 
 A cause is the season, the temperature, wear since the last alarm, a drift over all nights, or one that a night has told: from the
-night that it was told from, to the night on which it came to rest. How fast the parameter wanders is estimated with
+night that reported it, to the night on which it came to rest. How fast the parameter wanders is estimated with
 and without it (maximum likelihood), so that a machine that wanders is not taken for one that drifts; the price of all tries is
 paid (Bonferroni). What a night has by itself is taken out of the state of that night first: the states of two nights share what
 both know.
@@ -15,10 +15,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import linalg, optimize, special
+from scipy import optimize, special
 
 from ..history import History, Stored, Trend
 from ..records import Array, InputError
@@ -74,6 +75,21 @@ class _Series:
     value: Array  # (n,) of each night by itself
     variance: Array  # (n,)
     steps: Array  # (n, k) 0 before, 1 after each alarm of this parameter
+
+    @property
+    def wander(self) -> float:
+        """→ variance a day of a parameter that wanders over all nights as far as one of them knows it."""
+        return max(float(np.median(self.variance)), 1e-300) / max(float(np.ptp(self.day)), 1.0)
+
+    @cached_property
+    def apart(self) -> tuple[Array, Array]:
+        """→ (n,) variance of what wanders, against what a night does not know, (n, n) mixtures of nights that have it and are
+        independent at every rate of wandering: so that no rate that is tried costs more than a few sums.
+        """
+        scale = 1 / np.sqrt(self.variance)
+        shared = self.wander * np.minimum.outer(self.day - self.day[0], self.day - self.day[0])
+        ratio, mixed = np.linalg.eigh(shared * np.outer(scale, scale))
+        return np.clip(ratio, 0.0, None), mixed.T * scale
 
 
 def looked_back(history: History, machine: str) -> tuple[Followed, ...]:
@@ -317,17 +333,17 @@ def _date(day: float) -> str:
 
 def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
     """series, (n, k) what may explain it → log likelihood at the best rate of wandering, (k,) sizes, (k, k) covariance."""
-    shared = np.minimum.outer(s.day - s.day[0], s.day - s.day[0])
-    unit = max(float(np.median(s.variance)), 1e-300) / max(float(np.ptp(s.day)), 1.0)
+    ratio, mixed = s.apart
+    apart = mixed @ np.column_stack([columns, s.value])
 
     def at(log_rate: float) -> tuple[float, Array, Array]:
-        root = np.linalg.cholesky(unit * np.exp(log_rate) * shared + np.diag(s.variance))
-        white = linalg.solve_triangular(root, np.column_stack([columns, s.value]), lower=True)
+        variance = 1 + np.exp(log_rate) * ratio
+        white = apart / np.sqrt(variance)[:, None]
         rows, value = white[:, :-1], white[:, -1]
-        spread = np.linalg.pinv(rows.T @ rows)
+        spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
         size = spread @ rows.T @ value
         rest = value - rows @ size
-        return -0.5 * float(rest @ rest) - float(np.sum(np.log(np.diag(root)))), size, spread
+        return -0.5 * float(rest @ rest + np.sum(np.log(variance * s.variance))), size, spread
 
     best = optimize.minimize_scalar(lambda x: -at(x)[0], bounds=(-9.0, 14.0), method="bounded", options={"xatol": 0.05})
     return at(float(best.x))

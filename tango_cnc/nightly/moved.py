@@ -70,7 +70,7 @@ def found_by(past: Past, machine: str, wanted: Sequence[str]) -> dict[str, tuple
     """history, machine, ids of alarms → {id: the last night that told it, the alarm as it told it}."""
     if not wanted:
         return {}
-    told = reversed(past.alarmed(machine))  # one that goes on is told by several nights
+    told = reversed(past.alarmed(machine))  # several nights report one that goes on
     return {a["id"]: (s, a) for s in told for a in s.record["alarms"] if a["id"] in wanted}
 
 

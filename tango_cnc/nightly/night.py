@@ -2,7 +2,7 @@
 
     lock → what was left behind → preflight → measure → analyse → verdict → keep → tell
 
-Nothing moves before every point of the preflight has passed. What is kept is kept before anybody is told.
+Nothing moves before every point of the preflight has passed. The history has the night before anybody gets a message.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ from ..texts import carried, joined, say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
 from .edited import asked, edited
-from .ports import Busy, Delivery, Disk, Finding, Mail, Ports
+from .mail import message
+from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
-from .words import headline, message
+from .words import headline
 
 MISSED = 7  # nights that were missed and are put on record one by one
 REACHED = "# has reached "  # below a message that waits for others
@@ -70,7 +71,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     try:
         with world.lock:
             left = _left_behind(machine, cell, settings, world, begun)
-            base |= _before(machine, world, cell)
+            base |= known_before(machine, world, cell)
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
             found, knowledge, files, readings = _measured(settings, world, day_of(begun))
@@ -82,7 +83,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     except Exception as error:  # whatever it is: no night ends without a message
         record = base | {"why": sentence(error)}
         try:  # it may have come to nothing before the history was asked
-            record = _before(machine, world, cell) | record
+            record = known_before(machine, world, cell) | record
         except (TangoError, OSError):
             record["unread"] = True
         return _kept(record, None, {}, None, settings, world, stamp, left)
@@ -114,8 +115,8 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
         "why": say("night.night.at_work_this_folder", by=error.by),
         "artefacts": {"folder": f"nights/{own}"},
     }
-    with suppress(TangoError, OSError):  # a history that cannot be read is told with what could not be kept
-        record |= _before(base["machine"], world)
+    with suppress(TangoError, OSError):  # the message names a history that cannot be read with what could not be kept
+        record |= known_before(base["machine"], world)
     return record, own
 
 
@@ -143,6 +144,14 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
         more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
+    except LinkError as error:  # the history went away: nothing is wrong with the readings, and nobody has judged them
+        why = say("night.night.not_judged", touches=len(measured.readings), why=sentence(error))
+        return (
+            found | {"kind": "none", "status": "failed", "touches": 0, "why": why, "do": say("night.night.see_to_history")},
+            None,
+            {},
+            measured.text,
+        )
     except (
         Exception
     ) as error:  # a mistake of this program is no reason to lose a night: its readings are kept, somebody hears of it
@@ -154,12 +163,12 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     return found | more, knowledge, files, measured.text
 
 
-def room(disk: Disk, settings: Nightly) -> Finding:
+def room(disk: Disk, settings: Nightly) -> PreflightPoint:
     """disk, settings → whether there is room for a night."""
     free = disk.free_mb()
     enough = free >= settings.free_mb
     found = say("night.night.mb_free" if enough else "night.night.mb_left", free=f"{free:.0f}")
-    return Finding(
+    return PreflightPoint(
         "disk", enough, found, "" if enough else say("night.night.make_room_mb_needed", free_mb=f"{settings.free_mb:.0f}")
     )
 
@@ -248,7 +257,7 @@ def _added(world: Ports, stamp: str) -> bool:
     return True
 
 
-def _before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
+def known_before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not; what its cell has under another
     name, of a machine that has nights only as long as an alarm there has no answer.
     """

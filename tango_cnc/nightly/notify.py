@@ -28,6 +28,7 @@ from time import monotonic
 from urllib.error import HTTPError, URLError
 from urllib.parse import parse_qs, quote, unquote, urlsplit
 
+from ..files.environment import filled
 from ..texts import say
 from .install import ENVIRONMENT
 from .ports import Delivery
@@ -66,8 +67,8 @@ class Notifier:
 
 def _one(to: str, url: str, subject: str, text: str) -> Delivery:
     try:
-        filled = _filled(url)
-        _SENDERS[url.split(":")[0]](filled, subject, text)
+        whole = _filled(url)
+        _SENDERS[url.split(":")[0]](whole, subject, text)
     except Exception as error:  # whatever a library raises: one receiver that fails must not keep the others from hearing
         return Delivery(to, False, _why(error))
     return Delivery(to, True)
@@ -106,12 +107,10 @@ def _filled(url: str) -> str:
     scheme = url.split(":")[0]
     safe = "/" if scheme in ("http", "https", "apprise") else ""  # a token of a hook has a path of its own
 
-    def value(match: re.Match[str]) -> str:
-        if match[1] not in os.environ:
-            raise Unset(say("mail.unset", name=match[1], file=ENVIRONMENT.as_posix()))
-        return os.environ[match[1]] if scheme == "file" else quote(os.environ[match[1]], safe)
+    def unset(name: str) -> Unset:
+        return Unset(say("mail.unset", name=name, file=ENVIRONMENT.as_posix()))
 
-    return re.sub(r"\$\{(\w+)\}", value, url)
+    return filled(url, (lambda word: word) if scheme == "file" else (lambda word: quote(word, safe)), unset)
 
 
 def _mail(url: str, subject: str, text: str) -> None:

@@ -25,7 +25,7 @@ class Busy(LinkError):
 
 
 @dataclass(frozen=True)
-class Finding:
+class PreflightPoint:
     """One point of a preflight: what was found, and what to do about it."""
 
     check: str
@@ -98,7 +98,7 @@ class Disk(Protocol):
 class Control(Protocol):
     """The machine."""
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """kind of night, touches of the strategy (empty: all) → control, probe, this very program, place. Nothing moves."""
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:

@@ -39,7 +39,7 @@ from .drift import LEAST, TOLD, Drift, drift_of, first_limit, limited
 from .words import one_day, value, what_of
 
 SPANS = (2, 3, 4, 5, 6, 7, 10, 14, 20, 28)  # measured nights that a drift is looked for over
-SLOPE = 21  # nights that a rate is told from
+SLOPE = 21  # nights that a rate comes from
 UNLEARNED = 1000.0  # degrees of freedom of a first idea of a rate: it is not learned, but on the safe side of what machines do
 PAUSE = 3  # measured nights: a drift that comes back within them is the same one
 STILL = 4  # measured nights after which a drift can be said to stand
@@ -241,6 +241,6 @@ def slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     slope = centred @ values / (centred @ centred)
     rest = values - values.mean(axis=0) - np.outer(centred, slope)
     spread = np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - 2, 1) / (centred @ centred))
-    # What wanders looks like a slope: only one that is far beyond its own scatter is told.
+    # What wanders looks like a slope: only one far beyond its own scatter is reported.
     plain = (np.abs(slope) > 6 * spread) & (np.abs(slope) * np.ptp(day) > 4 * std)
     return {n: float(slope[i]) for i, n in enumerate(names) if plain[i]}

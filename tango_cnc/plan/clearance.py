@@ -223,19 +223,19 @@ class Clearance:
 
         `more`: mm that it is lifted beyond that.
         """
-        place, lift = over.copy(), self._lift(over, index, up)
+        place, lift = over.copy(), self._lift(over, index, up, name)
         for _ in range(TRIES):
             missing = -self._apart(place, up, within)
             if missing <= 1e-9:
                 break
             place = place + (missing + 1e-9) * lift
         if self._apart(place, up, within) < -1e-6:
-            raise InputError(f"indexation {index + 1} ({name(index)}): no lift takes the probe clear of what the rotary axes sweep")
+            raise InputError(f"{_named(index, name)}: no lift takes the probe clear of what the rotary axes sweep")
         return self._reachable(place + more * lift, index, name)
 
     def _descend(self, over: Array, index: int, up: Array, after: Array, name: Callable[[int], str]) -> Array:
         """→ a place above the next touch at least as high as where the axes turned, in the direction `up`."""
-        lift = self._lift(over, index, up)
+        lift = self._lift(over, index, up, name)
         rotation, _ = sweep.pose(self._machine, self._machine.workpiece_branch, over)
         low, lifted, high = kinematics.tip(self._chain, np.array([over, over + lift, after])) @ (rotation.T @ up)
         return self._reachable(over + max((high - low) / (lifted - low), 0.0) * lift, index, name)
@@ -245,13 +245,13 @@ class Clearance:
         for column in np.flatnonzero(beyond):
             axis = self._machine.names[column]
             raise InputError(
-                f"indexation {index + 1} ({name(index)}): to turn the rotary axes clear of the table the probe needs "
+                f"{_named(index, name)}: to turn the rotary axes clear of the table the probe needs "
                 f"{travel_text(self._machine, axis, float(place[column]))}. "
                 "A shorter probe, facets and balls nearer to the rotary axes or obstacles that reach less far would do it."
             )
         return place
 
-    def _lift(self, over: Array, index: int, up: Array) -> Array:
+    def _lift(self, over: Array, index: int, up: Array, name: Callable[[int], str]) -> Array:
         """→ (k,) displacement per mm upwards that does not bring the probe nearer to the table of this indexation."""
         rotation, _ = sweep.pose(self._machine, self._machine.workpiece_branch, over)
         direction = rotation.T @ up  # table frame
@@ -261,7 +261,7 @@ class Clearance:
             direction = direction - leaving * spindle
             size = np.linalg.norm(direction)
             if size < 1e-6:
-                raise InputError(f"indexation {index + 1}: the probe turns right round and there is no free way for it")
+                raise InputError(f"{_named(index, name)}: the probe turns right round and there is no free way for it")
             direction = direction / size
         return self._along(over, direction)
 
@@ -286,3 +286,8 @@ class Clearance:
 
 def _tuple(position: Array) -> tuple[float, ...]:
     return tuple(position.tolist())
+
+
+def _named(index: int, name: Callable[[int], str]) -> str:
+    """indexation, its angles in words → as people count it: 'indexation 1 (B 30)'."""
+    return f"indexation {index + 1} ({name(index)})"

@@ -156,7 +156,7 @@ def _lever(machine: Machine, axes: tuple[str, ...], name: str, points: Array, pl
 
 def everywhere(machine: Machine) -> Spans:
     """machine → rad between which each rotary axis may be."""
-    return {name: _all_round(*(machine.axis(name).travel or (-math.inf, math.inf))) for name in machine.rotary}
+    return {name: _all_round(*machine.axis(name).limits) for name in machine.rotary}
 
 
 def _all_round(low: float, high: float) -> tuple[float, float]:
@@ -272,5 +272,5 @@ def remarks(machine: Machine, guard: Guard, place: Iterable[float], first: str) 
 
 def outside(machine: Machine, place: Array) -> bool:
     """machine, (k,) mm rad → whether an axis would be beyond its travel."""
-    travels = [(axis.travel or (-math.inf, math.inf)) for axis in machine.axes]
-    return any(not low - ROUNDING <= value <= high + ROUNDING for (low, high), value in zip(travels, place.tolist(), strict=True))
+    limits = [axis.limits for axis in machine.axes]
+    return any(not low - ROUNDING <= value <= high + ROUNDING for (low, high), value in zip(limits, place.tolist(), strict=True))

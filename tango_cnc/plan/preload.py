@@ -32,9 +32,9 @@ def ways(axis: Axis, goal: float, size: float) -> list[float]:
 
     Below the goal when there is room for it, else above; as far as there is room when there is too little on both sides.
     """
-    low, high = axis.travel or (-math.inf, math.inf)
+    low, high = axis.limits
     below, above = min(size, goal - low), min(size, high - goal)
-    found = [-below, above] if below >= size or below >= above else [above, -below]
+    found = [-below, above] if below >= above else [above, -below]
     return [way for way in found if abs(way) >= LEAST * size]
 
 
@@ -48,7 +48,7 @@ def stop(machine: Machine, start: Array, goal: Array) -> tuple[float, ...] | Non
         if abs(change) < math.pi - 1e-6:
             continue
         sense = math.copysign(1.0, turned(axis, change) if abs(turned(axis, change)) > 1e-9 else change)
-        low, high = axis.travel or (-math.inf, math.inf)
+        low, high = axis.limits
         place[column] = min(max(goal[column] - sense * ROTARY, low), high)
     place[machine.column("S")] = goal[machine.column("S")]
     return None if (place == goal).all() else tuple(place.tolist())

@@ -43,7 +43,7 @@ class Moment:
 def or_moment(result: Estimate, told: Sequence[Remark]) -> list[Remark]:
     """estimate by the noise of its residuals, remarks on touches that belong together → the remarks, and what else explains them.
 
-    Where a change at a moment explains other touches without weight as well, or several remarks at once, it is told alone.
+    Where a change at a moment explains other touches without weight as well, or several remarks at once, the report names it alone.
     """
     accused = np.isin(result.model.touches.number, [number for r in told for number in r.touches]) & result.unused
     found = moment(result, accused) if told else None

@@ -91,8 +91,8 @@ def after(phase: Phase, step: Action) -> Phase:
 def _refusal(phase: Phase, step: Action) -> str:
     if step is Action.STARTS:
         return "a second start mark"
-    if step is Action.ENDS and phase is Phase.ENDED:
-        return "a second end mark"
+    if step is Action.ENDS and phase not in BEGUN:
+        return "a second end mark" if phase is Phase.ENDED else "an end mark before the start mark"
     if step is Action.TURNS and phase not in BEGUN:
         return "something turns outside of start mark and end mark"
     if step is Action.RECORDS:

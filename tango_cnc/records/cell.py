@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -25,6 +26,11 @@ class Axis:
     acceleration: float | None = None  # m/s² or rad/s²
     clamp_time: float = 0.0  # s
     nearer: bool = False  # the control turns it to an angle by the nearer way, over 360 deg or not, whatever the numbers say
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """→ lowest and highest place, mm or rad; nothing limits an axis without travel."""
+        return self.travel or (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)

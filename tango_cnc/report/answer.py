@@ -21,6 +21,7 @@ CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with whic
 
 CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
 UNSENT = "web.unsent"  # of one that ended before anything was sent to the control
+WAITING = "web.waiting"  # of one that has ended and that the history has not taken
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
@@ -161,11 +162,12 @@ def _of_old(
     return Answer("no" if beyond else "unknown", word, "old", numbers, why, "", told)
 
 
-def said_cut_off(stamps: Sequence[str], unsent: Sequence[str] = ()) -> tuple[Said, ...]:
-    """stamps of nights that were begun and never ended, those that had sent nothing → what pages say beside the nights of the
-    cell.
+def said_cut_off(stamps: Sequence[str], ended: Mapping[str, str] | None = None) -> tuple[Said, ...]:
+    """stamps of nights with the mark of one at work, {stamp: how it ended} of those that did → what pages say beside the nights of
+    the cell.
     """
-    return tuple(say(UNSENT if stamp in unsent else CUT_OFF, date=night_of_stamp(stamp)) for stamp in stamps)
+    keys = {"unsent": UNSENT, "waiting": WAITING}
+    return tuple(say(keys.get((ended or {}).get(stamp, ""), CUT_OFF), date=night_of_stamp(stamp)) for stamp in stamps)
 
 
 def is_cut_off(former: Sequence[str]) -> bool:
@@ -176,6 +178,13 @@ def is_cut_off(former: Sequence[str]) -> bool:
 def is_unsent(former: Sequence[str]) -> bool:
     """what pages say of a cell beside its nights → whether a night of it ended before anything was sent, and none was cut off."""
     return not is_cut_off(former) and any(isinstance(text, Said) and text.key == UNSENT for text in former)
+
+
+def is_waiting(former: Sequence[str]) -> bool:
+    """what pages say of a cell beside its nights → whether the history has not taken a night of it that ended, and none was cut
+    off.
+    """
+    return not is_cut_off(former) and any(isinstance(text, Said) and text.key == WAITING for text in former)
 
 
 def is_moving(record: Mapping[str, Any], former: Sequence[str]) -> bool:
@@ -195,12 +204,14 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
-    if dates_cut_off(former):
+    if dates_cut_off(former) or is_waiting(former):
         found = _dated(found, t)
     if is_cut_off(former):
         return _machine_first(found, "cut_off", "cut_off", t)
     if is_unsent(former) and found.may == "yes":
         return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
+    if is_waiting(former) and found.may == "yes":
+        return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.waiting"))
     if found.may != "yes" or not any(int(x.get("alarms") or 0) + int(x.get("held") or 0) for x in told):
         return found
     dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..asked import resume_of
 from ..diagnose.sentences import covariate
+from ..loaded import HELPS
 from ..texts import instead, say
 from .answer import LEVELS
 from .compensated import order
@@ -129,7 +130,7 @@ def _limit(f: Facts, t: Texts) -> Check:
     text = t("check.limit_judged", worst=value, limit=length(f.wishes.limit * 1e3, u))
     if f.control is not None and f.control.gone is not None:
         text = f"{text}; {t('check.limit_in_control', number=f.control.beneath or f.control.number, target=f.control.target)}"
-    if f.control is not None and f.control.event != "kept":
+    if f.control is not None and f.control.event not in HELPS:
         text = f"{text}; {t('check.limit_open_control', number=f.control.number, target=f.control.target, event=f.control.event)}"
     label = t(f"morning.limit_{'open' if passed is None else 'good' if passed else 'stop'}")
     tone: Level = "look" if passed is None else "good" if passed else "stop"
@@ -138,7 +139,7 @@ def _limit(f: Facts, t: Texts) -> Check:
     if f.control is not None and older:
         text = f"{text}; {t('check.limit_older_control', number=f.control.number, target=f.control.target)}"
         todo = t("todo.limit_older", number=f.control.number, target=f.control.target)
-    elif f.control is not None and f.control.event != "kept" and not passed:
+    elif f.control is not None and f.control.event not in HELPS and not passed:
         todo = t(order(f.control.event), number=f.control.number, target=f.control.target, event=f.control.event)
     if passed and older:
         return Check("limit", "look", value, text, todo, trust=False, said="verdict.limit_older", tone="look", label=label)

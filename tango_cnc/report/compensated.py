@@ -6,13 +6,18 @@ from collections.abc import Mapping, Sequence
 from datetime import date
 from typing import Any
 
-from ..loaded import BACK, IN_CONTROL, Event, Holds, changes, holds, in_order
+from ..loaded import AS_SEEN, BACK, HELPS, IN_CONTROL, KEPT, Event, Holds, changes, holds, in_order
 from ..texts import LIST, Said, say
 from .days import local_day
 from .texts import Texts
 
-SHOWN = {"written": "written", "kept": "kept", "rolled back": "taken_out"}  # event: key of its words; others change nothing
-HELD = {"kept": "in_control", "written": "in_control_written"}  # event: key of what the night says of it
+SHOWN = {
+    "written": "written",
+    KEPT: "kept",
+    AS_SEEN: "as_seen",
+    "rolled back": "taken_out",
+}  # event: key of its words; others change nothing
+HELD = {KEPT: "in_control", AS_SEEN: "in_control", "written": "in_control_written"}  # event: key of what the night says of it
 ENTERING = ("cause.axis_location.do", "part.square_do", "night.most_do", "night.beyond_do")  # that speak of a compensation
 GIVEN, TAKEN_OUT = "changed.after_compensation_given", "changed.after_compensation_taken_out"
 ORDERS = {"written": "measure_first", "undecided": "decide", "no help": "take_out"}  # event: key of what to do
@@ -34,11 +39,11 @@ def held(record: Mapping[str, Any], t: Texts, events: Sequence[Any] = ()) -> str
         return t("night.in_control_since", **_words(newer))
     if not (known := record.get("in_control")):
         return ""
-    event = str(known.get("event") or ("kept" if known["measured"] else "written"))
+    event = str(known.get("event") or (KEPT if known["measured"] else "written"))
     line = t(
         f"night.{HELD.get(event, 'in_control_open')}", **{key: known[key] for key in ("number", "target", "date")}, event=event
     )
-    if event == "kept":
+    if event in HELPS:
         return line
     beneath = f" {t('night.in_control_beneath', number=known['beneath'])}" if known.get("beneath") else ""
     return f"{line}{beneath} {t(order(event), number=known['number'], target=known['target'], event=event)}"
@@ -129,14 +134,16 @@ def _of_compensation(
     words, key = _words(last), "night.compensation_given_do"
     if last.event == BACK:
         key = "night.compensation_back_do"
-    elif last.event == "kept":
+    elif last.event in HELPS:
         key = "night.compensation_kept_do"
     elif last.event != "written":
         key = order(last.event)
     if last.event != BACK and there is not None and there.number != number:  # another one came on top of it
         words = {"number": there.number, "target": there.target, "event": there.event, "date": local_day(there.utc)}
         key = "night.compensation_kept_do" if there.measured else order(there.event)
-    part = {BACK: "compensation_back", "kept": "compensation_kept"}.get(last.event, "compensation_given")
+    part = {BACK: "compensation_back", KEPT: "compensation_kept", AS_SEEN: "compensation_kept"}.get(
+        last.event, "compensation_given"
+    )
     return found | {"do": say(key, **words), "on_part": say(f"part.{part}", number=number), "on_part_um": None}
 
 

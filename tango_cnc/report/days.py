@@ -11,7 +11,7 @@ DATE = re.compile(r"(?<![\w/-])(\d{4}-\d{2}-\d{2})(?![\w-])")
 
 
 def day(text: object, t: Texts, year: bool = True) -> str:
-    """2026-11-22, texts, whether the year is told → Sun 22 Nov 2026; what is no date stays as it is."""
+    """2026-11-22, texts, whether with the year → Sun 22 Nov 2026; what is no date stays as it is."""
     try:
         found = date.fromisoformat(str(text))
     except ValueError:

@@ -130,7 +130,7 @@ class Held:
     target: str
     older: bool
     gone: Array | None  # (p,) of every unknown: what parts do not have
-    event: str = "kept"  # or written, undecided, not as promised, no help: nobody knows that it acts
+    event: str = "kept"  # or kept as far as seen; after another one nobody knows that it acts
     beneath: int | None = None  # the one that was kept, and that it was made on top of: what is gone then
 
 

@@ -164,7 +164,7 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
     for stored in history.alarmed(machine):
         parts |= merged(stored.record["alarms"])
         for a in stored.record["alarms"]:
-            newest.setdefault(a["id"], dated(a, stored.record))  # one that goes on is told by several nights
+            newest.setdefault(a["id"], dated(a, stored.record))  # several nights report one that goes on
     open_ = [a for a in newest.values() if a["id"] not in parts]
     return [a for a in open_ if a["id"] not in last or last[a["id"]].action not in CLOSED], last
 

@@ -18,10 +18,11 @@ from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
+from .engineer import numbers
 from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
 from .orders import orders
 from .pace import ahead
-from .plain import amount, office, plain, reason, shop, value_text
+from .plain import amount, office, plain, reason, shop
 from .reach import or_else
 from .repeated import as_decided
 from .template import environment, rendered
@@ -39,10 +40,19 @@ LEVELS: Mapping[str, Level] = {
     "out_of_limits": "stop",
     "doubtful": "stop",
 }
+NIGHT: Mapping[str, Any] = {  # what a page asks of every record
+    "status": "complete",
+    "why": "",
+    "kind": "",
+    "start_utc": "",
+    "end_utc": "",
+    "touches": 0,
+    "planned": 0,
+}
 LISTED = 3  # faults below the first one
 DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
-LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still be told as the same
+LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still count as the same
 
 
 def render(
@@ -100,7 +110,7 @@ def context(
     night is missing; `within`: date of the last night within
     every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
     tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
-    still measures; `now`: what the age of the night is told by; `newer`: how many nights came
+    still measures; `now`: what the age of the night counts to; `newer`: how many nights came
     after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the machine
     was measured, where these are too many for an answer of today (None: as the record says).
     """
@@ -120,40 +130,16 @@ def context(
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
-    suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, t)
-    if not suspect and not began and (probed := begun(found)):
-        suspect = t("morning.suspect_probe", date=day(probed, t))
-    elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
-        suspect += f" {t('morning.suspect_before', date=day(first, t))}"
-    back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
-    if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
-        suspect = t("morning.suspect_gone", date=day(back, t))
+    suspect = _suspected(record, told, found, began, (within, never), signs, t)
     if busy:
         told = measuring(told, t)
     return {
         "t": t,
         "units": u,
-        "night": {
-            "status": "complete",
-            "why": "",
-            "kind": "",
-            "start_utc": "",
-            "end_utc": "",
-            "touches": 0,
-            "planned": 0,
-            **record,
-        },
-        "sentence": lambda text: sentence(t.of(text or ""), u),
-        "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
-        "reasons": [
-            whole_sentence(shop(sentence(reason(r, u, t, machine), Units()), t))
-            for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
-        ],
+        "night": {**NIGHT, **record},
+        **_sayings(record, u, t, machine),
+        **numbers(record, u, t),
         "office": _office(record, found, t),
-        "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
-        "day": lambda text, year=True: day(text, t, year),
-        "moment": lambda text: at(text, t),
-        "since_of": lambda a: since_told(a, t),
         "ended": ended(record.get("end_utc"), t, now),
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
         "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
@@ -186,21 +172,49 @@ def context(
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
-        "failed": [{"do": "", "found": "", **_checked(p, t)} for p in record.get("preflight") or () if not p.get("passed")],
-        "preflight": [_checked(p, t) for p in record.get("preflight") or ()],
-        "limits": [_limit(x, u, t) for x in record.get("limits") or ()],
-        "parameters": _parameters(record, u),
-        "volume": _volume(record, u),
         "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or ""))},
-        "plausible": {"verdict": "", **(record.get("plausible") or {}), "reasons": _reasons(record, u, t)},
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
-        "diagnosis": {"verdict": "", **(record.get("diagnosis") or {})},
-        "temperatures": record.get("temperatures") or {},
-        "hashes": record.get("hashes") or {},
-        "versions": record.get("versions") or {},
-        "change": _change(record, u, t),
-        "residual": record.get("residual") or {},
+    }
+
+
+def _suspected(
+    record: Mapping[str, Any],
+    told: Answer,
+    found: Sequence[Mapping[str, Any]],
+    began: str,
+    limits: tuple[str, str],
+    signs: Sequence[tuple[str, str]],
+    t: Texts,
+) -> str:
+    """record, answer, faults, date since when, (date of the last night within every limit, of the first on record where none was),
+    (date, verdict) of nights newest first, texts → which parts are in doubt, '' for none.
+    """
+    within, never = limits
+    suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, t)
+    if not suspect and not began and (probed := begun(found)):
+        suspect = t("morning.suspect_probe", date=day(probed, t))
+    elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
+        suspect += f" {t('morning.suspect_before', date=day(first, t))}"
+    back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
+    if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
+        return t("morning.suspect_gone", date=day(back, t))
+    return suspect
+
+
+def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, Any]:
+    """record, units, texts, machine → how the page says a sentence, a date, a moment; reasons of a doubt and what was edited."""
+    return {
+        "sentence": lambda text: sentence(t.of(text or ""), u),
+        "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
+        "reasons": [
+            whole_sentence(shop(sentence(reason(r, u, t, machine), Units()), t))
+            for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
+        ],
+        "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
+        "day": lambda text, year=True: day(text, t, year),
+        "moment": lambda text: at(text, t),
+        "since_of": lambda a: since_told(a, t),
     }
 
 
@@ -347,58 +361,6 @@ def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:
     """nights of a history, newest first → {date: µm at the tool tip} of those that know it."""
     return {n.night: float(n.volume_um) for n in reversed(nights) if n.volume_um is not None}
-
-
-def _checked(point: Mapping[str, Any], t: Texts) -> dict[str, Any]:
-    """one check before the start, texts → the same in their language."""
-    key = f"check_name.{point.get('check')}"
-    return {**t.all(point), "check": t(key) if key in t else point.get("check")}
-
-
-def _limit(x: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
-    factor, unit = u.of(str(x.get("unit") or ""))
-    shown = {key: None if x.get(key) is None else f"{float(x[key]) * factor:.1f}" for key in ("value", "low", "high", "limit")}
-    state = "open" if x.get("passed") is None else "good" if x["passed"] else "stop"
-    what = str(x.get("what"))
-    name = t(f"followed.{what}") if f"followed.{what}" in t else what
-    return {**x, **shown, "what": name, "unit": unit, "state": state}
-
-
-def _reasons(record: Mapping[str, Any], u: Units, t: Texts) -> list[str]:
-    return [sentence(t.of(r), u) for r in (record.get("plausible") or {}).get("reasons") or ()]
-
-
-def _change(record: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
-    found = record.get("change") or {}
-    return {**found, "text": f"{sentence(t.of(found.get('text')), u).rstrip('.')}." if found.get("text") else ""}
-
-
-def _volume(record: Mapping[str, Any], u: Units) -> dict[str, str]:
-    v = record.get("volume") or {}
-    k = u.per_micron
-    return {key: f"{float(v[key]) * k:.1f}" for key in ("worst_um", "rms_um", "std_um") if v.get(key) is not None}
-
-
-def _parameters(record: Mapping[str, Any], u: Units) -> list[dict[str, Any]]:
-    rows = []
-    for name, p in (record.get("parameters") or {}).items():
-        factor, unit = u.coefficient(str(p.get("unit") or ""))
-        value, std = float(p["value"]) * factor, float(p.get("std") or 0.0) * factor
-        low, high = (float(p.get(key, p["value"])) * factor for key in ("low", "high"))
-        change = None if p.get("change") is None else float(p["change"]) * factor
-        rows.append(
-            {
-                "name": name,
-                "value": value_text(value, std),
-                "low": value_text(low, std),
-                "high": value_text(high, std),
-                "unit": unit,
-                "change": "–" if change is None else ("+" if change > 0 else "") + value_text(change, std),
-                "much": change is not None and abs(change) > 2 * (high - low) / 4,
-                "seen": bool(p.get("seen", True)),
-            }
-        )
-    return rows
 
 
 def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts, old: int = 0) -> Markup:

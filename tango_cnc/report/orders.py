@@ -10,7 +10,7 @@ from typing import Any
 
 from ..records import Machine
 from .alarm import whole_sentence
-from .answer import Answer, is_cut_off, is_moving, is_unsent
+from .answer import Answer, is_cut_off, is_moving, is_unsent, is_waiting
 from .faults import all_of_probe, settled
 from .look import looks
 from .plain import plain, shop
@@ -46,6 +46,7 @@ def orders(
     first = [x for x in first if x]
     lines = [told_here(p["do"]) for p in failed if p.get("do")]
     lines += [t("morning.unsent_todo")] if is_unsent(former) else []
+    lines += [t("morning.waiting_todo")] if is_waiting(former) else []
     if status == "refused":
         lines.append(told_here(t("night.refused_do")))
     elif status == "missed" and not failed and not told.old:

@@ -15,7 +15,7 @@ from .texts import Texts
 from .units import Units, inches
 from .words import spoken
 
-SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is told
+SPAN = {"mm": 300.0, "inch": 12.0}  # mm or in over which a tilt is shown
 COMMAND = re.compile(r"('tango [^']*')")
 BRACKETS = re.compile(r" \((E[XYZABC](?:0[XYZABCS]|[XYZABC](?:\d|b))(?:-E\w+)?)\)")
 ENGINEER = re.compile(r"\bE[XYZABC]\w{1,2}\b|\.yaml\b|'tango |--\w|standard\s+deviation|degrees\s+of\s+freedom")
@@ -63,6 +63,7 @@ def office(text: str, t: Texts) -> str:
 
 
 def _plain(text: str, u: Units, t: Texts, machine: Machine | None) -> str:
+    """part of a sentence without a command → the same in the words of the shop."""
     text = BRACKETS.sub("", text)
     text = SYMBOL.sub(lambda m: spoken(m[0], machine, t), text)
     text = SPREAD.sub(lambda m: f"{m[1].replace('-', '−')}{length(float(m[2]), u)}", text)
@@ -86,7 +87,7 @@ def length(micron: float, u: Units) -> str:
 
 
 def amount(value: float, unit: str, u: Units, t: Texts) -> str:
-    """number in µm, µrad or µm/m, units, texts → 76 µm, or 12 µm over 300 mm; another unit is told as it is."""
+    """number in µm, µrad or µm/m, units, texts → 76 µm, or 12 µm over 300 mm; another unit stays as it is."""
     if unit in ("µrad", "µm/m"):
         return tilt(value, u, t)
     if unit == "µm":

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,12 +42,12 @@ class State:
     noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom: what σ is learned from
     agreement: tuple[float, float] = (0.0, 0.0)  # sum of the statistics of quiet nights under these rates, their degrees of freedom
 
-    @property
+    @cached_property
     def covariance(self) -> Array:
         """→ (p, p)."""
         return self.root @ self.root.T
 
-    @property
+    @cached_property
     def std(self) -> Array:
         """→ (p,) standard deviations."""
         return np.sqrt(np.sum(self.root**2, axis=1))

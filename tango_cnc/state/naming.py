@@ -1,4 +1,4 @@
-"""What changed: every direction that has a name is tried on the innovation of the night, and the shortest story is told.
+"""What changed: every direction that has a name is tried on the innovation of the night, and the shortest story counts.
 
 A hypothesis is a handful of directions of the state. What it explains is the generalised likelihood ratio of the innovation
 along them (Willsky & Jones 1976); ln k a direction is the price, so that six directions do not win over the one that moved.

@@ -33,7 +33,7 @@ def coefficient(name: str, machine: Machine) -> Coefficient | None:
 
 
 def scales(machine: Machine) -> list[Coefficient]:
-    """machine → linear positioning gains, X last: where only mismatches are visible they are told against X."""
+    """machine → linear positioning gains, X last: where only mismatches are visible they count from X."""
     return [c for axis in reversed(machine.linear) if (c := coefficient(f"E{axis}{axis}1", machine)) is not None]
 
 

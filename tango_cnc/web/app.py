@@ -35,7 +35,7 @@ from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
-from .places import STRIP, Machine, Places
+from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns
 
@@ -233,7 +233,7 @@ def proven(request: Request, form: Mapping[str, Any]) -> SignIn:
     return signed
 
 
-def machine_of(request: Request) -> Machine:
+def machine_of(request: Request) -> Served:
     """request → the machine of its address. Raises HTTPException 404."""
     found = state_of(request).places.machines().get(str(request.path_params["slug"]))
     if found is None:
@@ -265,7 +265,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     return HTMLResponse(state.templates.get_template(template).render(**context), status)
 
 
-def _newest(state: State, machine: Machine) -> str:
+def _newest(state: State, machine: Served) -> str:
     """what pages share, machine → date of its newest night, also where that one was cut off; '' where it has none."""
     nights = state.places.nights(machine, STRIP)
     return max((*dates_cut_off(machine.former), *(n.night for n in nights[:1])), default="")

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Run:
+class LiveRun:
     """One run as its journal has it at this moment."""
 
     file: Path
@@ -46,10 +46,10 @@ class Run:
 class Journals:
     """Journals that were read, by file: one that has not grown is not read again, of one that has only what is new."""
 
-    _read: dict[Path, tuple[tuple[int, int], Known, Run]] = field(default_factory=dict)
+    _read: dict[Path, tuple[tuple[int, int], Known, LiveRun]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def run(self, file: Path, cell: Cell | None) -> Run | None:
+    def run(self, file: Path, cell: Cell | None) -> LiveRun | None:
         """journal, its cell → the run, None when there is none. Raises InputError for a damaged journal."""
         try:
             stat = file.stat()
@@ -90,7 +90,7 @@ def journals(folder: Path) -> list[Path]:
     return [f for f in (folder / "readings.journal", *old) if f.is_file()]
 
 
-def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> Run:
+def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> LiveRun:
     """journal, its entries, its cell → the run."""
     segments = [e for e in entries if isinstance(e, Segment)]
     readings = tuple(e for e in entries if isinstance(e, Reading))
@@ -109,7 +109,7 @@ def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None
     refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
     head = segments[-1] if segments else None
     started = segments[0].utc if segments else ""
-    found = Run(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
+    found = LiveRun(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
     return replace(found, simulated=any(by_no_machine(s) for s in segments))
 
 
@@ -126,14 +126,14 @@ def _pace(entries: Sequence[Entry]) -> float | None:
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on
 
 
-def minutes_left(run: Run | None, now: float) -> int | None:
+def minutes_left(run: LiveRun | None, now: float) -> int | None:
     """run, time (s) → minutes that it still takes, None where none goes on, or where nothing was heard of it for `QUIET`."""
     if run is None or run.state != "running" or quiet(run, now) is not None:
         return None
     return max(1, math.ceil((run.remaining or 0.0) / 60))
 
 
-def quiet(run: Run, now: float) -> int | None:
+def quiet(run: LiveRun, now: float) -> int | None:
     """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on; else None."""
     since = now - run.touched
     return round(since / 60) if run.state == "running" and since > QUIET else None
@@ -146,6 +146,6 @@ def _facets(cell: Cell | None) -> dict[int, str]:
     return dict(enumerate(every, 1))
 
 
-def title(run: Run, t: Texts) -> str:
+def title(run: LiveRun, t: Texts) -> str:
     """run, texts → when it began, as people say it; the name of its file where that is not known."""
     return at(run.started, t) if run.started else run.file.name

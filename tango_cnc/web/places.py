@@ -19,9 +19,8 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
-from ..link.lock import cut_off, unsent
-from ..records import Cell, TangoError
-from ..records import Machine as Geometry
+from ..link.lock import cut_off, ended
+from ..records import Cell, Machine, TangoError
 from ..report.age import nights_old
 from ..report.answer import said_cut_off
 from .settings import Settings
@@ -33,7 +32,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Machine:
+class Served:
     """One machine: its place in addresses, its name, its cell where it is on this computer, its history where it has one."""
 
     slug: str
@@ -48,7 +47,7 @@ class Machine:
 class Row:
     """A machine in the list of the fleet."""
 
-    machine: Machine
+    machine: Served
     standing: Standing | None
     nights: tuple[Night, ...]  # of the strip, newest first
     record: Mapping[str, Any] | None = None  # of the newest night
@@ -101,13 +100,13 @@ class Places:
         with self._lock:
             self._kept.clear()
 
-    def machines(self) -> Mapping[str, Machine]:
+    def machines(self) -> Mapping[str, Served]:
         """→ {slug: machine}, those of the cells first, then those that only the history knows."""
         return self.kept("machines", self._machines)
 
-    def _machines(self) -> dict[str, Machine]:
+    def _machines(self) -> dict[str, Served]:
         shared = self._history(self.settings.history) if self.settings.history else None
-        found: dict[str, Machine] = {}
+        found: dict[str, Served] = {}
         for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
@@ -115,15 +114,15 @@ class Places:
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
-            found[slug] = Machine(slug, name, folder, own, cell if isinstance(cell, str) else why)
+            found[slug] = Served(slug, name, folder, own, cell if isinstance(cell, str) else why)
         if shared is not None:
             for name in shared.machines():
-                found.setdefault(slug_of(name), Machine(slug_of(name), name, None, shared))
+                found.setdefault(slug_of(name), Served(slug_of(name), name, None, shared))
         return self._with_former(found)
 
-    def _with_former(self, found: dict[str, Machine]) -> dict[str, Machine]:
+    def _with_former(self, found: dict[str, Served]) -> dict[str, Served]:
         """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
-        names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Machine]()
+        names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Served]()
         histories = {id(m.history): m.history for m in found.values() if m.history is not None}
         ahead = {(key, n.machine) for key, history in histories.items() for n in history.ahead()}
         for slug, m in list(found.items()):
@@ -131,7 +130,7 @@ class Places:
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is not None and (cut := cut_off(m.folder)):
-                m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut, unsent(m.folder, cut))))
+                m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut, ended(m.folder, cut))))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
@@ -141,7 +140,7 @@ class Places:
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=(*m.former, *told))
             more |= {
-                slug_of(f.machine): Machine(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms or f.held
+                slug_of(f.machine): Served(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms or f.held
             }
         return {**more, **found}
 
@@ -152,12 +151,12 @@ class Places:
         except TangoError:
             return True
 
-    def geometry(self, machine: Machine) -> Geometry | None:
+    def geometry(self, machine: Served) -> Machine | None:
         """machine → its chain of axes, None where its cell is not on this computer or cannot be read."""
         cell = None if machine.folder is None else self.cell(machine.folder)
         return cell.machine if isinstance(cell, Cell) else None
 
-    def late(self, machine: Machine) -> str:
+    def late(self, machine: Served) -> str:
         """machine → date of its last complete night where that is too long ago; empty where it is not."""
         nights = self.nights(machine, STRIP)
         if not nights:
@@ -168,20 +167,20 @@ class Places:
             return ""
         return complete.night if complete is not None else nights[-1].night
 
-    def owner(self, machine: Machine) -> str:
+    def owner(self, machine: Served) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
         return self._stated(machine).owner
 
-    def deputy(self, machine: Machine) -> str:
+    def deputy(self, machine: Served) -> str:
         """machine → who is asked where its owner does not answer, by nightly.yaml of its cell; empty where nobody is stated."""
         return self._stated(machine).deputy
 
-    def old(self, machine: Machine, measured: str) -> int:
+    def old(self, machine: Served, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
         today = datetime.now().astimezone().strftime("%Y-%m-%d")
         return nights_old(measured, today, self._stated(machine).answers_for)
 
-    def _stated(self, machine: Machine) -> Nightly:
+    def _stated(self, machine: Served) -> Nightly:
         """machine → nightly.yaml of its cell; what holds without one where it has none, or one that cannot be read."""
         folder, usual = machine.folder, Nightly(late_hours=self.settings.late_hours)
 
@@ -273,7 +272,7 @@ class Places:
         }
         return self._read[key]
 
-    def nights(self, machine: Machine, last: int) -> tuple[Night, ...]:
+    def nights(self, machine: Served, last: int) -> tuple[Night, ...]:
         """machine, how many → its nights, newest first; none where it has no history."""
         if machine.history is None:
             return ()

@@ -13,6 +13,7 @@ import numpy as np
 from sim_controller.compensation import Applied, read
 from sim_controller.simulate import simulate
 from sim_controller.world import Control, nominal_machine, tip_in_table, true_machine
+from tango_cnc.commands._compensate import text as text
 from tango_cnc.compensate import Proposal, propose
 from tango_cnc.compensate.fit import known
 from tango_cnc.compensate.space import matrix, sample
@@ -52,8 +53,8 @@ def proposed(name: str, target: str) -> Proposal:
 def write(proposal: Proposal, folder: Path, files: dict[str, str] | None = None) -> Path:
     """Proposal, folder, other texts → the folder as a control gets it."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in (files or proposal.files).items():
-        (folder / name).write_text(text, encoding="utf-8", newline="")
+    for name, content in (files or proposal.files).items():
+        (folder / name).write_text(content, encoding="utf-8", newline="")
     (folder / "compensation.json").write_text(json.dumps({"target": proposal.target}))
     return folder
 

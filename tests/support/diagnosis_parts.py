@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tango_cnc.diagnose import Finding, Remainder, Test
 from tango_cnc.diagnose._candidates import Candidate, candidate, named, pattern
 from tango_cnc.diagnose._catalogue import Chosen
 from tango_cnc.diagnose._changing import over, unsteady
@@ -11,12 +12,11 @@ from tango_cnc.diagnose._field import Field, Picked, begin, grown
 from tango_cnc.diagnose._gain import add, held_out, measure, residual_maker, scattered
 from tango_cnc.diagnose._names import akin, foreign, once
 from tango_cnc.diagnose._plainer import plainer
-from tango_cnc.diagnose._records import Finding, Remainder
 from tango_cnc.diagnose._rest import rest
 from tango_cnc.diagnose._richer import richer
 from tango_cnc.diagnose._rows import Rows, alike, rows
 from tango_cnc.diagnose._scatter import Scatter, scatter, uneven
-from tango_cnc.diagnose._seen import Test, left_over
+from tango_cnc.diagnose._seen import left_over
 from tango_cnc.diagnose._shapes import recognised
 from tango_cnc.diagnose._smooth import Kernel, forms, scaled
 from tango_cnc.diagnose._space import Beside, best_noise, level, space

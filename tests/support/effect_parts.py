@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from sim_controller.effects._apply import names
-from sim_controller.effects._history import unit
+from sim_controller.effects import names, unit
 from sim_controller.protocols._tape import Tape
 
 __all__ = [

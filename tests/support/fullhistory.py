@@ -20,7 +20,7 @@ from support.postgres import programs
 from support.years import Year, bench
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.history import opened
-from tango_cnc.nightly import Finding, Measured, Ports, night
+from tango_cnc.nightly import Measured, Ports, PreflightPoint, night
 
 PORT = 54329  # of a socket in the folder: no network
 
@@ -33,7 +33,7 @@ class Filling:
     disk: Path
     now: bool = False
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         return self.year.control.preflight(kind, touches)
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:

@@ -24,13 +24,13 @@ from support.databases import DATABASES
 from support.mutants import Reader, spoilt
 from support.shopfiles import SHOP
 from support.tables import TABLES
+from support.trust_parts import run_of
 from tango_cnc import conformity
 from tango_cnc.acceptance import read_order
 from tango_cnc.asked import as_run, asked
 from tango_cnc.commands._import import imported
 from tango_cnc.commands._present import values_of
 from tango_cnc.commands._program import language_of, opened
-from tango_cnc.commands._trust import run_of
 from tango_cnc.commands._trusted import known
 from tango_cnc.commands.report import compensations, paper
 from tango_cnc.compensate import loop

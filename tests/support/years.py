@@ -27,7 +27,7 @@ from tango_cnc.files import readings_text
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History
 from tango_cnc.history import _database as database
-from tango_cnc.nightly import Delivery, Finding, Measured, Ports, night
+from tango_cnc.nightly import Delivery, Measured, Ports, PreflightPoint, night
 from tango_cnc.nightly.ports import Busy
 from tango_cnc.plan import plan
 from tango_cnc.records import Cell, LinkError, Readings
@@ -190,13 +190,13 @@ class Control:
     year: Year
     allowed: bool = False
 
-    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[Finding]:
+    def preflight(self, kind: str, touches: Sequence[int]) -> Sequence[PreflightPoint]:
         """→ what is found."""
         self.year.moment("before preflight")
         fault = self.year.fault
         points = [
-            Finding("control", fault not in ("line dead", "alarm", "operator"), f"{fault or 'idle'}"),
-            Finding("probe", fault != "probe dead", "dead" if fault == "probe dead" else "not triggered"),
+            PreflightPoint("control", fault not in ("line dead", "alarm", "operator"), f"{fault or 'idle'}"),
+            PreflightPoint("probe", fault != "probe dead", "dead" if fault == "probe dead" else "not triggered"),
         ]
         self.year.looked = True
         self.allowed = all(p.passed for p in points) and not (fault == "disk full" and self.year.early)

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import re
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ PASS where anything was recorded: nothing is, before the finger has been noticed."""
     if seen.records or seen.ended:
-        return Verdict("PASS", "the finger stopped the slow move")
+        return Ruling("PASS", "the finger stopped the slow move")
     if seen.unheard:
-        return Verdict("FAIL", "the slow move went on although the stylus was touched")
+        return Ruling("FAIL", "the slow move went on although the stylus was touched")
     if not seen.begun:
-        return Verdict("OPEN", "the program has not begun: no start mark has come")
+        return Ruling("OPEN", "the program has not begun: no start mark has come")
     if seen.said:
-        return Verdict("OPEN", f"the program stopped before anything was recorded: {seen.said}")
-    return Verdict("OPEN", "the program stopped before anything was recorded, and nobody has passed on what the screen shows")
+        return Ruling("OPEN", f"the program stopped before anything was recorded: {seen.said}")
+    return Ruling("OPEN", "the program stopped before anything was recorded, and nobody has passed on what the screen shows")
 
 
 EXPERIMENT = Experiment(

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ PASS where the file holds the records of both programs, or where there is no file."""
     if not seen.stored:
-        return Verdict("PASS", "records come over the line, not through a file")
+        return Ruling("PASS", "records come over the line, not through a file")
     if seen.kept is None:
-        return Verdict("OPEN", "no second program was run, or nobody has looked into the file after it")
+        return Ruling("OPEN", "no second program was run, or nobody has looked into the file after it")
     if seen.kept:
-        return Verdict("PASS", "the file holds the records of both programs")
+        return Ruling("PASS", "the file holds the records of both programs")
     if seen.anew:
-        return Verdict("PASS", "the second program has begun the file anew, as the profile says")
-    return Verdict("FAIL", "the second program has overwritten the records of the first")
+        return Ruling("PASS", "the second program has begun the file anew, as the profile says")
+    return Ruling("FAIL", "the second program has overwritten the records of the first")
 
 
 EXPERIMENT = Experiment(

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ what came of the program while somebody held the stylus aside."""
     if seen.held is None:
-        return Verdict("OPEN", "nobody held the stylus")
+        return Ruling("OPEN", "nobody held the stylus")
     if seen.held:
-        return Verdict("PASS", "the program stopped while the stylus was held aside")
-    return Verdict("FAIL", "the program went on although the stylus was held aside")
+        return Ruling("PASS", "the program stopped while the stylus was held aside")
+    return Ruling("FAIL", "the program went on although the stylus was held aside")
 
 
 EXPERIMENT = Experiment(

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import re
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ PASS where the end mark has come; the number is the time of one block of moves."""
     many = len(seen.plan.touches)
     if seen.ended or seen.marked:
         each = seen.seconds / many if seen.seconds is not None else None
-        return Verdict("PASS", "the end mark has come", each, "s a touch" if each is not None else "")
+        return Ruling("PASS", "the end mark has come", each, "s a touch" if each is not None else "")
     if len(seen.records) == many:
-        return Verdict("FAIL", "all records have come, and no end mark")
-    return Verdict("OPEN", "the program did not get there")
+        return Ruling("FAIL", "all records have come, and no end mark")
+    return Ruling("OPEN", "the program did not get there")
 
 
 EXPERIMENT = Experiment(

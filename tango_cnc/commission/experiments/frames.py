@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 
 from ..digits import lost
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 TOLERANCE = 0.05  # mm
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ the largest difference between the end of a measuring move that met nothing and its record."""
     names, worst, which, clipped = seen.plan.machine.names, 0.0, "", lost(seen)
     for touch in seen.plan.touches:
@@ -20,10 +20,10 @@ def judge(seen: Seen) -> Verdict:
                 off = abs(place[name] - touch.end[names.index(name)])
                 worst, which = max((worst, which), (off, name))
     if not seen.records:
-        return Verdict("OPEN", "nothing was recorded")
+        return Ruling("OPEN", "nothing was recorded")
     if worst > TOLERANCE:
-        return Verdict("FAIL", f"{which} is recorded {worst:.3f} mm from where it was sent", worst, "mm")
-    return Verdict("PASS", f"recorded where the axes were sent, within {worst:.4f} mm", worst, "mm")
+        return Ruling("FAIL", f"{which} is recorded {worst:.3f} mm from where it was sent", worst, "mm")
+    return Ruling("PASS", f"recorded where the axes were sent, within {worst:.4f} mm", worst, "mm")
 
 
 EXPERIMENT = Experiment(

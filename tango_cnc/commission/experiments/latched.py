@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 LIMIT = 0.002  # s; a control that samples its probe once a millisecond is right
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ ms by which a position is read late, from touches of the same facets at two feeds."""
     if seen.late is None:
-        return Verdict("OPEN", "no facet was touched at two feeds: tango commission --touch")
+        return Ruling("OPEN", "no facet was touched at two feeds: tango commission --touch")
     ms = 1000.0 * seen.late
     if abs(seen.late) > LIMIT:
-        return Verdict("FAIL", f"positions are those of {ms:.1f} ms after the trigger: they change with the feed", ms, "ms")
-    return Verdict("PASS", f"positions are those of the trigger, within {abs(ms):.2f} ms", ms, "ms")
+        return Ruling("FAIL", f"positions are those of {ms:.1f} ms after the trigger: they change with the feed", ms, "ms")
+    return Ruling("PASS", f"positions are those of the trigger, within {abs(ms):.2f} ms", ms, "ms")
 
 
 EXPERIMENT = Experiment(

@@ -7,12 +7,12 @@ from itertools import pairwise
 
 from ...gate import MIRRORED
 from ..digits import lost
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 FAR = 0.5  # by which a factor has to be off one: frames says what is less
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ the way that each axis went in the measuring moves that met nothing, by that which it was sent."""
     names, worst, which, clipped = seen.plan.machine.names, 1.0, "", lost(seen)
     went: dict[str, list[tuple[float, float]]] = {name: [] for name in seen.plan.machine.linear}
@@ -30,10 +30,10 @@ def judge(seen: Seen) -> Verdict:
             if abs(factor - 1) > abs(worst - 1):
                 worst, which = factor, name
     if not any(went.values()):
-        return Verdict("OPEN", "no two records of moves along an axis")
+        return Ruling("OPEN", "no two records of moves along an axis")
     if worst < 0 or abs(worst - 1) > FAR:
-        return Verdict("FAIL", f"{which} went {worst:.3f} times as far as it was sent", worst, "of the way")
-    return Verdict("PASS", f"axes went as far as they were sent, within a factor of {worst:.4f}", worst, "of the way")
+        return Ruling("FAIL", f"{which} went {worst:.3f} times as far as it was sent", worst, "of the way")
+    return Ruling("PASS", f"axes went as far as they were sent, within a factor of {worst:.4f}", worst, "of the way")
 
 
 EXPERIMENT = Experiment(

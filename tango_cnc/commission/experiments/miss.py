@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import re
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ FAIL where a move in the air is recorded as a contact."""
     wrong = sorted(number for number, (flag, _) in seen.records.items() if flag != 0)
     if wrong:
-        return Verdict("FAIL", f"touch {wrong[0]} in the air is recorded as a contact", float(len(wrong)), "touches")
+        return Ruling("FAIL", f"touch {wrong[0]} in the air is recorded as a contact", float(len(wrong)), "touches")
     if not seen.records:
-        return Verdict("OPEN", "nothing was recorded")
-    return Verdict("PASS", f"{len(seen.records)} moves in the air are recorded as misses", float(len(seen.records)), "touches")
+        return Ruling("OPEN", "nothing was recorded")
+    return Ruling("PASS", f"{len(seen.records)} moves in the air are recorded as misses", float(len(seen.records)), "touches")
 
 
 EXPERIMENT = Experiment(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 from ..timing import expected
 
 LIMIT = 5.0  # s a touch beside what its moves need
@@ -10,21 +10,21 @@ SLOWER = 1.5  # times what was expected
 FASTER = 0.5  # of what was expected: no machine makes these moves in less
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ s a touch beside what its moves need, from the first record to the last one."""
     came = sorted(seen.times)
     if len(came) < 2:
-        return Verdict("OPEN", "fewer than two records have come")
+        return Ruling("OPEN", "fewer than two records have come")
     needed = expected(seen.plan, seen.feed)
     planned = sum(needed[number] for number in came[1:])
     took = seen.times[came[-1]] - seen.times[came[0]]
     each = (took - planned) / (len(came) - 1)
     numbers = f"{took:.0f} s from the first record to the last, {planned:.0f} s expected"
     if each > LIMIT and took > SLOWER * planned:
-        return Verdict("FAIL", f"a touch takes {each:.1f} s more than its moves need: {numbers}", each, "s a touch")
+        return Ruling("FAIL", f"a touch takes {each:.1f} s more than its moves need: {numbers}", each, "s a touch")
     if took < FASTER * planned:
-        return Verdict("OPEN", f"{numbers}: faster than the program asked for; a dry run, or a control that moves nothing?")
-    return Verdict("PASS", numbers, each, "s a touch")
+        return Ruling("OPEN", f"{numbers}: faster than the program asked for; a dry run, or a control that moves nothing?")
+    return Ruling("PASS", numbers, each, "s a touch")
 
 
 EXPERIMENT = Experiment(

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 LIMIT = 0.5  # mm; the errors that are calibrated are tenths of it
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ the axis whose point is farthest from where machine.yaml has it."""
     if not seen.plan.machine.rotary:
-        return Verdict("PASS", "the machine has no rotary axis")
+        return Ruling("PASS", "the machine has no rotary axis")
     if seen.pivots is None:
-        return Verdict("OPEN", "the table was not touched: tango commission --touch")
+        return Ruling("OPEN", "the table was not touched: tango commission --touch")
     blind = [name for name in seen.plan.machine.rotary if name not in seen.pivots or seen.pivots[name].told == 0]
     off = {name: pivot.off for name, pivot in seen.pivots.items()}
     worst = max(off, key=lambda name: off[name], default="")
     if worst and off[worst] > LIMIT:
-        return Verdict("FAIL", f"{worst} turns about a point {off[worst]:.2f} mm from where machine.yaml has it", off[worst], "mm")
+        return Ruling("FAIL", f"{worst} turns about a point {off[worst]:.2f} mm from where machine.yaml has it", off[worst], "mm")
     if blind:
-        return Verdict("OPEN", f"no facet is touched at angles that show the point of {', '.join(blind)}")
-    return Verdict("PASS", f"{worst} turns about a point {off[worst]:.3f} mm from where machine.yaml has it", off[worst], "mm")
+        return Ruling("OPEN", f"no facet is touched at angles that show the point of {', '.join(blind)}")
+    return Ruling("PASS", f"{worst} turns about a point {off[worst]:.3f} mm from where machine.yaml has it", off[worst], "mm")
 
 
 EXPERIMENT = Experiment(

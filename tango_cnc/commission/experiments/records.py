@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from ..digits import lost
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 COARSE = 0.004  # mm: steps of positions from here on are useless; 0.0001 inch is none of them
 USUAL = (1.0, 0.5, 0.25, 0.2, 0.125)  # steps in powers of ten of mm and of inches, which rounded records still show
@@ -16,15 +16,15 @@ FEW = 6  # numbers that a step has to be seen in
 FINE = 0.001  # mm: by so much a fine control may round
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ FAIL where a line came that is no record."""
     if seen.refused and not lost(seen):  # else that is what has to be mended: widths
-        return Verdict("FAIL", f"not a record: {seen.refused[0]!r}", float(len(seen.refused)), "lines")
+        return Ruling("FAIL", f"not a record: {seen.refused[0]!r}", float(len(seen.refused)), "lines")
     if not seen.records:
-        return Verdict("OPEN", "nothing was recorded")
+        return Ruling("OPEN", "nothing was recorded")
     if step := coarse(seen):
-        return Verdict("FAIL", f"positions come in steps of {step:.5g} mm; allowed: 0.001 mm or finer", step, "mm")
-    return Verdict("PASS", f"{len(seen.records)} records read", float(len(seen.records)), "records")
+        return Ruling("FAIL", f"positions come in steps of {step:.5g} mm; allowed: 0.001 mm or finer", step, "mm")
+    return Ruling("PASS", f"{len(seen.records)} records read", float(len(seen.records)), "records")
 
 
 def coarse(seen: Seen) -> float | None:

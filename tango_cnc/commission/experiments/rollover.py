@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...records import Plan
-from ..experiment import Experiment, Question, Seen, Verdict, answered
+from ..experiment import Experiment, Question, Ruling, Seen, answered
 from ..rolling import limited, rolled
 
 
@@ -12,13 +12,13 @@ def asks(plan: Plan) -> dict[str, Question]:
     return rolled(plan)
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ the answer of the person for each axis with limits; PASS for a machine without such an axis."""
     axes = [axis.name for axis in seen.plan.machine.axes if limited(axis)]
     if not axes:
-        return Verdict("PASS", "no rotary axis with limits reaches 350 deg; one without may turn either way")
+        return Ruling("PASS", "no rotary axis with limits reaches 350 deg; one without may turn either way")
     if left := [name for name in axes if name not in asks(seen.plan)]:
-        return Verdict("OPEN", f"the plan in the air has no turn of {', '.join(left)} from 350 to 10 deg")
+        return Ruling("OPEN", f"the plan in the air has no turn of {', '.join(left)} from 350 to 10 deg")
     return answered("rollover", asks)(seen)
 
 

@@ -6,12 +6,12 @@ import math
 import re
 
 from ..digits import lost
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 TOLERANCE = 0.02  # deg
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ the largest difference between a recorded angle and the commanded one, whole turns aside."""
     machine, worst, which, clipped = seen.plan.machine, 0.0, "", lost(seen)
     for touch in seen.plan.touches:
@@ -21,14 +21,14 @@ def judge(seen: Seen) -> Verdict:
                 off = abs(math.remainder(place[name] - math.degrees(touch.end[machine.column(name)]), 360.0))
                 worst, which = max((worst, which), (off, name))
     if not machine.rotary:
-        return Verdict("PASS", "the machine has no rotary axis")
+        return Ruling("PASS", "the machine has no rotary axis")
     if not seen.records:
-        return Verdict("OPEN", "nothing was recorded")
+        return Ruling("OPEN", "nothing was recorded")
     if worst > TOLERANCE:
-        return Verdict("FAIL", f"{which} is recorded {worst:.3f} deg from where it was sent", worst, "deg")
+        return Ruling("FAIL", f"{which} is recorded {worst:.3f} deg from where it was sent", worst, "deg")
     if len(seen.records) < len(seen.plan.touches):
-        return Verdict("OPEN", "the program did not get through all indexations")
-    return Verdict("PASS", f"every indexation reached, within {worst:.4f} deg", worst, "deg")
+        return Ruling("OPEN", "the program did not get through all indexations")
+    return Ruling("PASS", f"every indexation reached, within {worst:.4f} deg", worst, "deg")
 
 
 EXPERIMENT = Experiment(

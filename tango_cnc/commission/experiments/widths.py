@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from ..digits import lost
-from ..experiment import Experiment, Seen, Verdict
+from ..experiment import Experiment, Ruling, Seen
 
 
-def judge(seen: Seen) -> Verdict:
+def judge(seen: Seen) -> Ruling:
     """→ FAIL where a recorded number is the end of the one that was sent; OPEN where the run has longer numbers than the air."""
     if found := lost(seen):
-        return Verdict("FAIL", f"{next(iter(found.values()))}: digits are lost", float(len(found)), "records")
+        return Ruling("FAIL", f"{next(iter(found.values()))}: digits are lost", float(len(found)), "records")
     if not seen.records:
-        return Verdict("OPEN", "nothing was recorded")
+        return Ruling("OPEN", "nothing was recorded")
     largest = max(abs(value) for _, place in seen.records.values() for value in place.values())
     shown, needed = digits(largest), digits(seen.largest)
     if shown < needed:
-        return Verdict("OPEN", f"the run has numbers of {needed} digits before the point, the moves in the air of {shown} only")
-    return Verdict("PASS", f"numbers of {shown} digits before the point are whole", float(shown), "digits")
+        return Ruling("OPEN", f"the run has numbers of {needed} digits before the point, the moves in the air of {shown} only")
+    return Ruling("PASS", f"numbers of {shown} digits before the point are whole", float(shown), "digits")
 
 
 def digits(value: float) -> int:

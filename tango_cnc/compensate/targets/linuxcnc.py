@@ -121,7 +121,7 @@ def held(request: Request) -> list[Held]:
         for i in (0, 1):
             base = machine.axis("C").point[i] - zero[i]
             pin = centre(machine, "C", i, f"{name}.{'xy'[i]}-rot-point", name, increment=1e-6, base=base)
-            if i == side:  # the offset is told from this point, so the cradle goes with it
+            if i == side:  # the control counts the offset from this point, so the cradle goes with it
                 pin = replace(pin, lever=_both(pin.lever, centre(machine, cradle, i, "", "").lever))
             result.append(pin)
         base = machine.axis(cradle).point[side] - machine.axis("C").point[side]

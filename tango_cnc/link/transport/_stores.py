@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ftplib
+import logging
 import ssl
 import threading
 from collections.abc import Callable, Iterator
@@ -119,6 +120,7 @@ class Sftp:
 
     def __init__(self, parts: SplitResult, options: dict[str, str]) -> None:
         paramiko = needed("paramiko", "sftp")
+        logging.getLogger("paramiko").setLevel(logging.CRITICAL + 1)  # it prints a traceback of what it then raises
         self._client = paramiko.SSHClient()
         self._client.load_system_host_keys()
         hash_ = options.get("hostkey", "")

@@ -138,12 +138,14 @@ class _Program:
             self._move(code)
 
     def _show(self, seconds: float) -> None:
+        """s of a text for the person → nothing. Raises InputError for one that holds the program up."""
         if not 0 < seconds <= LONGEST:
             raise InputError(
                 f"shows its text for {seconds:g} s; allowed: up to {LONGEST:g} s, and not 0, which waits for cycle start"
             )
 
     def _print(self, code: str) -> None:
+        """A line of the record file: opened, start mark, record, end mark."""
         if OPEN.fullmatch(code) and not self._opened:
             self._opened = True
         elif not self._opened:
@@ -165,6 +167,7 @@ class _Program:
             raise InputError("no line that a program of this kind may have here")
 
     def _move(self, code: str) -> None:
+        """A line that moves something, or says how the next one counts."""
         machine = self._machine
         if code in ("G90", "G91"):
             self._relative = code == "G91"
@@ -205,6 +208,7 @@ class _Program:
         return {name: self._machine.base.position[name] for name in "XYZ"} | said
 
     def _if(self, condition: str, then: str) -> None:
+        """condition, what follows from it → a place where the program stops, or an assignment."""
         condition = f"[{condition}]"
         for symbol, word in SYMBOLS:
             condition = condition.replace(symbol, word)
@@ -227,6 +231,7 @@ class _Program:
         self._machine.does(self._assignment(int(match[1]), match[2], condition))
 
     def _assignment(self, number: int, value: str, condition: str | None) -> Callable[[Twin], None]:
+        """number of a variable, its value, condition (None: always) → what it does to a twin. Raises InputError."""
         if number not in OWN:
             raise InputError(f"found #{number} given a value; allowed: #29000 … #29999")
 
@@ -237,6 +242,7 @@ class _Program:
         return does
 
     def _read(self, twin: Twin, key: int | str) -> Value:
+        """twin, number of a variable → its value. Raises InputError for one that nobody knows there."""
         assert isinstance(key, int)
         fixed = {INPUT: 15.0, PROBE_BIT: twin.shared.get(PROBE_BIT, 0.0), TRIPPED: float(twin.hit)}
         if key in fixed:

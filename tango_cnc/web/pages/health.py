@@ -19,7 +19,7 @@ VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
 
 
 def healthz(request: Request) -> Response:
-    """request → ok; nothing is told of machines."""
+    """request → ok; it says nothing of machines."""
     return PlainTextResponse("ok\n")
 
 

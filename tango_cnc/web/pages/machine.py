@@ -28,8 +28,8 @@ from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import State, machine_of, needs, page, state_of
-from ..live import Run, journals, minutes_left, quiet, title
-from ..places import STRIP, Machine, measured_before, told
+from ..live import LiveRun, journals, minutes_left, quiet, title
+from ..places import STRIP, Served, measured_before, told
 from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list
@@ -80,7 +80,7 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     return t(key, count=len(signs), all=every, first=first, last=last)
 
 
-def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
+def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     """request, machine, how long it still measures → values of the first screen of its newest night; empty without a night."""
     state = state_of(request)
     nights = state.places.nights(machine, STRIP)
@@ -114,27 +114,27 @@ def morning_of(request: Request, machine: Machine, busy: str) -> dict[str, Any]:
     )
 
 
-def stored(request: Request, machine: Machine, entry: int) -> Any:
+def stored(request: Request, machine: Served, entry: int) -> Any:
     """request, machine, number of an entry → its record; kept for ten minutes, since no entry changes."""
     history = machine.history
     assert history is not None
     return state_of(request).places.kept(f"night {machine.slug} {entry}", lambda: history.night(entry).record, 600)
 
 
-def record_before(request: Request, machine: Machine, nights: Sequence[Night]) -> Any:
+def record_before(request: Request, machine: Served, nights: Sequence[Night]) -> Any:
     """request, machine, its nights newest first → record of the last one that measured before a night that did not; else None."""
     last = measured_before(nights)
     return None if last is None else stored(request, machine, last.entry)
 
 
-def simulated(request: Request, machine: Machine) -> bool:
+def simulated(request: Request, machine: Served) -> bool:
     """request, machine → whether its newest night, or the last that measured, measured no machine but a simulated one."""
     nights = state_of(request).places.nights(machine, STRIP)
     known = [stored(request, machine, nights[0].entry), record_before(request, machine, nights)] if nights else []
     return any((record or {}).get("simulated") for record in known)
 
 
-def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
+def _unclosed(request: Request, machine: Served) -> tuple[Any, Any]:
     """request, machine → its alarms that nobody has closed, newest first, and the last decision about each."""
     history, today = machine.history, datetime.now().astimezone().strftime("%Y-%m-%d")
     assert history is not None
@@ -146,12 +146,12 @@ def _unclosed(request: Request, machine: Machine) -> tuple[Any, Any]:
     return state_of(request).places.kept(f"unclosed {machine.slug}", read)
 
 
-def events_of(state: State, machine: Machine) -> Mapping[str, str]:
+def events_of(state: State, machine: Served) -> Mapping[str, str]:
     """what pages share, machine → {date: what happened to its compensations}, in the words of the page."""
     return marked(happened_to(state, machine), state.texts)
 
 
-def happened_to(state: State, machine: Machine) -> Sequence[Compensation]:
+def happened_to(state: State, machine: Served) -> Sequence[Compensation]:
     """what pages share, machine → what happened to its compensations, newest first."""
     history, name = machine.history, machine.name
 
@@ -162,7 +162,7 @@ def happened_to(state: State, machine: Machine) -> Sequence[Compensation]:
     return state.places.kept(f"compensations {machine.slug}", read)
 
 
-def run_of(request: Request, machine: Machine) -> Run | None:
+def run_of(request: Request, machine: Served) -> LiveRun | None:
     """request, machine → its present or last run on this computer."""
     if machine.folder is None:
         return None
@@ -172,7 +172,7 @@ def run_of(request: Request, machine: Machine) -> Run | None:
     return state.journals.run(files[0], None if isinstance(cell, str) else cell) if files else None
 
 
-def ran_of(request: Request, machine: Machine) -> str:
+def ran_of(request: Request, machine: Served) -> str:
     """request, machine → when its newest complete run on this computer began, as a text; '' without one."""
     if machine.folder is None:
         return ""
@@ -184,7 +184,7 @@ def ran_of(request: Request, machine: Machine) -> str:
     return ""
 
 
-def unmeasured(ran: str, busy: str, machine: Machine, state: State) -> str:
+def unmeasured(ran: str, busy: str, machine: Served, state: State) -> str:
     """complete run or '', minutes left or '', machine, state → what is known of a machine that no night has measured."""
     t = state.texts
     if busy:
@@ -194,13 +194,13 @@ def unmeasured(ran: str, busy: str, machine: Machine, state: State) -> str:
     return t("may.ran" if file_of_cell(machine) is not None else "may.ran_bare", date=ran)
 
 
-def busy_of(request: Request, machine: Machine) -> str:
+def busy_of(request: Request, machine: Served) -> str:
     """request, machine → how long it still measures, in words; '' where it does not."""
     left = minutes_left(run_of(request, machine), time.time())
     return "" if left is None else state_of(request).texts("web.left_short", minutes=left)
 
 
-def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:
+def limits_of(request: Request, machine: Served) -> Mapping[str, float]:
     """request, machine → {what: limit} of its last night that measured, in µm, µrad or µm/m."""
     nights = state_of(request).places.nights(machine, STRIP)
     last = next((n for n in nights if n.verdict != "not_measured"), None)
@@ -209,7 +209,7 @@ def limits_of(request: Request, machine: Machine) -> Mapping[str, float]:
     return {str(x["what"]): float(x["limit"]) for x in stored(request, machine, last.entry).get("limits") or () if x.get("limit")}
 
 
-def curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
+def curves(request: Request, machine: Served) -> tuple[Markup, Markup] | None:
     """The largest error of the tool tip night by night: of a quarter of a year, and of the last nights for a phone."""
     state = state_of(request)
     (k, unit), allowed = state.units.plain, limits_of(request, machine)
@@ -228,7 +228,7 @@ def curves(request: Request, machine: Machine) -> tuple[Markup, Markup] | None:
     return Markup(wide), Markup(narrow)
 
 
-def alarms_by_entry(request: Request, machine: Machine) -> Mapping[int, Any]:
+def alarms_by_entry(request: Request, machine: Served) -> Mapping[int, Any]:
     """request, machine → {entry: alarms of that night} of its nights with alarms; kept for half a minute."""
     history = machine.history
     if history is None or machine.name not in history.machines():
@@ -238,7 +238,7 @@ def alarms_by_entry(request: Request, machine: Machine) -> Mapping[int, Any]:
     )
 
 
-def course_of_tip(request: Request, machine: Machine) -> str:
+def course_of_tip(request: Request, machine: Served) -> str:
     """request, machine → what the largest error of the tool tip does, in one sentence; nothing before two nights."""
     state, allowed = state_of(request), limits_of(request, machine)
     known = [n for n in reversed(state.places.nights(machine, QUARTER)) if n.volume_um is not None]
@@ -256,13 +256,13 @@ def course_of_tip(request: Request, machine: Machine) -> str:
     return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
 
 
-def _after_repairs(request: Request, machine: Machine, nights: Sequence[Night]) -> list[int]:
+def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:
     """request, machine, nights oldest first → places of the first night after each repair."""
     done = [d.utc for d in _unclosed(request, machine)[1] if d.action == "repaired"]
     return [place for utc in done if (place := next((i for i, n in enumerate(nights) if n.start_utc >= utc), None)) is not None]
 
 
-def headlines(request: Request, machine: Machine, nights: Sequence[Night]) -> Mapping[int, str]:
+def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Mapping[int, str]:
     """request, machine, nights → {entry: what the night said, in the words of the shop}; what the one above said is left out."""
     state, history = state_of(request), machine.history
     if history is None or not nights:

@@ -15,7 +15,7 @@ from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
-from ..places import Machine, told
+from ..places import Served, told
 from .machine import ANOTHER, happened_to, limits_of, record_before
 from .report import NAMES, file_of_night
 
@@ -55,7 +55,7 @@ def night(request: Request) -> Response:
     return page(request, "night.html", machine=found, entry=entry, written=written, newest=newest, age=age, **values)
 
 
-def record_of(machine: Machine, entry: int) -> dict[str, object]:
+def record_of(machine: Served, entry: int) -> dict[str, object]:
     """machine, number of an entry → its record. Raises HTTPException 404 for one that is not of this machine."""
     if machine.history is None or entry > 2**53:
         raise HTTPException(404)

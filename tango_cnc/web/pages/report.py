@@ -16,7 +16,7 @@ from starlette.routing import Route
 
 from ..app import machine_of, needs, page
 from ..guard import POLICY
-from ..places import Machine
+from ..places import Served
 
 SANDBOX = (
     "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
@@ -58,7 +58,7 @@ def of_night_alone(request: Request) -> Response:
     return sandboxed(file_of_night(found, record, name))
 
 
-def _asked(request: Request) -> tuple[Machine, Mapping[str, Any], str]:
+def _asked(request: Request) -> tuple[Served, Mapping[str, Any], str]:
     needs(request, "view")
     from .night import record_of
 
@@ -66,7 +66,7 @@ def _asked(request: Request) -> tuple[Machine, Mapping[str, Any], str]:
     return found, record_of(found, int(request.path_params["entry"])), str(request.path_params["name"])
 
 
-def _framed(request: Request, machine: Machine, night: str, back: str, made_up: bool) -> Response:
+def _framed(request: Request, machine: Served, night: str, back: str, made_up: bool) -> Response:
     """request, machine, date of a night or '', address of its page, whether no machine was measured → the page around a report."""
     answer = page(
         request, "framed.html", machine=machine, night=night, back=back, source=f"{request.url.path}/alone", simulated=made_up
@@ -86,7 +86,7 @@ def sandboxed(file: Path | None) -> FileResponse:
     return FileResponse(file, media_type="text/html", headers=own)
 
 
-def file_of_cell(machine: Machine) -> Path | None:
+def file_of_cell(machine: Served) -> Path | None:
     """machine → its report; None when it has none, or when the file links to a place outside the cell."""
     if machine.folder is None:
         return None
@@ -95,7 +95,7 @@ def file_of_cell(machine: Machine) -> Path | None:
     return file if file.is_relative_to(root) and file.is_file() else None
 
 
-def file_of_night(machine: Machine, record: Mapping[str, Any], name: str) -> Path | None:
+def file_of_night(machine: Served, record: Mapping[str, Any], name: str) -> Path | None:
     """machine, record, name of a page → its file, None where it is not there or not in the folder of the cell."""
     folder = (record.get("artefacts") or {}).get("folder")
     if machine.folder is None or not isinstance(folder, str) or name not in NAMES:

@@ -22,8 +22,8 @@ from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, needs, page, state_of
-from ..live import Run, journals, quiet, title
-from ..places import Machine
+from ..live import LiveRun, journals, quiet, title
+from ..places import Served
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
@@ -78,19 +78,19 @@ def _seen(request: Request) -> tuple[str, str, str, str]:
     return tag, chosen.state, _mark(chosen), _step(request, found, chosen, cell)
 
 
-def _mark(run: Run | None) -> str:
+def _mark(run: LiveRun | None) -> str:
     """run or None → what tells it from another run: a page that follows one loads itself again when another begins."""
     return "" if run is None else hashlib.sha256(run.started.encode()).hexdigest()[:12]
 
 
-def _follow(request: Request, machine: Machine, run: Run | None) -> str:
+def _follow(request: Request, machine: Served, run: LiveRun | None) -> str:
     """request, machine, its run → the address that its page follows; '' for a run of before that is complete."""
     present = request.query_params.get("run", "0") == "0" and machine.folder is not None
     going = run is not None and run.state != "complete"
     return f"/machine/{machine.slug}/run/step" if present or going else ""
 
 
-def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
+def _chosen(request: Request) -> tuple[Served, LiveRun | None, Cell | None]:
     found, state = machine_of(request), state_of(request)
     if found.folder is None:
         return found, None, None
@@ -107,13 +107,13 @@ def _chosen(request: Request) -> tuple[Machine, Run | None, Cell | None]:
     return found, state.journals.run(files[int(text)], usable), usable
 
 
-def _step(request: Request, machine: Machine, run: Run, cell: Cell | None) -> str:
+def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) -> str:
     state, silent = state_of(request), quiet(run, time.time())
     key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent}"
     return state.places.kept(key, lambda: _drawn(request, run, cell, silent), 60)
 
 
-def _drawn(request: Request, run: Run, cell: Cell | None, silent: int | None) -> str:
+def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None) -> str:
     state = state_of(request)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
@@ -134,11 +134,11 @@ def _drawn(request: Request, run: Run, cell: Cell | None, silent: int | None) ->
     return state.templates.get_template("_step.html").render(**values)
 
 
-def _resume(run: Run, t: Texts) -> str:
+def _resume(run: LiveRun, t: Texts) -> str:
     return t("web.resume", more="" if run.head is None else run.head.how.removeprefix("--resume"))
 
 
-def _office(run: Run, t: Texts) -> list[str]:
+def _office(run: LiveRun, t: Texts) -> list[str]:
     """run, texts → what the office can do at a computer once it has ended."""
     told = {"stopped": [str(run.why), _resume(run, t)], "complete": [t("web.to_report")]}.get(run.state, [])
     return list(dict.fromkeys(line for text in told if (line := office(text, t))))
@@ -154,7 +154,7 @@ def _row(e: Reading, k: float) -> dict[str, Any]:
     }
 
 
-def _deviations(run: Run, t: Texts, unit: str, k: float, wide: float) -> str:
+def _deviations(run: LiveRun, t: Texts, unit: str, k: float, wide: float) -> str:
     good = [(e.touch, e.deviation_um * k) for e in run.readings if e.status == "ok" and e.deviation_um is not None]
     bad = [e.touch for e in run.readings if e.status != "ok"]
     x, y = (np.array(v, dtype=float) for v in (zip(*good, strict=True) if good else ((), ())))
@@ -166,7 +166,7 @@ def _deviations(run: Run, t: Texts, unit: str, k: float, wide: float) -> str:
     return chart(series, Frame(wide, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
 
 
-def _drift(run: Run, heading: str, unit: str, k: float, wide: float) -> str:
+def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
     rows = [(e.time_s / 60, e.drift_um * k) for e in run.readings if e.drift_um is not None]
     if not rows:
         return ""
@@ -174,7 +174,7 @@ def _drift(run: Run, heading: str, unit: str, k: float, wide: float) -> str:
     return chart([Series(x, y, "squares", GREEN, size=2.6)], Frame(wide, 190, heading, "min", unit))
 
 
-def _map(run: Run, cell: Cell, heading: str) -> str:
+def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     """Facets from above; those on top of each other are moved apart by their height, so that each can be seen."""
     made = Counter(e.facet for e in run.readings)
     facets = [f for f in cell.artefact.facets.values() if f.id in made or f.id in run.left]

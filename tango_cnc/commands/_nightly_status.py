@@ -1,0 +1,213 @@
+"""`tango nightly --status`: how the last nights went, what waits to be sent, and what comes next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ..files import read_cell
+from ..files.nightly import Nightly, history_of
+from ..history import History, Night, Standing, opened
+from ..history.clock import asks, in_future
+from ..history.clock import told as told_of
+from ..history.former import Former, formers, of_folder
+from ..link.lock import cut_off, ended
+from ..nightly.mail import answer
+from ..records import TangoError
+from ..report.age import measured_on, night_of_stamp, nights_old
+from ..report.morning import next_night
+from ..report.repeated import shortened
+from ..report.texts import Texts, code
+from ..report.tonight import by_tonight
+from ..report.units import Units
+from ..texts import joined
+from ._common import on_terminal, table, write_json
+from ._shop import ENDED, headlines, looked_at, note_simulated
+from ._unreadable import machine_of
+
+
+@dataclass(frozen=True)
+class Status:
+    """What is known of the nights of a cell without measuring."""
+
+    name: str  # of the machine; empty: nobody says it
+    trouble: str | None  # why no night can begin
+    nights: Sequence[Night]  # newest first
+    said: Mapping[int, str]  # entry: its headline
+    alarms: Sequence[Mapping[str, Any]]  # open
+    coming: Mapping[str, Any]  # the next night; empty: unknown
+    standing: Standing | None  # as in the list of all machines
+    stale: int  # nights since the machine was measured; 0: not old
+    future: Night | None  # one that is left out, dated in the future
+    renamed: Sequence[Former]  # what the cell has under other names
+    waiting: Sequence[str]  # stamps of messages that are not sent
+    unfinished: Sequence[str]  # stamps of nights that have begun and not ended
+    cut: Sequence[str]  # stamps of those that nobody works on
+    ended: Mapping[str, str]  # and how those ended that did
+
+    @property
+    def late(self) -> bool:
+        """→ whether a night is missing."""
+        return self.standing is None or self.standing.late
+
+    @property
+    def wants_somebody(self) -> bool:
+        """→ whether somebody has to do something."""
+        wanted = self.standing is None or self.standing.wants_somebody or self.stale > 0
+        wanted |= self.future is not None and asks(self.future)
+        return bool(wanted or self.cut or self.alarms or self.trouble is not None or any(f.alarms for f in self.renamed))
+
+    def as_json(self) -> dict[str, Any]:
+        """→ members of tango-nightly-status/1."""
+        return {
+            "format": "tango-nightly-status/1",
+            "machine": self.name,
+            "late": self.late,
+            "stale_nights": self.stale,
+            "waiting": self.waiting,
+            "unfinished": self.unfinished,
+            "cut_off": self.cut,
+            "trouble": self.trouble,
+            "left_out": None if self.future is None else vars(self.future),
+            "open_alarms": list(self.alarms),
+            "nights": [vars(n) for n in self.nights],
+            "next": self.coming or None,
+            "former": [
+                {
+                    "machine": f.machine,
+                    "nights": f.nights,
+                    "last": f.last,
+                    "open_alarms": list(f.alarms),
+                    "held_alarms": list(f.held),
+                }
+                for f in self.renamed
+            ],
+        }
+
+
+def status(
+    folder: Path, settings: Nightly, wrong: TangoError | None, where: str | None, disk: Any, json_file: str | None, t: Texts
+) -> int:
+    """folder of a cell, its settings, what is wrong with them, --history, its disk, --json, texts → exit status: 1 where somebody
+    has to do something.
+    """
+    name = ""
+    if not folder.is_dir():
+        read_cell(folder)  # says that there is no such cell
+    try:
+        name = read_cell(folder).machine.name
+    except TangoError as error:
+        wrong = wrong or error
+    place = history_of(folder, settings, where)
+    with opened(looked_at(place)) as whole:
+        history = whole.as_of(lambda: datetime.now(UTC))
+        name = name or machine_of(folder, history.machines())
+        found = _read(history, name, folder, settings, place, disk, None if wrong is None else str(wrong))
+        if json_file is None:
+            note_simulated(history, name, t)
+    if not write_json(json_file, found.as_json()):
+        first, *lines = _lines(found, folder, where, t)
+        told = _answer(folder, place, t)
+        for line in (first, *([f"  {told}"] if told else []), *lines):
+            click.echo(line)
+    return int(found.wants_somebody)
+
+
+def _answer(folder: Path, place: str | Path, t: Texts) -> str:
+    """cell, its history, texts → whether parts may be made, as on its page and in its report; '' where no night says so."""
+    from .report import nights
+
+    with suppress(TangoError):  # what is wrong with the cell is printed on its own line
+        machine, u = read_cell(folder).machine, Units()
+        found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
+        if found is not None:
+            told = found.answer(u, t, machine)
+            lines = (f"{told.word}{', ' + told.old if told.old else ''}.", told.why, f"{told.numbers}." if told.numbers else "")
+            return f"{t('may.ask')} {' '.join(x for x in (*lines, told.soon) if x)}"
+    return ""
+
+
+def _read(
+    history: History, name: str, folder: Path, settings: Nightly, place: str | Path, disk: Any, trouble: str | None
+) -> Status:
+    """history, machine, folder of its cell, settings, where the history is, disk, what is wrong → its status."""
+    today = f"{datetime.now().astimezone():%Y-%m-%d}"
+    renamed = formers(history, name, folder, of_folder(place, folder))
+    nights = history.nights(name, last=7) if name in history.machines() else ()
+    newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
+    record = history.night(newest.entry).record if newest else {}
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    before = record if last is None or newest is None or last.entry == newest.entry else history.night(last.entry).record
+    standings = history.fleet(datetime.now(UTC).isoformat(), settings.late_hours)
+    cut = cut_off(folder)
+    return Status(
+        name,
+        trouble,
+        nights,
+        headlines(history, nights),
+        _by_tonight(history.open_alarms(name, today=today), record) if nights else (),
+        next_night(record, history.decisions(name), before) if nights else {},
+        next((s for s in standings if s.machine == name), None),
+        nights_old(measured_on(record, before), today, settings.answers_for) if nights else 0,
+        in_future(history, name),
+        renamed,
+        [stamp for stamp, _ in disk.unsent()],
+        [stamp for stamp, _ in disk.unfinished()],
+        cut,
+        ended(folder, cut),
+    )
+
+
+def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """open alarms, record of the newest night → the same in the words of that night where it has measured them."""
+    told = {a["id"]: a for a in record.get("standing") or ()}
+    return tuple(
+        {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}, **by_tonight(told[a["id"]])}
+        if a["id"] in told
+        else a
+        for a in alarms
+    )
+
+
+def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator[str]:
+    """status, folder of the cell, --history, texts → what is printed."""
+    word = t("cli.nightly.no_night" if not found.nights else "cli.nightly.late" if found.late else "cli.nightly.on_time")
+    yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if found.stale else word}"
+    if found.stale:
+        yield f"  {t('morning.old_todo')}"
+    if found.trouble is not None:
+        yield "  " + t("cli.nightly.cannot_begin", why=found.trouble)
+    if found.future is not None:
+        yield f"  {t.of(told_of(found.future))}"
+    for f in found.renamed:
+        if f.alarms or f.held or not found.nights:
+            yield f"  {t.of(f.told(found.name, not found.nights))}"
+    yield from _nights(found, t)
+    for alarm in found.alarms:
+        command = answer(alarm["id"], str(folder), where)
+        text = joined("; ", (alarm["text"], alarm.get("now")))
+        yield "  " + t("cli.nightly.open_alarm", id=alarm["id"], text=text, command=command)
+    for stamp in found.waiting:
+        yield "  " + t("cli.nightly.waits", stamp=stamp)
+    for stamp in found.unfinished:
+        key = ENDED.get(found.ended.get(stamp, ""), "cut_off" if stamp in found.cut else "begun")
+        yield "  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp))
+    if found.coming:
+        yield "  " + t("cli.nightly.next", kind=code(found.coming["kind"]), why=found.coming["why"])
+
+
+def _nights(found: Status, t: Texts) -> Iterator[str]:
+    """status, texts → a line a night."""
+    rows = [[""] * 5]  # no heads
+    titles = shortened([found.said.get(n.entry) or n.headline for n in found.nights])
+    for n, text in zip(found.nights, titles, strict=True):
+        rows.append([n.night, *(t.of(code(word)) for word in (n.kind, n.status, n.verdict)), " ".join(t.of(text).split())])
+    columns = on_terminal()
+    listed = table(rows, "<<<<<", None if columns is None else columns - 2)
+    yield from (f"  {line}" for line in listed.splitlines() if line.strip())

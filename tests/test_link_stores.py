@@ -1,0 +1,96 @@
+"""Disks over the network: what a port's URL states reaches the library of every protocol; what it leaves out is left to it."""
+
+from __future__ import annotations
+
+import ftplib
+import sys
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from tango_cnc.link.protocols import remote
+from tango_cnc.link.transport import open_port, parse
+from tango_cnc.records import LinkError
+
+
+class Enough(OSError):
+    """The library has been asked; nobody is there."""
+
+
+class Refused(Exception):
+    """Stands for what a library raises by itself; none of it is raised here."""
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """→ what the libraries were asked for: host, port, user, password, and settings that are not None."""
+    said: dict[str, Any] = {}
+
+    def told(**more: Any) -> None:
+        said.update({name: value for name, value in more.items() if value is not None and "timeout" not in name})
+
+    class Ssh:
+        def load_system_host_keys(self) -> None: ...
+        def set_missing_host_key_policy(self, policy: object) -> None: ...
+        def close(self) -> None: ...
+
+        def connect(self, host: str, port: int, user: str | None, password: str | None, **more: Any) -> None:
+            told(host=host, port=port, user=user, password=password, **more)
+            raise Enough
+
+    def session(host: str, user: str | None, password: str | None, *, port: int, **more: Any) -> None:
+        told(host=host, port=port, user=user, password=password)
+        raise Enough
+
+    def login(self: ftplib.FTP, user: str, password: str) -> None:
+        told(user=user, password=password)
+        raise Enough
+
+    libraries: dict[str, dict[str, Any]] = {
+        "paramiko": {"SSHClient": Ssh, "MissingHostKeyPolicy": object, "SSHException": Refused},
+        "smbclient": {"register_session": session},
+        "smbprotocol": {},
+        "smbprotocol.exceptions": dict.fromkeys(("SMBOSError", "LogonFailure", "AccessDenied", "SMBException"), Refused),
+    }
+    for name, content in libraries.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(ftplib.FTP, "connect", lambda self, host, port: told(host=host, port=port))
+    monkeypatch.setattr(ftplib.FTP, "login", login)
+    monkeypatch.setattr(ftplib.FTP_TLS, "login", login)
+    monkeypatch.setenv("AT_THE_CONTROL", "g&h=8 #?")
+    return said
+
+
+def reached(asked: dict[str, Any], url: str) -> dict[str, Any]:
+    with pytest.raises(LinkError, match="does not open"):
+        open_port(parse(url, remote.OPTIONS))
+    return asked
+
+
+PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
+
+
+@pytest.mark.parametrize("scheme", PORTS)
+def test_host_port_user_and_password_arrive(scheme: str, asked: dict[str, Any]) -> None:
+    found = reached(asked, f"{scheme}://anna%20b@192.0.2.7:2222/S/TANGO.TXT?password=env:AT_THE_CONTROL")
+    assert found == {"host": "192.0.2.7", "port": 2222, "user": "anna b", "password": "g&h=8 #?"}
+
+
+@pytest.mark.parametrize("scheme", PORTS)
+def test_what_no_url_states_is_the_port_of_the_protocol_and_no_name(scheme: str, asked: dict[str, Any]) -> None:
+    """FTP alone has a name for who has none."""
+    nobody = {"user": "anonymous", "password": ""} if scheme.startswith("ftp") else {}
+    assert reached(asked, f"{scheme}://192.0.2.7/S/TANGO.TXT") == {"host": "192.0.2.7", "port": PORTS[scheme], **nobody}
+
+
+def test_a_key_and_its_passphrase_arrive(asked: dict[str, Any], tmp_path: Any) -> None:
+    (key := tmp_path / "key").write_text("-")
+    found = reached(asked, f"sftp://anna@192.0.2.7/TANGO.TXT?key={key}&passphrase=env:AT_THE_CONTROL")
+    assert found == {"host": "192.0.2.7", "port": 22, "user": "anna", "key_filename": str(key), "passphrase": "g&h=8 #?"}
+
+
+def test_a_user_of_a_domain_is_named_with_it(asked: dict[str, Any]) -> None:
+    assert reached(asked, "smb://anna@192.0.2.7/S/TANGO.TXT?domain=WORKS")["user"] == "WORKS\\anna"
