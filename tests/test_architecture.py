@@ -306,20 +306,6 @@ def test_a_word_of_the_glossary_is_one_class(root: Path) -> None:
     assert not twice, f"one of them needs another name: {twice}"
 
 
-LONGEST = 100  # lines of a function, its docstring too
-
-
-def test_no_function_is_longer_than_a_reader_holds(root: Path) -> None:
-    """Which step does what is said by names, not by places in a long one."""
-    found = {
-        f"{file.relative_to(root)}:{node.lineno} {node.name}": length
-        for file in modules(root).values()
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-        if isinstance(node, ast.FunctionDef) and (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST
-    }
-    assert not found, f"more than {LONGEST} lines: cut into steps with names: {found}"
-
-
 PRIVATE = 125  # statements; tests of several files get what they need through `tests/support/`. This number only falls.
 
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tango_cnc.check.apart import Pose, Round, apart
+from tango_cnc.check.apart import Placed, Round, apart
 from tango_cnc.records import Array
 
 ASIDE = np.array([7.0, -5.0, 11.0])  # both boxes are from where they were drawn
 UNIT = np.array([[i, j, k] for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
 
 
-def over_each_other(gap: Array, aside: Array) -> tuple[Round, Pose, Round, Pose, float]:
+def over_each_other(gap: Array, aside: Array) -> tuple[Round, Placed, Round, Placed, float]:
     """(n,) mm between two boxes above each other, (n, 2) mm that the upper one is aside → the boxes, poses, mm of their radii."""
     upper, lower = Round(UNIT * 20.0 + np.array([1.0, 2.0, 20.0]), 0.5), Round(UNIT * 10.0 + np.array([3.0, -4.0, -10.0]), 0.25)
     place = np.hstack([aside, gap[:, None]])[:, None]
     at, there = place + ASIDE, np.zeros_like(place) + ASIDE
     turn = np.tile(np.eye(3), (len(gap), 1, 1))
-    return upper, Pose(turn, at), lower, Pose(turn, there), 0.75
+    return upper, Placed(turn, at), lower, Placed(turn, there), 0.75
 
 
 @pytest.mark.parametrize("steps", [24, 0])  # of the walk; without any everything is worked out by the nearest point
@@ -50,8 +50,8 @@ def test_two_boxes_straight_above_each_other_are_decided_at_the_first_look(monke
     gap = np.linspace(2.0, 40.0, 20)
     upper, at, lower, there, radii = over_each_other(gap, np.tile([2.0, -6.0], (20, 1)))
     sideways = np.array([[9.0, 0.0, 0.0], [-9.0, 0.0, 0.0]])
-    swept = Pose(at.turn, at.shift + sideways)
-    still = Pose(there.turn, np.repeat(there.shift, 2, axis=1))
+    swept = Placed(at.turn, at.shift + sideways)
+    still = Placed(there.turn, np.repeat(there.shift, 2, axis=1))
     assert apart(upper, swept, lower, still, 0.9 * gap - radii).all()
 
 
@@ -63,8 +63,8 @@ def test_proven_apart_is_apart(seed: int) -> None:
     turn = np.linalg.qr(rng.normal(size=(60, 3, 3)))[0]
     shift = rng.normal(size=(60, 2, 3)) * 120
     need = rng.uniform(0, 20, 60)
-    still = Pose(np.tile(np.eye(3), (60, 1, 1)), np.zeros((60, 2, 3)))
-    proven = apart(one, Pose(turn, shift), other, still, need)
+    still = Placed(np.tile(np.eye(3), (60, 1, 1)), np.zeros((60, 2, 3)))
+    proven = apart(one, Placed(turn, shift), other, still, need)
     share, along = rng.dirichlet(np.full(9, 0.3), (2, 200)), rng.dirichlet(np.full(2, 0.5), 200)
     a = np.einsum("nij,vj->nvi", turn, share[0] @ one.corner) + np.einsum("vs,nsi->nvi", along, shift)
     b = share[1] @ other.corner
@@ -83,6 +83,6 @@ def test_boxes_are_as_far_apart_as_can_be_worked_out_by_hand(steps: int, monkeyp
     low, high = way.min(axis=1) + beside - half.sum(axis=0), way.max(axis=1) + beside + half.sum(axis=0)
     exact = np.linalg.norm(np.maximum(np.maximum(low, -high), 0.0), axis=1)
     need = rng.uniform(0, 60, 300)
-    poses = [Pose(np.tile(np.eye(3), (300, 1, 1)), shift) for shift in (way, np.zeros((300, 2, 3)))]
+    poses = [Placed(np.tile(np.eye(3), (300, 1, 1)), shift) for shift in (way, np.zeros((300, 2, 3)))]
     proven = apart(Round(beside + UNIT * half[0]), poses[0], Round(UNIT * half[1]), poses[1], need)
     assert (proven == (exact > need))[np.abs(exact - need) > 1e-3].all() and 50 < proven.sum() < 250

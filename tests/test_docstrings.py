@@ -78,3 +78,17 @@ def test_every_public_name_says_what_it_takes_and_gives(root: Path) -> None:
 def test_the_check_can_refuse(source: str) -> None:
     (name, node), *_ = public(ast.parse(source).body)
     assert complaint("tango_cnc.model", name, node)
+
+
+LONGEST = 100  # lines of a function, its docstring too
+
+
+def test_no_function_is_longer_than_a_reader_holds(root: Path) -> None:
+    """Which step does what is said by names, not by places in a long one."""
+    found = {
+        f"{file.relative_to(root)}:{node.lineno} {node.name}": length
+        for file in modules(root).values()
+        for node in ast.walk(tree(file))
+        if isinstance(node, ast.FunctionDef) and (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST
+    }
+    assert not found, f"more than {LONGEST} lines: cut into steps with names: {found}"

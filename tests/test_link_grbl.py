@@ -24,7 +24,7 @@ from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.protocols.grbl import serve
 from tango_cnc.files import read_cell, read_world
-from tango_cnc.link.client import Ended, Touched
+from tango_cnc.link.client import Ended, Identified, Touched
 from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.records import InputError, Obstacle, World
@@ -158,14 +158,17 @@ def test_a_work_offset_of_the_control_changes_no_place_that_the_axes_go_to(cell,
     )
     parts = read_cell(cell)
     made, touched = plan(parts), []
-    for offset in ({}, {"X": 12.3456, "Y": -4.5, "Z": 107.0, "B": 3.0, "C": -21.5}):
-        one = switched_on(Motion(rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))), g54=offset)
+    shifted = {"X": 12.3456, "Y": -4.5, "Z": 107.0, "B": 3.0, "C": -21.5}
+    for offset, inches in (({}, False), (shifted, False), (shifted, True)):
+        one = switched_on(Motion(rig(parts.machine, parts.artefact, read_world(cell / "world.yaml"))), g54=offset, inches=inches)
         events, _ = driven(made, one, targets=targets)
         assert events[-1] == Ended(2), events[-1]
+        assert ("inches, G54" if inches else "mm, G54") in next(e.text for e in events if isinstance(e, Identified))
         touched.append([event for event in events if isinstance(event, Touched)])
-    for here, there in zip(*touched, strict=True):
-        assert (here.number, here.flag) == (there.number, there.flag)
-        assert here.position == pytest.approx(there.position, abs=0.01)
+    for here, *others in zip(*touched, strict=True):
+        for there in others:
+            assert (here.number, here.flag) == (there.number, there.flag)
+            assert here.position == pytest.approx(there.position, abs=0.01)
 
 
 @pytest.mark.parametrize(("line", "goes_on"), [(r"\$I", True), ("G38.3 X.* Y.* Z.*", False), ("G38.3 .* F180", False)])

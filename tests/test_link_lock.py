@@ -253,3 +253,12 @@ def test_what_windows_says_of_a_process(monkeypatch, opens, status, times, runs,
     assert born(4711) == began and alive(4711) is runs
     assert alive(4711, began) is runs and alive(4711, "another") is (runs and not began)
     assert len(left) == (0 if opens is True else 4)  # what was opened has been closed
+
+
+@pytest.mark.parametrize("left", [None, "morning.html", "planned.json", "readings.csv", "readings.journal", "warm-up.journal"])
+def test_a_night_that_has_written_down_what_it_touches_may_have_sent_it(tmp_path, left):
+    stamps = ["2026-03-10T020003Z", "2026-03-11T020003Z"]
+    if left is not None:
+        (tmp_path / "nights" / stamps[0]).mkdir(parents=True)
+        (tmp_path / "nights" / stamps[0] / left).write_text("{}")
+    assert lock.unsent(tmp_path, stamps) == (stamps if left in (None, "morning.html") else stamps[1:])

@@ -22,7 +22,7 @@ from tango_cnc.link.client import Failed, Touched
 from tango_cnc.link.layout import read_layout
 from tango_cnc.link.protocols.modbus import Client
 from tango_cnc.link.transport import Lost, open_port, parse
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, LinkError
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
 
@@ -278,3 +278,12 @@ def test_who_stops_the_run_leaves_the_probe_clear_of_the_table(protocol):
     assert touched(None, events)
     linear = [made.machine.column(name) for name in made.machine.linear]
     assert np.abs(motion.position[linear] - np.array(made.touches[2].over)[linear]).max() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [("modbus+tcp://127.0.0.1:1/1", "nothing answers at 127.0.0.1:1"), ("modbus+rtu:///dev/none/1", "/dev/none cannot be opened")],
+)
+def test_nobody_there_and_no_such_line_are_two_things(url, said):
+    with pytest.raises(LinkError, match=said):
+        open_port(parse(url, {}))

@@ -6,6 +6,8 @@ import re
 import subprocess
 import sys
 import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -206,6 +208,25 @@ def test_a_password_that_is_wrong_is_said_without_it(server, monkeypatch):
     with pytest.raises(LinkError) as error:
         open_port(parse(server.url(), remote.OPTIONS))
     assert "refuses" in str(error.value) and "falsch7" not in str(error.value)
+
+
+@pytest.mark.parametrize("server", [marked("ftps")], indirect=True)
+def test_a_certificate_that_is_not_trusted_is_named_and_what_to_do(server):
+    """It was "Operation not permitted": the number of a certificate that is refused is that of another error of the system."""
+    with pytest.raises(LinkError, match=r"certificate of the control is refused \(self.signed certificate\).*SSL_CERT_FILE"):
+        open_port(parse(server.url().replace("&verify=no", ""), remote.OPTIONS))
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
+def test_a_login_that_is_refused_is_not_tried_again(server):
+    """Thirty tries in a minute lock a name at the control."""
+    line = opened(server)
+    line._hang_up()  # as a control does that closes idle connections
+    line._address = replace(line._address, options={**line._address.options, "password": "another"})
+    began = time.monotonic()
+    with pytest.raises(Lost, match=r"refuses the login \(.+\): correct user and password"):
+        looked(line)
+    assert time.monotonic() - began < 30
 
 
 @pytest.mark.system(*NEEDED["sftp"])

@@ -58,6 +58,7 @@ def test_a_control_that_stops_is_given_up_and_the_touch_that_was_due_is_named(tm
 def test_a_control_that_never_answers_is_given_up_after_the_time_to_press_a_button(tmp_path):
     run = Run(tmp_path, lambda written: b"", this_job=job(start_patience=120.0))
     assert "silent for longer than 120 s" in run.error
+    assert "may still execute what it has received: look at the machine" in run.error
     assert "0 of 3 touches" in run.error
 
 

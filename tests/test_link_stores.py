@@ -19,7 +19,11 @@ class Enough(OSError):
 
 
 class Refused(Exception):
-    """Stands for what a library raises by itself; none of it is raised here."""
+    """Stands for what a library raises by itself."""
+
+
+class AuthenticationException(Refused):
+    """As paramiko calls a refused password."""
 
 
 @pytest.fixture
@@ -94,3 +98,24 @@ def test_a_key_and_its_passphrase_arrive(asked: dict[str, Any], tmp_path: Any) -
 
 def test_a_user_of_a_domain_is_named_with_it(asked: dict[str, Any]) -> None:
     assert reached(asked, "smb://anna@192.0.2.7/S/TANGO.TXT?domain=WORKS")["user"] == "WORKS\\anna"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (AuthenticationException("Authentication failed."), "the control refuses: Authentication failed."),
+        (Refused("Error reading SSH protocol banner"), "does not open: Error reading SSH protocol banner"),
+        (Refused(), "does not open: Refused"),
+    ],
+)
+def test_what_the_control_refuses_is_told_from_a_line_that_broke(
+    asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch, error: Exception, said: str
+) -> None:
+    """Who is refused has to change something; where the line broke, the same again may do."""
+
+    def connect(*args: Any, **more: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(sys.modules["paramiko"].SSHClient, "connect", connect)
+    with pytest.raises(LinkError, match=said):
+        open_port(parse("sftp://anna@192.0.2.7/TANGO.TXT", remote.OPTIONS))

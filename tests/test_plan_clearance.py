@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.blockcell import block, cell, machine
@@ -9,7 +11,7 @@ from support.blockcell import block, cell, machine
 from tango_cnc import check
 from tango_cnc.plan import plan, sweep
 from tango_cnc.plan.clearance import MARGIN
-from tango_cnc.plan.places import scene
+from tango_cnc.plan.places import Places, nowhere, scene
 from tango_cnc.plan.travel import DROP
 from tango_cnc.plan.ways import lifts
 from tango_cnc.records import InputError
@@ -52,3 +54,18 @@ def test_a_table_sweeps_a_sphere_where_a_rotary_axis_carries_it(topology: str, t
         centre, radius = found
         corners = np.vstack([body.corner for body in check.solid(artefact).obstacles])
         assert np.linalg.norm(corners - centre, axis=1).max() <= radius
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 2, 3, 4, 5], [5, 3, 3, 0], [4], [1]])
+def test_touches_that_are_left_to_another_place_are_those_alone_whichever_are_asked_for(rows: list[int]) -> None:
+    made = cell(machine("wCBXfZY(S)t"), block(), [{}])
+    shared = scene(made.machine, made.artefact, made.strategy)
+    facet, at, lift = np.arange(6), np.zeros(6, int), np.full((3, 6), 20.0)
+    plain = Places(shared, facet, at, lift, nowhere(len(made.machine.names)))
+    elsewhere = np.arange(2.0 * len(made.machine.names)).reshape(2, -1)
+    found = replace(plain, left=(np.array([1, 3]), elsewhere))(np.array(rows))
+    expected = plain(np.array(rows))
+    for i, row in enumerate(rows):
+        if row in (1, 3):
+            expected[i, 5] = elsewhere[[1, 3].index(row)]
+    np.testing.assert_array_equal(found, expected)

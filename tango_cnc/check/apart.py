@@ -32,14 +32,14 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Pose:
+class Placed:
     """n poses of a body: x goes to turn @ x + shift; with several shifts, to all that is between them."""
 
     turn: Array  # (n, 3, 3)
     shift: Array  # (n, s, 3) mm
 
 
-def apart(one: Round, at: Pose, other: Round, there: Pose, need: Array) -> Mask:
+def apart(one: Round, at: Placed, other: Round, there: Placed, need: Array) -> Mask:
     """two bodies, n poses of each (as many shifts), (n,) mm → (n,) whether they are proven to keep more than that between them."""
     found = np.zeros(len(need), dtype=bool)
     for begin in range(0, len(need), CHUNK):

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from ..records import Array, Machine, Obstacle, Probe
-from .apart import Pose, Round
+from .apart import Placed, Round
 from .collision import BODY_MARGIN, MARGIN
 from .solid import PATCH, Solid, body_of, grown
 
@@ -143,11 +143,11 @@ def seen(machine: Machine, obstacle: Obstacle, position: Array) -> Array:
     return np.asarray((body_of(obstacle).corner @ turn.T + shift - origin) @ table)
 
 
-def poses(machine: Machine, axes: tuple[str, ...], places: Array) -> Pose:
+def poses(machine: Machine, axes: tuple[str, ...], places: Array) -> Placed:
     """axes, (n, s, k) mm rad, rotary ones alike in all s → n poses, anywhere between the s places."""
     n, s, k = places.shape
     turn, shift = pose(machine, axes, places.reshape(n * s, k))
-    return Pose(turn.reshape(n, s, 3, 3)[:, 0], shift.reshape(n, s, 3))
+    return Placed(turn.reshape(n, s, 3, 3)[:, 0], shift.reshape(n, s, 3))
 
 
 def _turned(direction: Array, angle: Array) -> Array:

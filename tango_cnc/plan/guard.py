@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from ..check.apart import Pose, Round, apart
+from ..check.apart import Placed, Round, apart
 from ..check.bodies import Pair, poses
 from ..check.travel import ROUNDING
 from ..records import Array, InputError, Machine, Move, Plan
@@ -95,7 +95,7 @@ class Guard:
             else:
                 ball.append(shape)
                 shift.append(poses(self._machine, axes, places[None]).shift)
-        one, other = (Pose(np.eye(3)[None], each) for each in shift)
+        one, other = (Placed(np.eye(3)[None], each) for each in shift)
         return bool(apart(ball[0], one, ball[1], other, np.array([need]))[0])
 
     def _in_boxes(self, pair: Pair, places: Array, spans: Spans, need: float) -> bool:
@@ -133,8 +133,8 @@ class Guard:
         return max(_lever(self._machine, axes, name, shape.corner, place) for place in places)
 
 
-def _rows(pair: Pair, one: Pose, other: Pose, rows: NDArray[np.bool_]) -> tuple[Round, Pose, Round, Pose]:
-    return pair.one.shape, Pose(one.turn[rows], one.shift[rows]), pair.other.shape, Pose(other.turn[rows], other.shift[rows])
+def _rows(pair: Pair, one: Placed, other: Placed, rows: NDArray[np.bool_]) -> tuple[Round, Placed, Round, Placed]:
+    return pair.one.shape, Placed(one.turn[rows], one.shift[rows]), pair.other.shape, Placed(other.turn[rows], other.shift[rows])
 
 
 def _lever(machine: Machine, axes: tuple[str, ...], name: str, points: Array, place: Array) -> float:

@@ -17,6 +17,7 @@ that the line is lost, serial ports are locked twice, and a character of wrong p
 
 from __future__ import annotations
 
+import ssl
 import time
 
 import serial
@@ -71,6 +72,11 @@ def open_port(address: Address) -> Transport:
 
 
 def _advice(address: Address, error: Exception) -> str:
+    if isinstance(error, ssl.SSLCertVerificationError):
+        return (
+            "Renew it, or name the host as it does. The environment variable SSL_CERT_FILE names a file with the certificate of a "
+            "shop's own issuer; verify=no looks at no certificate"
+        )
     if ways()[address.scheme].needs != "device":
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
     busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import ssl
 from typing import Protocol
 
 from ...records import LinkError
@@ -36,6 +37,10 @@ def reason(error: Exception) -> str:
     number = getattr(error, "errno", None)
     if isinstance(error, EOFError):
         return "the connection was closed"
+    if isinstance(error, ssl.SSLCertVerificationError):  # its number is that of another error of the system
+        return f"the certificate of the control is refused ({error.verify_message.rstrip('.')})"
+    if isinstance(error, ssl.SSLError):
+        return f"TLS fails ({error.reason or error})"
     if isinstance(error, TimeoutError):
         return f"no answer within {PATIENCE:.0f} s"
     return os.strerror(number) if isinstance(number, int) and number > 0 else str(error)

@@ -14,7 +14,7 @@ from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._stores import PORTS, Store, needed, store
+from ._stores import PORTS, RefusedError, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -89,6 +89,9 @@ class Remote:
         while True:
             try:
                 return self._new(self._store or self._open())
+            except RefusedError as error:
+                self._hang_up()
+                raise Lost(str(error)) from None
             except BROKEN as error:
                 self._hang_up()
                 if time.monotonic() > until:

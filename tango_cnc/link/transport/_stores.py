@@ -16,6 +16,7 @@ from ...records import InputError, LinkError
 
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
+NO_LOGIN = "530"  # RFC 959: not logged in
 REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException", "BadHostKeyException")  # of paramiko
 
 
@@ -38,6 +39,15 @@ class Store(Protocol):
         """Hangs up."""
 
 
+class RefusedError(LinkError):
+    """The control answers and lets nobody in by this name: another try may lock the name, and a password helps."""
+
+
+def refused(why: object) -> RefusedError:
+    """what a server said of a login → the error that ends it."""
+    return RefusedError(f"the control refuses the login ({str(why).rstrip('.')}): correct user and password in the port's URL")
+
+
 class Ftp:
     """FTP, and FTP over TLS, by ftplib. A server without SIZE or REST is read from the beginning each time."""
 
@@ -52,7 +62,9 @@ class Ftp:
             self._ftp.voidcmd("TYPE I")
         except ftplib.Error as error:
             self.close()
-            raise LinkError(f"the control refuses: {error}") from None
+            if str(error).startswith(NO_LOGIN):
+                raise refused(error) from None
+            raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
 
     def size(self, path: str) -> int | None:
         """path → bytes of the file, None when there is none."""
@@ -166,7 +178,7 @@ class Sftp:
             yield
         except self._errors as error:
             if type(error).__name__ in REFUSALS:
-                raise LinkError(f"the control refuses: {error}") from None
+                raise refused(error) from None
             raise OSError(str(error) or type(error).__name__) from None
 
     def size(self, path: str) -> int | None:
@@ -230,8 +242,10 @@ class Smb:
                 yield
         except self._errors.SMBOSError as error:  # made anew, a missing file is a FileNotFoundError
             raise OSError(error.errno, error.strerror) from None
-        except (self._errors.LogonFailure, self._errors.AccessDenied) as error:
-            raise LinkError(f"the control refuses: {error.message}") from None
+        except self._errors.LogonFailure as error:
+            raise refused("user or password is wrong") from error
+        except self._errors.AccessDenied:
+            raise LinkError("the control refuses: this user may not do that there") from None
         except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
             why = error.__cause__
             raise why if isinstance(why, OSError) else OSError(str(error)) from None
