@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from support.dialects import EXAMPLE
 from support.nights import into
 from support.nights import night as invented
-from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, note_planned, told_of_signals
+from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, newest_run, note_planned, told_of_signals
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.cli import tango
@@ -21,6 +21,8 @@ from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import opened
 from tango_cnc.link.lock import ended, holding
+from tango_cnc.link.measure import silence_after
+from tango_cnc.link.rest import durations
 from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
@@ -70,6 +72,19 @@ def test_what_does_not_fit_holds_no_night_up_and_makes_nothing_up(cell: Path, ni
             (night / PLANNED).write_text(spoilt)
         keep_readings(cell, lambda kind, touches: made)
     assert not (night / KEPT[1]).exists() and (night / JOURNAL).exists()
+
+
+def test_the_next_night_listens_before_it_sends_where_the_last_run_did_not_end(cell: Path, night: Path) -> None:
+    """A control that nobody can ask went on with the program of a night that was killed, and began the next one after it."""
+    made = plan(read_cell(cell))
+    assert silence_after(newest_run(cell, "2026-10-04T020000Z"), made) > 1.5 * max(durations(made).values())
+    assert silence_after(newest_run(cell, STAMP), made) == 0.0  # no night was before that one
+    later = cell / "nights" / "2026-10-04T020000Z"
+    later.mkdir()
+    (cell / JOURNAL).unlink()
+    assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
+    shutil.copy(cell / JOURNAL, later / JOURNAL)
+    assert silence_after(newest_run(cell, "2026-10-05T020000Z"), made) == 0.0  # this one came to its end
 
 
 def test_a_report_of_that_morning_is_no_plain_yes() -> None:
