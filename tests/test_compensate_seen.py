@@ -13,12 +13,16 @@ from support.compensated import ROOT
 from test_compensate_short import loaded
 
 from tango_cnc.cli import tango
-from tango_cnc.compensate import loop
+from tango_cnc.compensate import loop, propose
+from tango_cnc.compensate import turned as turn
 from tango_cnc.compensate.loads import files_of
 from tango_cnc.compensate.seen import Sorted, seen
-from tango_cnc.compensate.shares import Part
+from tango_cnc.compensate.shares import Before, Part
 from tango_cnc.compensate.short import Short
+from tango_cnc.estimate import estimate
+from tango_cnc.files import read_cell, read_readings
 from tango_cnc.loaded import AS_SEEN, HELPS, KEPT
+from tango_cnc.noise import honest
 from tango_cnc.report.compensated import marked
 from tango_cnc.report.texts import texts
 
@@ -105,6 +109,8 @@ def test_without_tool_center_point_control_kinematics_are_not_kept(tmp_path: Pat
         found = json.loads(run("compensate", "-C", cell, "--measured", 1, "--readings", file, "--no-tcp", "--json", "-").stdout)
         assert found["verdict"] == AS_SEEN and found["not_seen"][0] == "the kinematics"
         assert found["left_if_none_um"] > 10
+    judged = run("compensate", "-C", cell, "--measured", 1, "--readings", cell / "after.csv", "--no-tcp")
+    assert judged.return_value == 1  # the promise need not be kept
     last = loop.history(cell)[-1]
     assert last["not_seen"][0] == "the kinematics" and last["text"].startswith(
         "this run does not see whether the control uses the kin"
@@ -129,3 +135,52 @@ def test_what_is_not_seen_is_said_before_all_else() -> None:
         "this run does not see whether the control uses A.COM. If it does not, 2.50 µm would be left, more"
     )
     assert found.said.endswith("It agrees") and np.isfinite(found.left_if_none or np.nan)
+
+
+@pytest.mark.long
+def test_kinematics_of_which_one_turn_shows_nothing_are_not_kept(tmp_path: Path) -> None:
+    """Turning A shows nothing of C; a person who types micrometers, a whole turn or a letter twice is told."""
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    assert run("compensate", "-C", cell, "--target", "siemens", "--simulated", "--set", "tables=no").exit_code == 0
+    kept = loop.one(cell, 1)
+    said = run("compensate", "-C", cell, "--written", 1).stdout
+    assert "Look by hand" in said and "--turned" in said and "in the table, where the facets are" in said
+
+    def turned(text: str, *more: object) -> Result:
+        return run("compensate", "-C", cell, "--measured", 1, "--turned", text, *more)
+
+    mill = read_cell(cell)
+    readings = read_readings(kept.folder / loop.MADE_FROM, mill.machine, mill.artefact)
+    result = honest(estimate(mill.machine, mill.artefact, readings, mill.terms))
+    asked = Short(kept, Before(result, 1.0), propose(result, "siemens", ("tables=no",)).held, tcp=True, first_tcp=False)
+    words = {}
+    for axis, angle in (("C", 180), ("A", 60)):
+        expected = turn.turn(asked, axis, np.radians(angle), fixture=False)
+        values = ",".join(f"{letter}={v:.5f}" for letter, v in zip(expected.letters, expected.within, strict=True))
+        found = json.loads(turned(f"{axis}={angle}:{values}", "--json", "-").stdout)
+        words[axis] = found["verdict"]
+        assert found["verdict"] != AS_SEEN or any("A" in name for name in found["not_seen"])
+    assert words == {"C": AS_SEEN, "A": "undecided"}
+    for text, why in (
+        ("C=360:X=0,Y=0", "whole turns"),
+        ("C=180:X=18.9,Y=-60", "at most about"),
+        ("C=180:X=0,X=1,Y=0", "allowed: AXIS=DEG"),
+    ):
+        assert why in str(turned(text).exception)
+    assert "--no-tcp" in str(turned("C=180:X=0,Y=0", "--no-tcp").exception)
+    other = run("compensate", "-C", cell, "--target", "fanuc", "--present", "none", "--simulated")
+    assert "corrected twice" in str(other.exception)
+
+
+@pytest.mark.long
+def test_of_kinematics_of_a_head_the_printed_commands_have_tool_center_point_control_on(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "fork_head", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    asked = ("compensate", "-C", cell, "--target", "siemens", "--simulated", "--cap-mm", 5, "--cap-deg", 1, "--set", "tables=no")
+    assert run(*asked).exit_code == 0
+    said = run("compensate", "-C", cell, "--written", 1).stdout
+    assert "--short-check 1 --tcp" in said and "--no-tcp" not in said
+    assert run("compensate", "-C", cell, "--short-check", 1, "--tcp").exit_code == 0

@@ -28,6 +28,14 @@ def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapp
     """
     source: Path | None = options["present"]
     last = loop.in_control(folder)
+    none = source is None or str(source) == "none"
+    if none and last is not None and last.record["target"] != options["target"] and not options["dry_run"]:
+        raise InputError(
+            f"--present: found none, and compensation {last.number} ({last.record['target']}) is in the control: together "
+            f"with one for {options['target']} the same errors would be corrected twice. Nothing was written; allowed: when "
+            f"{last.number} has been taken out, 'tango compensate -C {folder} --rolled-back {last.number} --reason TEXT' "
+            "first; --dry-run to see what it would be"
+        )
     if source is None:
         if last is not None:
             raise InputError(
@@ -96,7 +104,7 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
         and when[:19] >= str(record["created_utc"])[:19]
         and not loop.before(folder, record, rows(file), when)
     ]
-    those = f"; made after it in the folder {folder} are {', '.join(later)}" if later else ""
+    those = f"; made after it in the folder '{folder}' are {', '.join(later)}" if later else ""
     return (
         f"--present: found {source} and {readings}: {why}. These readings were made without it: what it takes away would be taken "
         f"away twice. Nothing was written; allowed: readings made with it in the control, with --readings FILE{those}. "

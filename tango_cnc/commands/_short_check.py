@@ -43,8 +43,7 @@ from .check import positioning_feed
 from .design import gate_of
 
 DAY = 86_400.0  # s
-WAITS = 0.8  # of the time allowed: a check that takes less has no more touches to make
-LONGER = (6.0, 8.0, 10.0, 13.0, 17.0, 22.0, 30.0, 45.0, 60.0)  # minutes that are tried, where the usual ones do not decide
+HOUR = 60.0  # minutes: no short check takes longer
 
 
 def is_short(kept: loop.Kept, file: Path) -> bool:
@@ -138,14 +137,11 @@ def _mend(cell: Cell, asked: Short, touches: Touches, found: Outcome) -> str:
 def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> float | None:
     """cell, short check, names of what is to be decided → minutes at most of a check that does; None: not in an hour."""
     before, _ = promises(asked.kept.record)
-    for minutes in LONGER:
-        found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), minutes)
-        std = dict(zip(found.names, found.std, strict=True))
-        if all(std.get(name, 0.0) <= DECIDES for name in (*names, WHOLE)):
-            return minutes
-        if found.seconds < WAITS * 60 * minutes:  # every touch is made: more time brings nothing
-            return None
-    return None
+    found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), HOUR, DECIDES)
+    std = dict(zip(found.names, found.std, strict=True))
+    if any(std.get(name, 0.0) > DECIDES for name in (*names, WHOLE)):
+        return None
+    return float(np.ceil(found.seconds / 60))
 
 
 def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, *, tcp: bool, same_stylus: bool) -> Outcome:
@@ -236,6 +232,7 @@ def by_hand(cell: Cell, proposal: Proposal, result: Estimate, *, tcp: bool) -> l
             "No touch without tool center point control sees these numbers, and no table turns that could show them by hand: "
             "run the probing program with it on, and state --tcp with --measured"
         ]
+    where = " ".join(f"{letter} {v:.0f}" for letter, v in zip("XYZ", turn.feature(asked), strict=True))
     angle, here = f"{np.degrees(found.angle):g}", f"tango compensate -C {shlex.quote(str(cell.folder))}"
     first, second = (
         " ".join(f"{a} {v:+.4f}" for a, v in zip(found.letters, at, strict=True)) for at in (found.without, found.within)
@@ -247,8 +244,9 @@ def by_hand(cell: Cell, proposal: Proposal, result: Estimate, *, tcp: bool) -> l
     )
     return [
         "Programs of this project touch without tool center point control: 'tango run' does not see these numbers. "
-        f"Look by hand: {mode}. Find its center by the control's own cycle at {found.axis} 0, and again at {found.axis} {angle}. "
-        f"The second center minus the first is {second} mm where the numbers act, and {first} mm where they do not.",
+        f"Look by hand: {mode}, about {where} in the table, where the facets are. Find its center by the control's "
+        f"own cycle at {found.axis} 0, and again at {found.axis} {angle}. The second center "
+        f"minus the first is {second} mm where the numbers act, and {first} mm where they do not.",
         f"Judge it: {here} --measured {loop.NUMBER} --turned {found.axis}={angle}:"
         + ",".join(f"{letter}=MM" for letter in found.letters)
         + " (the second minus the first)",

@@ -33,6 +33,10 @@ from ._trust import despite_option, judged, made_up, usable
 
 PLACE = "Act 10"  # in the list of commands
 
+ROWS = (
+    "A single number that is wrong between the touches is not seen: read the files back from the control into a copy of the folder "
+    "and compare them by --check"
+)
 path = click.Path(path_type=Path)
 
 
@@ -255,13 +259,16 @@ def _measure(folder: Path, kept: loop.Kept) -> str:
 
     Programs of this project probe without tool center point control.
     """
-    if hand := [text for text in kept.record["steps"] if "--turned" in text]:
-        return f"  the last steps of {kept.folder / loop.STEPS} say how: {hand[0].partition('. ')[2]}"
-    tcp = any("uncorrected" in v and v["new"] != v["present"] for v in kept.record["values"])
-    how = " --no-tcp" if tcp else ""
+    if any("--turned" in text for text in kept.record["steps"]):
+        hand = [text for text in kept.record["steps"] if "Look by hand" in text or "--turned" in text]
+        return "\n".join([f"  the last steps of {kept.folder / loop.STEPS} say how:", *(f"  {text}" for text in hand)])
+    changed = [v for v in kept.record["values"] if v["new"] != v["present"]]
+    tcp = any("uncorrected" in v for v in changed)
+    alone = tcp and all("uncorrected" in v for v in changed)  # without tool center point control nothing of it is seen
+    how = " --tcp" if alone else " --no-tcp" if tcp else ""
     check, here = folder / loop.FOLDER / f"{loop.CHECK}{kept.number:03d}", f"  tango compensate -C {folder}"
     short = [
-        f"{here} --short-check {kept.number}",
+        f"{here} --short-check {kept.number}{how if alone else ''}",
         f"  tango run -C {check}",
         f"{here} --measured {kept.number} --readings {check / 'readings.csv'}{how}",
         "or with the whole strategy, which says more:",
@@ -270,7 +277,12 @@ def _measure(folder: Path, kept: loop.Kept) -> str:
         *(short if "made_from" in kept.record else []),
         f"  tango run -C {folder} --readings after.csv",
         f"{here} --measured {kept.number} --readings after.csv{how}",
-        *(["(--tcp in place of --no-tcp where tool center point control was on in that run)"] if tcp else []),
+        *(["(--tcp in place of --no-tcp where tool center point control was on in that run)"] if tcp and not alone else []),
+        *(
+            ["(both with a program that runs with tool center point control on: without it nothing of this is seen)"]
+            if alone
+            else []
+        ),
     ]
     return "\n".join(lines)
 
@@ -307,6 +319,10 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
             + ")"
         )
     if options["turned"] is not None:
+        if options["file"] is not None or options["tcp"] is False:
+            raise InputError(
+                "--turned: found it with --readings or --no-tcp; allowed: alone, or with --tcp: it is judged by itself"
+            )
         return _noted(cell, kept, *_short_check.turned(cell, kept, options["turned"]), tcp=True, json_file=options["json_file"])
     file: Path | None = options["file"]
     if file is None:
@@ -325,6 +341,8 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
 
 def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
     """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
+    if found.verdict in HELPS and any(h["table"] != h["place"] for h in kept.record["values"] if h["new"] != h["present"]):
+        found = replace(found, text=f"{found.text}. {ROWS}")
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     unseen: dict[str, Any] = {}
     if found.left_if_none is not None:
@@ -336,7 +354,7 @@ def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tc
     data |= unseen
     if not write_json(json_file, data):
         click.echo(f"compensation {kept.number}: {found.verdict}: {found.said}")
-    return 0 if found.verdict in HELPS else TangoError.exit_code
+    return 0 if found.in_any_case else TangoError.exit_code
 
 
 def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Outcome, list[str]]:
@@ -383,6 +401,12 @@ def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
         raise InputError("--sign-of: found no --readings or no --after; allowed: readings before the trial, and with it")
     if rows(options["file"]) == rows(options["after"]):
         raise InputError(f"--after: found the touches of {options['file']} once more; allowed: readings made during the trial")
+    written = str(record["created_utc"])
+    if (when := ended(options["after"])) is not None and when[:19] < written[:19]:
+        raise InputError(
+            f"--after: found {options['after']}, which ended at {when}, before the trial was written ({written}); allowed: "
+            "readings made with the trial in the control. Before and after may have been given the wrong way round"
+        )
     module = targets.load(record["target"])
     before, after = (
         from_readings(cell.machine, cell.artefact, read_readings(file, cell.machine, cell.artefact))

@@ -69,8 +69,12 @@ class Look:
         return tuple(name for name, std in zip(self.names, self.std, strict=True) if std > 1 / WITHIN)
 
 
-def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None) -> Look:
+def look(
+    asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None, goal: float = 0.0
+) -> Look:
     """short check, cell with the strategy to choose from, µm before, mm/min of protected moves, gate, minutes at most → touches.
+
+    `goal`: with minutes, the standard deviation of a share that does; the check takes no longer then.
 
     Raises InputError where nothing that changed is seen by touches like these.
     """
@@ -91,7 +95,7 @@ def look(asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str
     job = _Job(cell, made, feed, proof(made, gate, feed), tuple(aim for aim, _, _ in aims), where, costs)
     words = tuple(name for _, names, _ in aims for name in names), tuple(name for _, _, small in aims for name in small)
     if minutes:  # whoever states a time wants to know as much as that allows
-        return job.made_of(60 * minutes, 0.0, *words)
+        return job.made_of(60 * minutes, goal, *words)
     longer = job.made_of(60 * LONGEST, GOAL, *words)
     if longer.seconds <= 60 * USUAL:
         return longer

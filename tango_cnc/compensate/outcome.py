@@ -42,6 +42,13 @@ class Outcome:
     unsure: tuple[str, ...] = ()  # what more touches would decide
 
     @property
+    def in_any_case(self) -> bool:
+        """→ whether the promise is kept whatever is not seen."""
+        return self.verdict == "kept" or (
+            self.verdict == AS_SEEN and self.left_if_none is not None and self.left_if_none <= self.promised.high
+        )
+
+    @property
     def said(self) -> str:
         """→ all that a person reads; first what was not seen."""
         if not self.not_seen or self.left_if_none is None:
