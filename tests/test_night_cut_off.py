@@ -5,17 +5,25 @@ from __future__ import annotations
 import shutil
 import signal
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from support.dialects import EXAMPLE
-from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, note_planned, told_of_signals
+from support.nights import into
+from support.nights import night as invented
+from support.nights_parts import JOURNAL, KEPT, PLANNED, RealDisk, keep_readings, newest_run, note_planned, told_of_signals
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.cli import tango
+from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
+from tango_cnc.history import opened
 from tango_cnc.link.lock import ended, holding
+from tango_cnc.link.measure import silence_after
+from tango_cnc.link.rest import durations
+from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
@@ -66,6 +74,19 @@ def test_what_does_not_fit_holds_no_night_up_and_makes_nothing_up(cell: Path, ni
     assert not (night / KEPT[1]).exists() and (night / JOURNAL).exists()
 
 
+def test_the_next_night_listens_before_it_sends_where_the_last_run_did_not_end(cell: Path, night: Path) -> None:
+    """A control that nobody can ask went on with the program of a night that was killed, and began the next one after it."""
+    made = plan(read_cell(cell))
+    assert silence_after(newest_run(cell, "2026-10-04T020000Z"), made) > 1.5 * max(durations(made).values())
+    assert silence_after(newest_run(cell, STAMP), made) == 0.0  # no night was before that one
+    later = cell / "nights" / "2026-10-04T020000Z"
+    later.mkdir()
+    (cell / JOURNAL).unlink()
+    assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
+    shutil.copy(cell / JOURNAL, later / JOURNAL)
+    assert silence_after(newest_run(cell, "2026-10-05T020000Z"), made) == 0.0  # this one came to its end
+
+
 def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     """The newest night on record was good; the one after it was killed while the control went on."""
     record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
@@ -102,3 +123,38 @@ def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
         ending()
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("kind", ["moved", "cut off", "beyond", "old", "measured"])
+def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: str) -> None:
+    """One verdict: page, list, report, status, fleet and the message of the night."""
+    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=40 if kind == "old" else 1)
+    first = {"night": f"{start:%Y-%m-%d}"} | {key: f"{start:%Y-%m-%dT%H:%M:%SZ}" for key in ("start_utc", "end_utc")}
+    name, verdict = read_cell(cell).machine.name, "out_of_limits" if kind == "beyond" else "good"
+    records = [invented(name, 0, verdict, **first)]
+    if kind in ("moved", "beyond", "old"):
+        now = {"night": f"{datetime.now(UTC):%Y-%m-%d}"} | {
+            k: f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}" for k in ("start_utc", "end_utc")
+        }
+        nothing = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
+        known = {"last_measured": first["night"], "last_verdict": verdict, "moved": True, "why": "silent", "preflight": []}
+        known |= {"stale_nights": 40} if kind == "old" else {}
+        records.append(invented(name, 1, "not_measured", **nothing, **known, **now))
+    if kind == "cut off":
+        (cell / "nights" / STAMP).mkdir(parents=True)
+        note_planned(cell / "nights" / STAMP, "full", ())
+        RealDisk(cell).begin(STAMP, "2026-10-03T02:00:00Z")
+    with opened(cell / "history.db") as history:
+        into(history, records)
+    word = {"beyond": "No", "old": "Nobody knows", "measured": "Yes"}.get(kind, "Not yet")
+    runs = {
+        one: CliRunner().invoke(tango, [*one.split(), str(cell)], standalone_mode=False) for one in ("nightly --status -C", "fleet")
+    }
+    status, fleet = (" ".join(run.output.split()) for run in runs.values())
+    assert f"May I make parts? {word}" in status and ("Look at the machine first" in status) == (kind != "measured")
+    assert (f" {word} " in fleet) == (kind != "measured"), fleet
+    found = nights(cell, read_cell(cell).machine, Units(), texts())
+    assert found is not None and found.answer(Units(), texts(), read_cell(cell).machine).word == word
+    if len(records) > 1:
+        text = message(records[1], (), ())[1]
+        assert f"May I make parts? {word}. Look at the machine first" in text.split("\n\n")[0], text

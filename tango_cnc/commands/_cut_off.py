@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
-from ..link.entries import Segment
+from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
 from ..link.lock import cut_off
 from ..link.readings import readings_of
@@ -28,6 +28,19 @@ KEPT = ("readings.csv", "readings.partial.csv")
 def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
     """folder of a night, its kind, touches of the strategy (empty: all) → on disk, for the night that finds it cut off."""
     write_text(folder / PLANNED, json.dumps({"kind": kind, "touches": list(touches)}) + "\n")
+
+
+def newest_run(folder: Path, stamp: str) -> tuple[Entry, ...]:
+    """cell, stamp of tonight → journal of the last run of a night before; () where none has one that can be read.
+
+    One that broke off may still be executed by a control that nobody can ask, whoever ended the night.
+    """
+    found = [f for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp]
+    if not found:
+        return ()
+    with suppress(TangoError, OSError, ValueError):
+        return tuple(salvaged(look_at(max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))))[0])
+    return ()
 
 
 def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -> None:

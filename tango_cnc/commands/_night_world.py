@@ -23,7 +23,7 @@ from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
 from ._common import address_of, dialect
-from ._cut_off import note_planned
+from ._cut_off import newest_run, note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
 from ._start import disproven_of
@@ -267,7 +267,7 @@ class RealControl:
 
     def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
-        from ..link.measure import Wanted, measure
+        from ..link.measure import Wanted, measure, silence_after
         from ._live import Live
         from .run import keep, written_for
 
@@ -285,6 +285,7 @@ class RealControl:
                 None,
                 simulated=self.simulated,
                 then=str(again(self.cell.folder)),
+                quiet=silence_after(newest_run(self.cell.folder, self.stamp), self.whole),
             )
             return measure(
                 own,

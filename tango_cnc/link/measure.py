@@ -62,6 +62,7 @@ class Wanted:
     then: str = ""  # what to do when it breaks off; '': go on with it
     how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
+    quiet: float = 0.0  # s of silence before the first byte: it may still execute the program of another run
 
 
 def measure(
@@ -98,7 +99,8 @@ def measure(
     part = rest_of(cell, plan, again, left) if before or len(left) < len(plan.touches) else plan
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = post(part)
-    tasks = [replace(task, run=plan) for task in _tasks(programs, again, left, wanted, _quiet(before, plan, wanted))]
+    quiet = silence_after(before, plan, wanted.timeout) or wanted.quiet
+    tasks = [replace(task, run=plan) for task in _tasks(programs, again, left, wanted, quiet)]
     client, *_ = [
         protocol.Client(task, address.options) for task in tasks
     ]  # what it refuses leaves no files, and stops no run later
@@ -167,15 +169,15 @@ def _written(what: str, then: str, kind: type[LinkError] = LinkError) -> Iterato
         raise kind(f"{what} cannot be written{where} ({error.strerror or error}): {then}") from None
 
 
-def _quiet(before: Sequence[Entry], plan: Plan, wanted: Wanted) -> float:
-    """journal of a run that is resumed → s of silence that prove that the control does not execute its old program any more.
+def silence_after(before: Sequence[Entry], plan: Plan, timeout: float | None = None) -> float:
+    """journal of an earlier run, its plan, --timeout → s of silence that prove that the control executes its program no more.
 
     Between two touches a control prints nothing. One that has said that its program came to its end needs no proof.
     """
     end = next((entry for entry in reversed(before) if isinstance(entry, End | Segment)), None)
     if end is None or (isinstance(end, End) and end.stands):
         return 0.0
-    return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if wanted.timeout is None else wanted.timeout)
+    return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if timeout is None else timeout)
 
 
 def _clock() -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tango_cnc.commands._again import again
 from tango_cnc.commands._cell_nights import as_of, nights_of
-from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, note_planned, told_of_signals
+from tango_cnc.commands._cut_off import JOURNAL, KEPT, PLANNED, keep_readings, newest_run, note_planned, told_of_signals
 from tango_cnc.commands._many_nights import followed
 from tango_cnc.commands._night_warm import warm
 from tango_cnc.commands._night_world import RealControl, RealDisk
@@ -26,6 +26,7 @@ __all__ = [
     "followed",
     "keep_readings",
     "machine_of",
+    "newest_run",
     "nights",
     "nights_of",
     "note_planned",
