@@ -48,7 +48,8 @@ INTERNAL: dict[str, str | None] = {
     "compensate": f"{NUMERIC} iso230 verify uncertainty files loaded state.frame plan duration design.order",
     "history": "records texts files state nearest",
     "nightly": f"{NUMERIC} files history state loaded "
-    "report.age report.days report.compensated report.units report.look report.repeated report.texts report.tonight report.words",
+    "report.age report.answer report.days report.compensated report.units report.look report.repeated report.texts "
+    "report.tonight report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
     "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",

@@ -110,7 +110,9 @@ def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> No
         large["on_part"].startswith("Since the night of Mon 26 Oct 2026 a part")
         and "40 µm different from before" in large["on_part"]
     )
-    assert large["whole"].startswith("The whole error (C axis off in Y) is −93 µm today; it was −113 µm before the change.")
+    assert large["whole"].startswith(
+        "The whole error (C axis off in Y) is −93 µm in the night of Tue 27 Oct 2026; it was −113 µm before the change."
+    )
     assert large["whole"].endswith("It is smaller than before. Correct the whole error, not the change.")
     assert "not the change" in told(50.0)["whole"]
     assert "It is nearly right now: do not correct the change." in told(3.0)["whole"]

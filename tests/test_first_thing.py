@@ -129,20 +129,20 @@ def test_of_two_faults_every_step_names_its_axis() -> None:
     [
         ("Ann, 4711", 0, "", ""),
         ("ann@shop.example", 1, "Bob, 12", ""),
-        ("Ann, 4711", 2, "", "No deputy is named: tell the foreman."),
-        ("Ann, 4711", 12, "Bob, 4712", "Else call Bob, 4712."),
-        ("Ann", 0, "", "No telephone number is stated: ask the foreman."),
+        ("Ann, 4711", 2, "", "No deputy is named: without an answer, whoever leads the shift decides."),
+        ("Ann, 4711", 12, "Bob, 4712", "Next: call Bob, 4712."),
+        ("Ann", 0, "", "No telephone number is stated: look for Ann. Whoever leads the shift decides until then."),
         ("Ann", 0, "Bob, 4712", "Else call Bob, 4712."),
-        ("Ann", 3, "", "No telephone number and no deputy are stated: tell the foreman."),
+        ("Ann", 3, "", "No telephone number and no deputy are stated: whoever leads the shift decides."),
     ],
 )
 def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner: str, days: int, deputy: str, wanted: str) -> None:
     assert or_else(owner, days, deputy, texts()) == wanted
     asked = to_ask({"owner": owner, "deputy": deputy}, [{"owner": owner, "silent": days, "decision": None}], texts())
-    other = f"Call {deputy}, or {owner}." if deputy else f"Call {owner}, or tell the foreman."
+    other = f"Call {deputy}, or {owner}." if deputy else f"Call {owner}. Without an answer, whoever leads the shift decides."
     assert asked == (other if wanted else f"Call {owner}.")
     assert to_ask({"owner": owner}, [{"owner": owner, "decision": object()}], texts()) == ""
-    assert to_ask({"owner": ""}, (), texts()).startswith("Tell the foreman")
+    assert to_ask({"owner": ""}, (), texts()).startswith("NOBODY is named: whoever leads the shift decides")
 
 
 def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_message(tmp_path: Path) -> None:
@@ -155,7 +155,10 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
     }
     nights = [night(M, 0, "changed", alarms=[alarm], **old), night(M, 1, "changed", standing=[alarm], **dated(0))]
     place = cell(tmp_path / "one", records=nights)
-    for stated, wanted in (("", "No deputy is named: tell the foreman."), ("deputy: Bob, 4712\n", "Else call Bob, 4712.")):
+    for stated, wanted in (
+        ("", "No deputy is named: without an answer, whoever leads the shift decides."),
+        ("deputy: Bob, 4712\n", "Next: call Bob, 4712."),
+    ):
         (place / "nightly.yaml").write_text(f"nightly: 1\nowner: Ann, 4711\n{stated}", encoding="utf-8")
         for path in (f"/machine/{M}", f"/machine/{M}/trend", "/alarms", "/"):
             assert wanted in seen(place, path), path

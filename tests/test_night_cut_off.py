@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from support.dialects import EXAMPLE
+from support.nights import into
+from support.nights import night as invented
 from support.nights_parts import (
     JOURNAL,
     KEPT,
@@ -25,10 +27,13 @@ from support.nights_parts import (
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.cli import tango
+from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
+from tango_cnc.history import opened
 from tango_cnc.link.lock import ended, holding
 from tango_cnc.link.measure import silence_after
 from tango_cnc.link.rest import durations
+from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
@@ -138,3 +143,38 @@ def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
         ending()
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("kind", ["moved", "cut off", "beyond", "old", "measured"])
+def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: str) -> None:
+    """One verdict: page, list, report, status, fleet and the message of the night."""
+    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=40 if kind == "old" else 1)
+    first = {"night": f"{start:%Y-%m-%d}"} | {key: f"{start:%Y-%m-%dT%H:%M:%SZ}" for key in ("start_utc", "end_utc")}
+    name, verdict = read_cell(cell).machine.name, "out_of_limits" if kind == "beyond" else "good"
+    records = [invented(name, 0, verdict, **first)]
+    if kind in ("moved", "beyond", "old"):
+        now = {"night": f"{datetime.now(UTC):%Y-%m-%d}"} | {
+            k: f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}" for k in ("start_utc", "end_utc")
+        }
+        nothing = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
+        known = {"last_measured": first["night"], "last_verdict": verdict, "moved": True, "why": "silent", "preflight": []}
+        known |= {"stale_nights": 40} if kind == "old" else {}
+        records.append(invented(name, 1, "not_measured", **nothing, **known, **now))
+    if kind == "cut off":
+        (cell / "nights" / STAMP).mkdir(parents=True)
+        note_planned(cell / "nights" / STAMP, "full", ())
+        RealDisk(cell).begin(STAMP, "2026-10-03T02:00:00Z")
+    with opened(cell / "history.db") as history:
+        into(history, records)
+    word = {"beyond": "No", "old": "Nobody knows", "measured": "Yes"}.get(kind, "Not yet")
+    runs = {
+        one: CliRunner().invoke(tango, [*one.split(), str(cell)], standalone_mode=False) for one in ("nightly --status -C", "fleet")
+    }
+    status, fleet = (" ".join(run.output.split()) for run in runs.values())
+    assert f"May I make parts? {word}" in status and ("Look at the machine first" in status) == (kind != "measured")
+    assert (f" {word} " in fleet) == (kind != "measured"), fleet
+    found = nights(cell, read_cell(cell).machine, Units(), texts())
+    assert found is not None and found.answer(Units(), texts(), read_cell(cell).machine).word == word
+    if len(records) > 1:
+        text = message(records[1], (), ())[1]
+        assert f"May I make parts? {word}. Look at the machine first" in text.split("\n\n")[0], text

@@ -98,7 +98,7 @@ def test_what_was_accepted_is_named_in_the_list_as_on_the_page_and_counts_no_mor
 @pytest.mark.parametrize("owner", ["", "Ann, 4711"])
 def test_every_row_that_needs_somebody_names_him(owner: str, tmp_path: Path) -> None:
     """Also a night that is not believed, one that did not measure, and a machine that was never measured."""
-    said = f"Call {owner}." if owner else "NOBODY is named for this machine. Tell the foreman"
+    said = f"Call {owner}." if owner else "NOBODY is named for this machine. Whoever leads the shift decides"
     unmeasured = night(NAME, 1, "not_measured", status="failed", why="no answer", limits=[], volume=None, parameters=None)
     for number, records in enumerate(([night(NAME, 0), night(NAME, 1, "doubtful")], [night(NAME, 0), unmeasured], [])):
         place = cell(tmp_path / str(number), records=records)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.nights import knock, night
 from support.server import PASSWORD, Recorded, cell
 
 pytest.importorskip("selenium")
@@ -22,6 +23,7 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from tango_cnc.cli import tango
+from tango_cnc.nightly.words import changed
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
@@ -165,6 +167,25 @@ def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.C
         bottoms[term.text] = answer.rect["y"] + answer.rect["height"]
     for question in ("What changed", "Since when", "What it does to parts", "What to do", "Who has it"):
         assert bottoms[question] <= PHONE[1], (question, bottoms)
+
+
+def test_a_phone_shows_several_alarms_at_once(tmp_path: Path, browser: webdriver.Chrome) -> None:
+    """One that fills the screen hides the others."""
+    cells = []
+    for name in ("Ash", "Elm", "Fir", "Oak"):
+        alarm = knock("2026-10-25") | {"text": changed("EX0C", "+19.8 ± 0.4 µm"), "owner": "Ann Meier, 4711"}
+        cells.append(cell(tmp_path / name, name, [night(name, 0), night(name, 1, "changed", alarms=[alarm])]))
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port = found.getsockname()[1]
+    server = uvicorn.Server(uvicorn.Config(create(Settings(tuple(cells))), port=port, log_level="warning"))
+    threading.Thread(target=server.run, daemon=True).start()
+    wait(lambda: server.started)
+    sized(browser, PHONE)
+    browser.get(f"http://127.0.0.1:{port}/alarms")
+    bottoms = [e.rect["y"] + e.rect["height"] for e in browser.find_elements(By.CSS_SELECTOR, "section.one")]
+    server.should_exit = True
+    assert len(bottoms) == 4 and sum(b <= PHONE[1] for b in bottoms) >= 3, bottoms
 
 
 def test_what_can_be_pressed_is_reached_by_keyboard_and_seen(site: Site, browser: webdriver.Chrome) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +25,7 @@ from ..report.morning import next_night
 from ..report.repeated import shortened
 from ..report.texts import Texts, code
 from ..report.tonight import by_tonight
+from ..report.units import Units
 from ..texts import joined
 from ._common import on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
@@ -110,9 +112,25 @@ def status(
         if json_file is None:
             note_simulated(history, name, t)
     if not write_json(json_file, found.as_json()):
-        for line in _lines(found, folder, where, t):
+        first, *lines = _lines(found, folder, where, t)
+        told = _answer(folder, place, t)
+        for line in (first, *([f"  {told}"] if told else []), *lines):
             click.echo(line)
     return int(found.wants_somebody)
+
+
+def _answer(folder: Path, place: str | Path, t: Texts) -> str:
+    """cell, its history, texts → whether parts may be made, as on its page and in its report; '' where no night says so."""
+    from .report import nights
+
+    with suppress(TangoError):  # what is wrong with the cell is printed on its own line
+        machine, u = read_cell(folder).machine, Units()
+        found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
+        if found is not None:
+            told = found.answer(u, t, machine)
+            lines = (f"{told.word}{', ' + told.old if told.old else ''}.", told.why, f"{told.numbers}." if told.numbers else "")
+            return f"{t('may.ask')} {' '.join(x for x in (*lines, told.soon) if x)}"
+    return ""
 
 
 def _read(

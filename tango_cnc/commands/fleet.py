@@ -49,6 +49,7 @@ class _Row:
     said: str = ""
     former: bool = False  # another name of a machine that has a line of its own
     cut_off: tuple[str, ...] = ()  # nights of its cell that were begun and never ended
+    moving: str = ""  # the answer of its page, where its control may still execute a program
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
 
     @property
@@ -166,7 +167,7 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
-    yield _Row(s, folder, tuple(tip), said, stale=stale)
+    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)
     if (future := in_future(history, s.machine)) is not None:
         yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)
 
@@ -180,6 +181,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "cell": None if row.cell is None else str(row.cell),
             "cut_off": row.cut_off,
             "stale_nights": row.stale,
+            "moving": bool(row.moving),
         }
         for row in found
     ]
@@ -199,6 +201,7 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
         size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+        late = row.moving or late
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
         how = {} if row.cell is None else ended(row.cell, row.cut_off)
@@ -232,6 +235,24 @@ def _stale(history: History, nights: Sequence[Night], most: float) -> int:
     last = next((n for n in nights if n.verdict != "not_measured"), None)
     measured = local_day(last.end_utc) if last is not None else measured_on(history.night(nights[0].entry).record) if nights else ""
     return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
+
+
+def _moving(history: History, nights: Sequence[Night], folder: Path | None, stale: int) -> str:
+    """history, last nights of a machine, its cell, nights since it was measured where these are too many → the answer of its page
+    where its control may still execute a program, else ''.
+    """
+    from ..report.answer import of_moving, said_cut_off
+    from ..report.texts import texts
+
+    cut = () if folder is None else cut_off(folder)
+    former = () if folder is None else said_cut_off(cut, ended(folder, cut))
+    if not nights or not (cut or nights[0].verdict == "not_measured"):
+        return ""
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    record = history.night(nights[0].entry).record
+    before = None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
+    told = of_moving(record, texts(), before, former, stale)
+    return "" if told is None else told.word
 
 
 def _never(name: str) -> Standing:

@@ -259,11 +259,13 @@ def _place(folder: Path) -> str | Path | None:
     return None if isinstance(place, Path) and not place.exists() else place
 
 
-def nights(folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | None = None) -> Nights | None:
-    """cell, its machine, units, texts, limit of the tool tip that is stated now → newest night and open alarms in its history; None
-    where it has none.
+def nights(
+    folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | None = None, where: str | Path | None = None
+) -> Nights | None:
+    """cell, its machine, units, texts, limit of the tool tip that is stated now, history in place of that of nightly.yaml → newest
+    night and open alarms in its history; None where it has none.
     """
-    place = _place(folder)
+    place = where or _place(folder)
     if place is None:
         return None
     from ..history import compensations as recorded  # databases are slow to load, and many cells have had no night

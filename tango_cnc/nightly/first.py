@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..report.answer import of_moving
 from ..report.texts import Texts
 from ..state.changes import change
 
@@ -20,10 +21,10 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
     message says so itself.
     """
     verdict, limits = record["verdict"], record.get("limits") or ()
+    if (told := of_moving(record, t, old=int(record.get("stale_nights") or 0))) is not None:
+        return [f"{t('may.ask')} {told.word}. {t('morning.cut_off_todo')}"]
     if record.get("stale_nights") or record["status"] == "refused":
         return []
-    if record.get("moved"):
-        return [t("morning.cut_off_todo")]
     if verdict in ("out_of_limits", "doubtful"):
         return [t("may.brief_no")]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):

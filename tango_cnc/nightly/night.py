@@ -271,7 +271,7 @@ def known_before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
             break
     # One that began while the last one measured was refused by it: the machine was measured all the same.
     gone = [n for n in nights if last is None or n.start_utc > last.end_utc][:MISSED]
-    found: dict[str, Any] = {} if last is None else {"last_measured": last.night}
+    found: dict[str, Any] = {} if last is None else {"last_measured": last.night, "last_verdict": last.verdict}
     known = world.past.latest_knowledge(machine)
     found |= {} if known is None else {"last_carried": known[0].night}
     waiting = [f.told(machine, False) for f in formers(world.past, machine, Path(cell)) if f.alarms] if cell else []

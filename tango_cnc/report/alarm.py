@@ -97,6 +97,12 @@ def _at_once(a: Mapping[str, Any]) -> bool:
     return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
 
 
+def since_date(a: Mapping[str, Any]) -> str:
+    """fault with its nights → date since when: of the night that found it, or, where others lie between, of the last without it."""
+    since, first = str(a.get("since") or ""), str(a.get("first") or "")
+    return first if first and (not since or _at_once({**a, "night": first})) else str(a.get("begun") or since)
+
+
 def since_told(a: Mapping[str, Any], t: Texts) -> str:
     """fault with `since` and `first` → since when, as a sentence: the night that found it, and where others lie between them, that
     which was last without it.

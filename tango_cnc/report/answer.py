@@ -11,7 +11,7 @@ from ..texts import Said, say
 from .age import night_of_stamp
 from .days import day
 from .pace import SOON, Ahead
-from .plain import amount, length
+from .plain import amount, length, plain, shop
 from .texts import Texts
 from .units import Units
 from .verdict import Level
@@ -41,6 +41,7 @@ class Answer:
     why: str
     soon: str = ""
     old: str = ""
+    of: str = ""  # date of the night that `numbers` are of, where they do not name it
 
     @property
     def level(self) -> str:
@@ -87,7 +88,8 @@ def answer(
     if missing and known is not None:
         doubted = str(known.get("verdict")) == "doubtful"  # then nothing was known that night either
         key = "may.unmeasured_doubt" if doubted else "may.unmeasured_beyond" if may == "no" else "may.unmeasured"
-        may, state, why = ("no" if may == "no" else "but"), "not_measured", t(key, date=day(date, t))
+        why = t(key, date=day(date, t), cause=_cause("may.cause", record, u, t, machine))
+        may, state = ("no" if may == "no" else "but"), "not_measured"
     moving = missing and bool(record.get("moved"))
     if old:
         stale = _of_old(record, known, may, old, date, u, t, machine)
@@ -100,8 +102,32 @@ def answer(
     if soon and ahead is not None and ahead.nights < SOON and may == "yes":  # it may be beyond before it is measured again
         may, state, why = "but", "undecided", t("may.first_part")
     numbers = _numbers(known, u, t, machine, date if missing else "")
-    found = Answer(may, t(f"may.{may}"), state, numbers, why, soon)
+    found = Answer(may, t(f"may.{may}"), state, numbers, why, soon, of="" if missing else date)
     return _machine_first(found, "moved", state, t) if moving else found
+
+
+def of_moving(
+    record: Mapping[str, Any], t: Texts, before: Mapping[str, Any] | None = None, former: Sequence[str] = (), old: int = 0
+) -> Answer | None:
+    """record of the newest night, texts, last night that measured (None: as the record says), what is said of the cell beside its
+    nights, nights since the last measurement where these are too many → the answer of its page; None where it does not move.
+
+    It needs no alarm: whoever has one, nobody makes parts before the machine was looked at.
+    """
+    if not is_moving(record, former):
+        return None
+    if before is None and record.get("last_measured"):
+        before = {"verdict": str(record.get("last_verdict") or "good"), "night": record["last_measured"]}
+    return renamed(answer(record, Units(), t, before=before, old=old), former, t)
+
+
+def _cause(key: str, record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """key of its sentence, record of a night that did not begin, units, texts → what kept it, for the shop; '' for no check."""
+    failed = next((p for p in record.get("preflight") or () if not p.get("passed") and p.get("found")), None)
+    if failed is None:
+        return ""
+    cause = shop(plain(t.of(failed["found"]), u, t, machine), t).rstrip(".")
+    return t(key, cause=cause[:1].lower() + cause[1:])
 
 
 def _machine_first(found: Answer, key: str, state: str, t: Texts) -> Answer:
@@ -132,7 +158,8 @@ def _of_old(
     when = day(date or record.get("last_measured"), t)
     word, told = t("may.no" if beyond else "may.unknown"), t("may.old_nights", nights=old)
     numbers = _numbers(known, u, t, machine, date)
-    return Answer("no" if beyond else "unknown", word, "old", numbers, t(f"may.{key}", date=when, nights=old), "", told)
+    why = t(f"may.{key}", date=when, nights=old) + _cause("may.cause_old", record, u, t, machine)
+    return Answer("no" if beyond else "unknown", word, "old", numbers, why, "", told)
 
 
 def said_cut_off(stamps: Sequence[str], ended: Mapping[str, str] | None = None) -> tuple[Said, ...]:
@@ -177,6 +204,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     open here, and no plain yes.
     """
     told = [text.values for text in former if isinstance(text, Said)]
+    if dates_cut_off(former) or is_waiting(former):
+        found = _dated(found, t)
     if is_cut_off(former):
         return _machine_first(found, "cut_off", "cut_off", t)
     if is_unsent(former) and found.may == "yes":
@@ -187,6 +216,11 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
         return found
     dated = any(isinstance(text, Said) and text.key.startswith(CLOCK) for text in former)
     return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.left_out" if dated else "may.former"))
+
+
+def _dated(found: Answer, t: Texts) -> Answer:
+    """answer that is older than the newest night, texts → the same, whose numbers name their night."""
+    return replace(found, numbers=t("may.on", text=found.numbers, date=day(found.of, t))) if found.numbers and found.of else found
 
 
 def by_limit(record: Mapping[str, Any], limit: float | None) -> Mapping[str, Any]:
@@ -221,6 +255,7 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
 
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
+    known = _dated(known, t)  # of a night before this measurement
     return replace(
         known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="", old=""
     )

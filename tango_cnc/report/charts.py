@@ -18,7 +18,7 @@ from .compensated import placed
 from .days import day
 from .facts import Facts
 from .over import covariate_of, shown_over
-from .svg import BLUE, CYCLE, INK, LINE, ORANGE, PURPLE, RED, SOFT, Frame, Kind, Mark, Series, chart, label
+from .svg import BLUE, CYCLE, GOOD, INK, LINE, LOOK, PURPLE, RED, SOFT, STOP, Frame, Kind, Mark, Series, chart, label
 from .texts import Texts
 from .units import Units, inches
 
@@ -309,9 +309,9 @@ def tip(
     parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(x) > 1.5) + 1)
     series = [Series(x[i], y[i], "line", BLUE) for i in parts if len(i) > 1]
     signs: tuple[tuple[str, Kind, str, str, float], ...] = (
-        ("good", "dots", BLUE, "kept", 3.2),
-        ("look", "triangles", ORANGE, "moved", 5.0),
-        ("stop", "squares", RED, "beyond", 4.2),
+        ("good", "dots", GOOD, "kept", 3.2),
+        ("look", "triangles", LOOK, "moved", 5.0),
+        ("stop", "squares", STOP, "beyond", 4.2),
     )
     for name, kind, color, word, size in signs:
         keep = level == name

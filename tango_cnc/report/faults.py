@@ -196,7 +196,7 @@ def _whole_error(
     was = whole - change_ if a.get("was") is None else float(a["was"])  # what that night showed stays what it was
     factor, unit = shown(str(a.get("unit") or "mm"))
     sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
-    text = plain(t("part.whole", what=spoken(name, machine, t), **sizes), u, t, machine)
+    text = plain(t("part.whole", what=spoken(name, machine, t), date=day(known.get("night"), t), **sizes), u, t, machine)
     text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number
         return text

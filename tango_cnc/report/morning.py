@@ -15,7 +15,7 @@ from ..records import InputError, Machine
 from ..texts import say
 from . import svg
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import Answer, answer, is_cut_off, measuring, renamed
+from .answer import Answer, answer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
@@ -142,14 +142,14 @@ def context(
         "office": _office(record, found, t),
         "ended": ended(record.get("end_utc"), t, now),
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
-        "last_measured": _last_measured(before or record, t, now) if before or is_cut_off(former or ()) else "",
+        "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
             (volumes or {}).get(began),
             began,
-            "" if not told.old else str((before or record).get("night")),
+            str((before or record).get("night")) if told.old or before or dates_cut_off(former or ()) else "",
             u,
             t,
         ),
@@ -166,7 +166,7 @@ def context(
         "word": busy or told.short(t) or told.state,
         "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
         "alarms": alarms,
-        "first": found[0] | {"brief": _brief(found[0])} if found else None,
+        "first": found[0] | {"brief": brief_of(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
         "ignored": _ignored(record, {str(a.get("id")) for a in waiting}, u, t, machine),
         "also": found[1 : LISTED + 1],
@@ -240,9 +240,10 @@ def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> 
     return t("web.last_measured", date=day(known.get("night"), t), ago=ago(moment, t, now))
 
 
-def _brief(first: Mapping[str, Any]) -> str:
+def brief_of(first: Mapping[str, Any]) -> str:
     """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
     own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
+    text = text.replace(str(first.get("then") or ""), "").rstrip()
     if total is not None and abs(float(total) - own) <= SAME * abs(own):
         text = text.replace(str(first.get("still") or ""), "").rstrip()
     return DIRECTIONS.sub("", text)
@@ -392,11 +393,11 @@ def _sign(verdict: str, x: float) -> str:
     if verdict == "not_measured":
         return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.SOFT}" stroke-width="1.6"/>'
     if verdict == "partial":
-        half = f'<path d="M{x:g} 4a4 4 0 0 1 0 8z" fill="#b06a00"/>'
-        return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="#b06a00" stroke-width="1.6"/>{half}'
+        half = f'<path d="M{x:g} 4a4 4 0 0 1 0 8z" fill="{svg.LOOK}"/>'
+        return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.LOOK}" stroke-width="1.6"/>{half}'
     level = LEVELS.get(verdict, "stop")
     if level == "good":
-        return f'<circle cx="{x:g}" cy="8" r="3.4" fill="#00694c"/>'
+        return f'<circle cx="{x:g}" cy="8" r="3.4" fill="{svg.GOOD}"/>'
     if level == "look":
-        return f'<path d="M{x:g} 1.5l6 12h-12z" fill="#b06a00"/>'
-    return f'<path d="M{x - 5:g} 3h10v10h-10z" fill="#b3261e"/>'
+        return f'<path d="M{x:g} 1.5l6 12h-12z" fill="{svg.LOOK}"/>'
+    return f'<path d="M{x - 5:g} 3h10v10h-10z" fill="{svg.STOP}"/>'

@@ -12,10 +12,11 @@ from markupsafe import Markup
 from ..records import InputError
 from .facts import Facts
 from .page import context
+from .svg import GOOD, LOOK, STOP
 from .template import environment, rendered
 from .texts import texts_of
 
-TONES = {"good": "#00694c", "look": "#9a5b00", "stop": "#b3261e", "unknown": "#5b3f95", "none": "#52606d"}
+TONES = {"good": GOOD, "look": LOOK, "stop": STOP, "unknown": "#5b3f95", "none": "#52606d"}
 
 
 def available() -> bool:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from .days import day
 from .texts import Texts
 
 SILENT = 2  # days without an answer, from which somebody else is asked
@@ -20,8 +21,10 @@ def or_else(owner: str, days: int, deputy: str, t: Texts) -> str:
     if not unknown and not silent:
         return ""
     if deputy:
-        return t("morning.deputy", deputy=deputy)
-    return t("morning.no_deputy_or_number" if unknown and silent else "morning.no_deputy" if silent else "morning.no_number")
+        return t("morning.deputy_next" if silent else "morning.deputy", deputy=deputy)
+    return t(
+        "morning.no_deputy_or_number" if unknown and silent else "morning.no_deputy" if silent else "morning.no_number", owner=owner
+    )
 
 
 def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
@@ -31,11 +34,15 @@ def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Tex
         return ""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")
     if not owner:
-        return t("morning.foreman_todo")
+        return t("morning.nobody_todo")
     if not or_else(owner, int(first.get("silent") or 0), deputy, t):
         return t("morning.call", owner=owner)
     if not deputy:
-        return t("morning.call_or_foreman", owner=owner)
+        return t("morning.call_or_shift", owner=owner)
     # Who can be reached comes before who cannot, or who has not answered.
     ask, other = (deputy, owner) if REACHED.search(deputy) else (owner, deputy)
-    return t("morning.call_or", owner=ask, deputy=other)
+    if int(first.get("silent") or 0) < SILENT or not first.get("night"):
+        return t("morning.call_or", owner=ask, deputy=other)
+    return t(
+        "morning.call_next" if ask == deputy else "morning.call_again", owner=owner, deputy=deputy, date=day(first["night"], t)
+    )

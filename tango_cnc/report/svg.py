@@ -22,6 +22,7 @@ from ..records import Array
 
 INK, SOFT, LINE, PALE = "#1f2933", "#52606d", "#d3dae1", "#e8edf2"
 BLUE, RED, GREEN, ORANGE, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#8f4a86"
+GOOD, LOOK, STOP = "#00694c", "#9a5b00", "#b3261e"  # of a verdict: as on pages (style.css); each has a shape of its own too
 CYCLE = ((BLUE, ""), (RED, "6 3"), (GREEN, "2 2"), (PURPLE, "8 3 2 3"), (ORANGE, "1 3"), (INK, "10 4"))
 FONT = "system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif"
 Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "diamonds", "band", "bars", "steps"]

@@ -68,6 +68,9 @@ def together(
             goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
             first |= _whole(first, own, every, drifts and not old, 1 if goes_on else len(same), u, t, machine)
             first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
+            if not (old or knocks_told or goes_on or drifts) and known_of > str(first["first"]):
+                first["then"] = _then(first, own, known_of, u, t)
+                first["text"] = f"{first['text']} {first['then']}"
             first |= {"todo": same[-1]["todo"]} if knocks_told and str(known_of) <= str(same[-1]["first"]) else {}
             if drifts and written and written >= str(same[-1]["night"]):
                 first["todo"] = t("morning.drift_written_do", date=day(written, t))
@@ -75,7 +78,8 @@ def together(
             first["text"] = f"{first['text']} {t('morning.twice')}"
         elif first["older"] and first.get("now") and not old:
             now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
-            first["still"] = whole_sentence(sentence(now, Units()))
+            told = t("morning.now_of", told=now, date=day(known_of, t)) if known_of and _of_two_nights(first["now"]) else now
+            first["still"] = whole_sentence(sentence(told, Units()))
             first["text"] = f"{first['text']} {first['still']}"
         elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
             first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
@@ -93,6 +97,18 @@ def _confirmed_on(now: str, night: str, t: Texts) -> str:
     if isinstance(now, Said) and now.key == "night.alarms.confirmed" and night:
         return t("morning.confirmed_on", told=now.values["told"], date=day(night, t))
     return now
+
+
+def _of_two_nights(now: str) -> bool:
+    """what the last night that measured says of an alarm → whether that is a second number of one event, without its date."""
+    return isinstance(now, Said) and now.key in ("night.alarms.still_there", "night.alarms.now")
+
+
+def _then(first: Mapping[str, Any], own: float, known_of: str, u: Units, t: Texts) -> str:
+    """oldest alarm of a parameter, its size, date of the last night that measured → which of its two numbers is of which night."""
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    nights = {"date": day(known_of, t), "first": day(first["first"], t)}
+    return t("morning.then_of", size=signed(own * factor, unit, u, t), **nights)
 
 
 def _gone(same: Sequence[Mapping[str, Any]]) -> bool:

@@ -27,6 +27,7 @@ from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
 from ..report.alarm import sentence, since_told
+from ..report.answer import dates_cut_off, is_unsent
 from ..report.days import at, day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
@@ -34,7 +35,7 @@ from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
-from .places import Places, Served
+from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns
 
@@ -251,6 +252,8 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "spoken": lambda text: spoken_days(state.texts.of(text), state.texts),
         "moment": lambda text: at(text, state.texts),
         "since_of": lambda a: since_told(a, state.texts),
+        "is_unsent": is_unsent,
+        "newest_of": lambda machine: _newest(state, machine),
         "here": request.url.path,
         "signed_in": signed,
         "csrf": signed.csrf if signed else "",
@@ -260,6 +263,12 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         **values,
     }
     return HTMLResponse(state.templates.get_template(template).render(**context), status)
+
+
+def _newest(state: State, machine: Served) -> str:
+    """what pages share, machine → date of its newest night, also where that one was cut off; '' where it has none."""
+    nights = state.places.nights(machine, STRIP)
+    return max((*dates_cut_off(machine.former), *(n.night for n in nights[:1])), default="")
 
 
 def _refused(request: Request, error: Exception) -> Response:

@@ -15,11 +15,14 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.alarm import sentence, size_of
+from ...report.answer import is_moving
 from ...report.days import at
 from ...report.faults import earlier, still_open
+from ...report.morning import brief_of
 from ...report.plain import plain
+from ...report.reach import to_ask
 from ..app import State, machine_of, needs, page, proven, state_of
-from .fleet import answer_of, faults_of, made_up, orders_of
+from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of
 
 NOTE = 500  # characters
 MANY = 200  # alarms of one cause that are answered together
@@ -51,9 +54,22 @@ def _read(state: State) -> dict[str, Any]:
         if asked := still_open(found):
             answers = Counter(d.alarm for d in history.decisions(name))
             shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
-            shown = [{**a, "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
+            shown = [
+                {**a, "short": brief_of(a), "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown
+            ]
             said = answer_of(row, found, state)
-            card = {"machine": row.machine, "answer": said, "faults": shown, "open": asked, "simulated": made_up(row)}
+            card: dict[str, Any] = {
+                "machine": row.machine,
+                "answer": said,
+                "faults": shown,
+                "open": asked,
+                "simulated": made_up(row),
+            }
+            moving = is_moving(row.record or {}, row.machine.former)
+            card |= {
+                "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
+                "call": "" if said is None else to_ask(asked_of(row, state), found, state.texts),
+            }
             waiting.append(card | {"todo": [] if said is None else orders_of(row, said, found, state)})
         newest = list(enumerate(history.decisions(name)))[-20:]
         told = reversed(history.alarmed(name)) if newest else ()
@@ -75,7 +91,8 @@ def _read(state: State) -> dict[str, Any]:
     past.sort(key=lambda p: (p["d"].utc, p["place"]), reverse=True)  # two of one second stand in their order
     listed = [a for card in waiting for a in card["open"]]
     missing = sum(a["decision"] is None for a in listed)
-    return {"waiting": waiting, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
+    made = bool(waiting) and all(c["simulated"] for c in waiting)
+    return {"waiting": waiting, "simulated": made, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
 
 
 def decide(request: Request) -> Response:

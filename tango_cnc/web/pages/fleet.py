@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -12,7 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...report.age import measured_on
-from ...report.alarm import sentence, size_of, whole_sentence
+from ...report.alarm import sentence, since_date, size_of, whole_sentence
 from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
@@ -67,7 +68,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     if busy and told is not None:
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
-    asked = _asked(row, state)
+    asked = asked_of(row, state)
     ran = ran_of(request, row.machine) if told is None else ""
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -97,7 +98,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
         "call": to_ask(asked, found, t) if told is not None and told.may in ("no", "but", "unknown") else "",
         "fault": found[0]["text"] if found else "",
-        "brief": brief(told, found, moving, said, t),
+        "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
         "age": _age(row, t),
         "open": len(still_open(found)),
         "moved": max(map(size_of, found), default=0.0),
@@ -107,22 +108,50 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     }
 
 
-def brief(told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, said: str, t: Texts) -> tuple[str, str]:
-    """answer, what is wrong, whether its control may still execute a program, headline, texts → the one thing to do first, as on
-    its page, and its cause: the first sentence of it; ("", "") where nothing is to be done.
+def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, limits: Mapping[str, float]) -> str:
+    """row, answer, what is wrong, whether it may still move, limits (µm) → date since when it is so; '' where nothing is to be
+    done, or where no night says so.
     """
+    if told is None or told.may in ("yes", "wait") or not row.nights:
+        return ""
+    cut = dates_cut_off(row.machine.former)
+    if moving or (cut and told.state == "not_measured"):
+        return max(cut, default=row.nights[0].night)
+    if told.old:
+        return measured_on(row.record or {}, row.before)
+    if told.state == "late":
+        return next((n.night for n in row.nights if n.status == "complete"), "")
+    if found and told.state != "not_measured":
+        return since_date(found[0])
+    own = verdict_of(row.nights[0], limits)
+    same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
+    return "" if own == "good" else [n.night for n in same][-1]
+
+
+def brief(
+    told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, said: str, t: Texts, since: str = ""
+) -> tuple[str, str]:
+    """answer, what is wrong, whether its control may still execute a program, headline, texts, date since when or '' → the one
+    thing to do first, as on its page, and its cause with that date: the first sentence of it; ("", "") where nothing is to be done.
+    """
+
+    def dated(text: str) -> str:
+        return whole_sentence(
+            t("web.since", text=text.rstrip("."), date=day(since, t, since[:4] != _today()[:4])) if since else text
+        )
+
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
-        return t("may.brief_look"), whole_sentence(t("may.brief_moving"))
+        return t("may.brief_look"), dated(t("may.brief_moving"))
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
     if told.old and not parts:
-        return t("may.brief_measure"), whole_sentence(told.old)
+        return t("may.brief_measure"), dated(told.old)
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    return parts, whole_sentence(cause[:1].upper() + cause[1:])
+    return parts, dated(cause[:1].upper() + cause[1:])
 
 
 def _age(row: Row, t: Texts) -> str:
@@ -159,7 +188,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
     return renamed(told, row.machine.former, state.texts)
 
 
-def _asked(row: Row, state: State) -> dict[str, Any]:
+def asked_of(row: Row, state: State) -> dict[str, Any]:
     """row, state → record of its last night, with whoever is asked about the machine today."""
     record, places = row.record or {}, state.places
     return {
@@ -171,7 +200,7 @@ def _asked(row: Row, state: State) -> dict[str, Any]:
 
 def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
     """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
-    record, axes = _asked(row, state), state.places.geometry(row.machine)
+    record, axes = asked_of(row, state), state.places.geometry(row.machine)
     return orders(
         told, record, found, str((record.get("next") or {}).get("kind") or ""), state.units, state.texts, axes, row.machine.former
     )
@@ -221,7 +250,7 @@ def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
         return []
     today = _today()
     alarms, decisions = unclosed(history, name, today)
-    asked = _asked(row, state)
+    asked = asked_of(row, state)
     axes, events = state.places.geometry(row.machine), happened_to(state, row.machine)
     old = state.places.old(row.machine, measured_on(record, row.before))
     return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events, old)

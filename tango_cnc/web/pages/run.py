@@ -19,7 +19,7 @@ from ...link.entries import Reading
 from ...records import Cell
 from ...report.morning import who_of
 from ...report.plain import office, shop
-from ...report.svg import BLUE, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
+from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, needs, page, state_of
 from ..live import LiveRun, journals, quiet, title
@@ -202,7 +202,7 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
         tip = f"<title>{escape(str(f.id))}: {left}</title>"
         parts.append(f'<g>{tip}<rect x="{x - 8:.1f}" y="{y - 8:.1f}" width="16" height="16" fill="#fff" {stroke}/>')
-        full = "#00694c" if not left else "#9fd0bf"
+        full = GOOD if not left else "#9fd0bf"
         parts.append(f'<rect x="{x - 8:.1f}" y="{y + 8 - 16 * share:.1f}" width="16" height="{16 * share:.1f}" fill="{full}"/>')
         parts.append(f'<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
     return "".join([*parts, "</svg>"])

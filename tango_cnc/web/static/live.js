@@ -1,5 +1,7 @@
 (function(){
 "use strict";
+var card=location.hash.length>1&&document.getElementById(decodeURIComponent(location.hash.slice(1))),rest=card&&card.querySelectorAll("details.rest")||[];
+for(var i=0;i<rest.length;i++)rest[i].open=true;
 var wall=document.querySelector("[data-again]");
 if(wall)setTimeout(function(){if(navigator.onLine!==false)location.reload();},1000*wall.dataset.again);
 var box=document.getElementById("step"),where=box&&box.dataset.follow,mine=box&&box.dataset.run;

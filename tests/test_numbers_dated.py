@@ -1,0 +1,149 @@
+"""Every number of a page says of which night it is, and who was asked says when; one colour has one meaning."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights import knock, night
+from support.server import cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.report.answer import answer, renamed, said_cut_off
+from tango_cnc.report.charts import tip
+from tango_cnc.report.days import day
+from tango_cnc.report.faults import faults
+from tango_cnc.report.morning import LEVELS, strip
+from tango_cnc.report.pdf import TONES
+from tango_cnc.report.reach import or_else, to_ask
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+from tango_cnc.texts import say
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+M = "HU40T-like"
+FULL = {"check": "disk", "passed": False, "found": "only 3 MB are free", "do": "make room"}
+NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "touches": 0, "parameters": None, "volume": None, "limits": []}
+
+
+def dated(ago: float) -> dict[str, str]:
+    """days before now → dates of a night."""
+    start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
+    return {"night": f"{start:%Y-%m-%d}", "start_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}", "end_utc": f"{start:%Y-%m-%dT%H:%M:%SZ}"}
+
+
+def seen(place: Path, path: str) -> str:
+    """cell, path → what a person reads there."""
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
+
+
+def test_numbers_beside_a_night_that_was_cut_off_name_their_own_night(tmp_path: Path) -> None:
+    t, good = texts(), night(M, 1)
+    found = answer(good, Units(), t)
+    assert "(on " not in found.numbers
+    told = renamed(found, said_cut_off(["2026-11-23T020000Z"]), t)
+    assert told.numbers == f"{found.numbers} (on {day(good['night'], t)})"
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(1))])
+    (place / "nights" / "begun").mkdir(parents=True)
+    (place / "nights" / "begun" / f"{datetime.now(UTC) - timedelta(hours=5):%Y-%m-%dT%H%M%SZ}").write_text("", encoding="utf-8")
+    of = day(dated(1)["night"], t)
+    for path in ("/", f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
+        assert f"(on {of})" in seen(place, path), path
+
+
+def test_the_tab_of_the_newest_night_has_its_date(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, **dated(1))])
+    of = day(dated(1)["night"], texts(), False)
+    for path in ("", "/trend", "/nights", "/files", "/run", "/report", "/night/1"):
+        assert f"Newest night {of} Run" in seen(place, f"/machine/{M}{path}"), path
+
+
+def test_what_kept_a_night_from_beginning_stands_in_the_box() -> None:
+    t, good, full = texts(), night(M, 1), night(M, 2, "not_measured", preflight=[FULL], **NOTHING)
+    assert "nothing was measured last night (only 3 MB are free)" in answer(full, Units(), t, before=good).why
+    assert "Last night could not begin: only 3 MB are free." in answer(full, Units(), t, before=good, old=30).why
+    silent = night(M, 2, "not_measured", why="no answer", **NOTHING)
+    assert "last night. This is what was known" in answer(silent, Units(), t, before=good).why
+    nowhere = renamed(answer(good, Units(), t), said_cut_off(["x"], {"x": "unsent"}), t)  # not even its record could be written
+    assert "Is the disk full?" in nowhere.why
+
+
+def test_two_numbers_of_one_event_name_their_nights() -> None:
+    alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": say("night.alarms.still_there", told="+18.6 ± 0.4 µm")}
+    (found,) = faults(night(M, 14, "changed", standing=[alarm | {"total": 0.0186}]), (), {}, Units(), texts())
+    of = day(night(M, 14)["night"], texts())
+    assert f"Still there: +19 µm in the night of {of}; the number before is that of the night of the alarm." in found["text"]
+    half = alarm | {"total": 0.008, "now": say("night.alarms.now", told="+8.0 ± 0.4 µm")}
+    (found,) = faults(night(M, 14, "changed", standing=[half]), (), {}, Units(), texts())
+    assert "by +8 µm since" in found["text"]
+    assert f"That is the number of the night of {of}; in the night of the alarm, Thu 5 Nov 2026, it was +20 µm." in found["text"]
+
+
+def test_who_was_asked_first_and_when_stands_before_who_is_called_next() -> None:
+    t, first = texts(), {"owner": "Roy", "silent": 12, "decision": None, "night": "2026-11-17"}
+    told = to_ask({"owner": "Roy", "deputy": "Berg, 4730"}, [first], t)
+    assert told == "Call Berg, 4730: Roy was asked first, on Tue 17 Nov 2026, and has not answered."
+    again = to_ask({"owner": "Roy, 4711", "deputy": "Berg"}, [first | {"owner": "Roy, 4711"}], t)
+    assert again == "Call Roy, 4711 again, asked on Tue 17 Nov 2026 without an answer. Then call Berg."
+    assert or_else("Roy", 12, "Berg", t) == "Next: call Berg." and or_else("Roy", 0, "Berg", t) == "Else call Berg."
+
+
+def test_no_page_sends_its_reader_to_himself() -> None:
+    """Who reads may be the foreman: the sentence says who decides, and holds for whoever reads."""
+    t = texts()
+    assert [key for key in t.keys if "foreman" in t.of(str(t._flat[key])).lower()] == []
+    assert "Whoever leads the shift decides" in t("morning.nobody")
+
+
+def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
+    t = texts()
+    nights = [(date(2026, 11, i + 1), 50.0, level) for i, level in enumerate(("good", "look", "stop"))]
+    curve = tip(nights, 60.0, "µm", t, 400, 200)
+    for verdict, level in (("good", "good"), ("changed", "look"), ("out_of_limits", "stop")):
+        assert LEVELS[verdict] == level and TONES[level] in strip([("2026-11-01", verdict, "")], "", t)
+        assert f'fill="{TONES[level]}"' in curve
+    style = (Path(__file__).parents[1] / "tango_cnc/report/templates/style.css").read_text(encoding="utf-8")
+    assert all(f"--{level}:{TONES[level]}" in style for level in ("good", "look", "stop"))
+
+
+def test_the_list_says_since_when(tmp_path: Path) -> None:
+    t, full = texts(), [FULL]
+    alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}
+    knocked = [night(M, 0, **dated(2)), night(M, 1, "changed", alarms=[alarm], **dated(1))]
+    beyond = [night(M, 0, **dated(3)), *(night(M, i, "out_of_limits", **dated(3 - i)) for i in (1, 2))]
+    nothing = [night(M, 0, **dated(3)), *(night(M, i, "not_measured", preflight=full, **NOTHING, **dated(3 - i)) for i in (1, 2))]
+    for number, (records, ago) in enumerate(((knocked, 1), (beyond, 2), (nothing, 2), ([night(M, 0, **dated(40))], 40))):
+        place = cell(tmp_path / str(number), records=records)
+        (place / "nightly.yaml").write_text("nightly: 1\n", encoding="utf-8")
+        first = seen(place, "/").partition("Night of")[0]
+        assert f", since {day(dated(ago)['night'], t, dated(ago)['night'][:4] != dated(0)['night'][:4])}." in first, number
+    assert ", since" not in seen(cell(tmp_path / "good", records=[night(M, 0, **dated(0))]), "/")
+
+
+def test_an_alarm_is_a_row_with_its_verdict_and_cause_and_the_rest_is_folded(tmp_path: Path) -> None:
+    alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, "changed", alarms=[alarm], **dated(1))])
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        card = site.get("/alarms").text.partition("<article")[2].partition("</article>")[0]
+    row, _, rest = card.partition('<details class="rest">')
+    shown = " ".join(re.sub(r"<[^>]+>", " ", row.partition(">")[2]).split())
+    assert shown.startswith(f"{M} Yes, but") and "moved along X" in shown and len(shown) < 200
+    assert "What it does to parts" in rest and "What to do" in rest and "What it does" not in row
+
+
+def test_a_night_that_ended_before_anything_was_sent_has_not_moved_the_machine(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=[night(M, 0, **dated(1))])
+    stamp = f"{datetime.now(UTC) - timedelta(hours=5):%Y-%m-%dT%H%M%SZ}"
+    (place / "nights" / "begun").mkdir(parents=True)
+    (place / "nights" / "begun" / stamp).write_text("", encoding="utf-8")
+    (place / "nights" / stamp).mkdir()
+    for path in ("", "/nights"):
+        text = seen(place, f"/machine/{M}{path}")
+        assert "the machine has not moved" in text and "may still be moving" not in text and "What changed Nothing." not in text
