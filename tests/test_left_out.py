@@ -68,9 +68,7 @@ def test_a_choice_of_touches_has_those_alone_that_a_plan_could_have(folder: Path
 def test_where_no_touch_can_be_made_the_choice_says_why(folder: Path) -> None:
     cell = read_cell(folder)
     away = replace(cell.strategy, indexations=cell.strategy.indexations[1:2])
-    with pytest.raises(
-        InputError, match="no touch is left: a straight probe can make none of 2; most often .* or touch other facets"
-    ):
+    with pytest.raises(InputError, match=r"none of 2; most often .* or touch other facets"):
         standing(replace(cell, strategy=away))
     short = tuple(replace(axis, travel=(-1.0, 1.0)) if axis.name == "X" else axis for axis in cell.machine.axes)
     with pytest.raises(InputError, match=r"Even the touch that lacks least is beyond a travel: X .* -1 … 1 mm"):
