@@ -17,7 +17,7 @@ from sqlalchemy.exc import DBAPIError
 from support import postgres
 from support.histories import EVENTS, knowledge, record
 
-from tango_cnc.history import Decision, add_compensations, compensations, opened
+from tango_cnc.history import Decision, add_compensations, compensations, opened, shown
 from tango_cnc.history.copy import copied
 from tango_cnc.records import InputError, LinkError
 
@@ -69,6 +69,14 @@ def test_who_is_refused_looks_at_user_and_password(postgres_server: str) -> None
     place = postgres.database(postgres_server).replace("tango@", "nobody-of-this-name@")
     with pytest.raises(LinkError, match="are user and password right"), opened(place):
         pass
+
+
+def test_no_message_has_the_password_of_a_database() -> None:
+    assert shown("postgresql://tango:s@ecret@host/db") == "postgresql://tango:***@host/db"
+    assert shown("postgresql://tango@host/db") == "postgresql://tango@host/db" and shown("history.db") == "history.db"
+    with pytest.raises(InputError) as error, opened("mysql://tango:secret@host/db"):
+        pass
+    assert "secret" not in str(error.value)
 
 
 def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Path) -> None:

@@ -95,6 +95,12 @@ def test_a_run_notes_the_temperatures_and_leaves_empty_what_nobody_says(cell, ag
     )  # the sensors of diagnose
 
 
+def test_an_item_whose_id_is_its_name_is_read_once():
+    """Its number came twice, one after the other, and was none: every temperature of such an agent was empty."""
+    page = b'<S><T dataItemId="bed" name="bed">19.5</T><T dataItemId="o1" name="oil">31</T></S>'
+    assert dict(current(page)) == {"bed": "19.5", "o1": "31", "oil": "31"}
+
+
 def test_a_value_that_is_unavailable_or_old_is_not_kept(agent):
     watch = Watch(Sensors((Sensor("bed", "mtconnect", agent.url, "t1"),), every=0.05, old=0.5))
     watch.start()

@@ -206,8 +206,8 @@ class RealControl:
             line.close()
             until = None if parsed.options.get("listen") == "no" else executed_until(self.cell.folder, self.stamp, self.whole)
             if until is not None and datetime.now(UTC) < until:
-                said = say("preflight.world.may_go_on", address=address, until=f"{until.astimezone():%H:%M}")
-                return PreflightPoint("control", False, said, say("preflight.world.wait_or_look"))
+                goes_on = say("preflight.world.may_go_on", address=address, until=f"{until.astimezone():%H:%M}")
+                return PreflightPoint("control", False, goes_on, say("preflight.world.wait_or_look"))
             passed = not self.settings.probe
             return PreflightPoint(
                 "control",

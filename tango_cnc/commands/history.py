@@ -385,7 +385,7 @@ def _set_aside(place: str | Path) -> Iterator[Path | None]:
 @click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")
 def restore(source: Path, folder: Path, where: str | None) -> None:
     """A backup becomes the history. One that is there is kept beside it; a database that is not empty is refused."""
-    from ..history import opened
+    from ..history import opened, shown
     from ..history.copy import copied
 
     place = _place(folder, where)
@@ -396,7 +396,7 @@ def restore(source: Path, folder: Path, where: str | None) -> None:
             count = copied(history, place)
     if kept is not None:
         click.echo(here()("cli.history.kept_beside", file=str(kept)), err=True)
-    click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=str(place)))
+    click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=shown(place)))
 
 
 @command.command()

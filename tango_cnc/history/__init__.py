@@ -1,5 +1,6 @@
 """Everything that every night found, append-only, in SQLite or PostgreSQL: docs/nightly.md."""
 
+from ._database import shown
 from .compensated import add_compensations, compensations
 from .records import ACTIONS, Compensation, Decision, Knowledge, Night, Standing, Stored, Trend
 from .store import FORMAT, History, opened
@@ -18,4 +19,5 @@ __all__ = [
     "add_compensations",
     "compensations",
     "opened",
+    "shown",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Any
@@ -95,12 +96,17 @@ def _url(where: str | Path) -> Any:
     try:
         url = make_url(filled(where, lambda word: quote(word, ""), _unset))
     except ArgumentError:
-        raise InputError(f"history: found {where!r}; allowed: {ALLOWED}") from None
+        raise InputError(f"history: found {shown(where)!r}; allowed: {ALLOWED}") from None
     if url.drivername in ("postgresql", "postgres"):
         url = url.set(drivername="postgresql+psycopg")
     if url.get_backend_name() not in ("sqlite", "postgresql"):
-        raise InputError(f"history: found {where!r}; allowed: {ALLOWED}")
+        raise InputError(f"history: found {shown(where)!r}; allowed: {ALLOWED}")
     return url
+
+
+def shown(where: str | Path) -> str:
+    """file name or URL of a history → the same for people: no password in it."""
+    return re.sub(r"(://[^/?#:@]*):.*@", r"\1:***@", str(where))
 
 
 def first_line(error: Exception) -> str:

@@ -9,7 +9,7 @@ from sqlalchemy.exc import DBAPIError
 
 from ..records import InputError, LinkError, TangoError
 from . import _tables as t
-from ._database import first_line
+from ._database import first_line, shown
 from .store import History, opened
 
 AT_ONCE = 500  # rows
@@ -29,7 +29,7 @@ def copied(history: History, place: str | Path) -> int:
                 sink.begin(),
             ):
                 if sink.execute(select(func.count()).select_from(t.machine)).scalar():
-                    raise InputError(f"{place}: found a history that is not empty; allowed: a new file or an empty database")
+                    raise InputError(f"{shown(place)}: found a history that is not empty; allowed: a new file or an empty database")
                 ours = True
                 for one in t.metadata.sorted_tables:
                     rows = source.execute(select(one).order_by(*one.primary_key.columns)).mappings()
@@ -40,7 +40,7 @@ def copied(history: History, place: str | Path) -> int:
                         sink.execute(text(f"SELECT setval(pg_get_serial_sequence('{name}', 'id'), (SELECT max(id) FROM {name}))"))
             wrong = target.verify()
             if wrong:
-                raise LinkError(f"{place}: the copy is not what was copied: {wrong[0]}")
+                raise LinkError(f"{shown(place)}: the copy is not what was copied: {wrong[0]}")
             return sum(number for number, _ in target.newest_hashes().values())
         except (TangoError, DBAPIError) as error:
             if ours and isinstance(place, Path):

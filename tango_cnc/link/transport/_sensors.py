@@ -113,7 +113,8 @@ def current(data: bytes) -> Mapping[str, str]:
     names: list[list[str]] = []  # of the elements that are open
 
     def begun(_tag: str, attributes: Mapping[str, str]) -> None:
-        mine = [attributes[key] for key in ("dataItemId", "name") if "dataItemId" in attributes and key in attributes]
+        own = (attributes[key] for key in ("dataItemId", "name") if "dataItemId" in attributes and key in attributes)
+        mine = list(dict.fromkeys(own))  # many agents give an item the same word for both
         names.append(mine)
         found.update(dict.fromkeys(mine, ""))
 
