@@ -194,7 +194,7 @@ def test_short_checks_of_many_machines(name: str, tcp: bool, tmp_path: Path) -> 
     assert not faults
 
 
-def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path) -> None:
+def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cell = tmp_path / "cell"
     shutil.copytree(ROOT / "examples" / "trunnion", cell)
     assert run("simulate", "-C", cell).exit_code == 0
@@ -213,6 +213,12 @@ def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path) -> N
         found = run("compensate", "-C", cell, "--measured", 1, "--readings", few, "--tcp", "--json", "-")
         assert json.loads(found.stdout)["verdict"] == word
     assert [e["event"] for e in loop.history(cell)] == ["proposed", "written", AS_SEEN, "no help"]
+    few = cell / "elsewhere.csv"  # its own strategy is not that of the cell in which its readings lie
+    shutil.copyfile(place / "loaded.csv", few)
+    shutil.copyfile(place / "loaded.origin.json", cell / "elsewhere.origin.json")
+    monkeypatch.setattr("tango_cnc.commands._short_check.FEW", 0.0)  # as if it had as many touches as the run before it
+    found = run("compensate", "-C", cell, "--measured", 1, "--readings", few, "--tcp")
+    assert "strategy.yaml was changed" not in found.stderr and "A short check" in found.output
 
 
 @pytest.mark.long

@@ -6,6 +6,7 @@ import itertools
 import shlex
 import shutil
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -46,9 +47,26 @@ DAY = 86_400.0  # s
 HOUR = 60.0  # minutes: no short check takes longer
 
 
-def is_short(kept: loop.Kept, file: Path) -> bool:
-    """compensation, readings → whether they are too few to judge it alone, and the run before it is known."""
-    return "made_from" in kept.record and len(rows(file)) < FEW * len(kept.record["readings_rows"])
+def is_short(cell: Cell, kept: loop.Kept, file: Path) -> bool:
+    """cell, compensation, readings → whether the run before it is known, and they are too few to judge it alone, or those of a
+    short check of it, however many that has.
+    """
+    if "made_from" not in kept.record:
+        return False
+    few = len(rows(file)) < FEW * len(kept.record["readings_rows"])
+    return few or _check_of(cell, kept, read_readings(file, cell.machine, cell.artefact)) is not None
+
+
+def _check_of(cell: Cell, kept: loop.Kept, readings: Readings) -> Path | None:
+    """cell, compensation, readings → the folder of the short check whose touches these are; None where none has them."""
+    for folder in sorted(kept.folder.parent.glob(f"{loop.CHECK}{kept.number:03d}*")):
+        with suppress(InputError):  # one that somebody has changed is no reason not to judge
+            planned = [facet for i in read_cell(folder).strategy.indexations for facet in i.facets]
+            if all(0 < number <= len(planned) for number in readings.touch):
+                same = sum(planned[number - 1] == facet for number, facet in zip(readings.touch, readings.facet, strict=True))
+                if same == len(readings):
+                    return folder
+    return None
 
 
 def made_from(text: str, terms: tuple[Any, ...], degree: int, *, tcp: bool) -> dict[str, Any]:
@@ -98,7 +116,7 @@ def _days(kept: loop.Kept, until: str | None) -> float:
 def judged(cell: Cell, kept: loop.Kept, file: Path, tcp: bool | None, *, same_stylus: bool = False) -> tuple[Outcome, list[str]]:
     """cell, compensation, readings of a short check, --tcp, --same-stylus → outcome, places that act with TCP only."""
     few = read_readings(file, cell.machine, cell.artefact)
-    own = file.parent if (file.parent / loop.CELL).exists() else cell.folder
+    own = _check_of(cell, kept, few) or (file.parent if (file.parent / loop.CELL).exists() else cell.folder)
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
         click.echo(line, err=True)
     asked = _asked(cell, kept, _days(kept, ended(file)), tcp, same_stylus=same_stylus)

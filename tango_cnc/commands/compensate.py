@@ -332,7 +332,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
         )
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
-    if file.exists() and _short_check.is_short(kept, file):
+    if file.exists() and _short_check.is_short(cell, kept, file):
         found, places = _short_check.judged(cell, kept, file, options["tcp"], same_stylus=options["same_stylus"])
     else:
         found, places = _by_itself(cell, kept, options)
