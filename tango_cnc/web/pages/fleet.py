@@ -42,6 +42,8 @@ def fleet(request: Request) -> Response:
     rows = state.places.kept("fleet rows", lambda: _rows(request))
     late = [r["name"] for r in rows if r["late"]]
     counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
+    counts["not_yet"] = sum(r["may"] == "no" and r["word"] == state.texts("may.not_yet") for r in rows)
+    counts["no"] -= counts["not_yet"]
     hours = f"{state.settings.late_hours:g}"
     names = ", ".join(late[:NAMED]) + (f" … ({len(late)})" if len(late) > NAMED else "")
     made_up = bool(rows) and all(r["simulated"] for r in rows)
