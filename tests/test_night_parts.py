@@ -16,11 +16,15 @@ from tango_cnc.nightly.alarms import Known, alarms_of, effect_of, said_of
 from tango_cnc.nightly.back import went_back
 from tango_cnc.nightly.dates import Since
 from tango_cnc.nightly.mail import _about
+from tango_cnc.nightly.parts import as_warm
 from tango_cnc.nightly.words import changed
+from tango_cnc.plan import plan
 from tango_cnc.records import Cell
 from tango_cnc.report.texts import texts
+from tango_cnc.state import State, frame
 from tango_cnc.state.effect import alike
 from tango_cnc.state.naming import Hypothesis, Named
+from tango_cnc.touches import of_facets
 
 UM = 1e-3
 
@@ -153,3 +157,24 @@ def test_what_is_farther_off_than_anything_that_is_touched_has_no_size(root: Pat
         h = Hypothesis("ball", "ball 1", np.eye(3), "mm", ("X", "Y", "Z"))
         named = Named(h, np.full(3, size), np.full(3, 0.01), 99.0, 0.0, 1.0, ())
         assert told in said_of(known, Since("2026-10-01", "last night"), named)[2]
+
+
+def test_a_machine_is_judged_at_the_temperature_of_its_night(root: Path) -> None:
+    """One that is 6 K warmer than ever was within its limit: as it had been at the temperature of its first night."""
+    cell = read_cell(root / "examples" / "trunnion")
+    made = plan(cell)
+    position = np.array([touch.contact for touch in made.touches])
+    followed = frame(
+        of_facets(cell.machine, cell.artefact, [touch.facet for touch in made.touches], position, np.ones_like(position)),
+        cell.terms,
+    )
+    first, count = len(followed.model.names), len(followed.names)
+    i, k = followed.place["EY0C"], followed.place["EY0C/K"]
+    mean, root_ = np.zeros(count), 1e-4 * np.eye(count)
+    mean[i], mean[k] = 24e-3, 1.5e-3
+    state = State(followed.names, mean, root_, 0.0, np.zeros(count), 1e-3, 20.0)
+    hot = as_warm(followed, state, 6.0)
+    assert hot.mean[i] == pytest.approx(33e-3) and hot.std[i] == pytest.approx(1e-4 * math.hypot(1.0, 6.0))
+    others = np.delete(np.arange(first), [i])
+    assert not hot.mean[others].any() and hot.mean[k] == mean[k]
+    assert as_warm(followed, state, None) is state

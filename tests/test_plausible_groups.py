@@ -145,6 +145,17 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
     assert {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
 
 
+def test_gains_that_nights_before_have_found_alike_are_no_doubt(cell: Cell, readings: Readings) -> None:
+    """A machine that is 6 K warmer stays warm: its second morning blamed the scale bar."""
+    bar = cell.artefact.scale_bar
+    assert bar is not None
+    warm = replace(cell, artefact=replace(cell.artefact, scale_bar=replace(bar, length=bar.length + 0.015)))
+    result = honest(estimate(warm.machine, warm.artefact, readings, warm.terms))
+    assert "alike" in " ".join(judge(warm, readings, result, search=False).reasons)
+    again = judge(warm, readings, result, search=False, agrees=True)
+    assert "alike" not in " ".join(again.reasons) and not {"EXX1", "EYY1", "EZZ1"} & set(again.untrusted)
+
+
 @pytest.mark.long
 def test_a_result_says_which_length_its_gains_rest_on(cell: Cell, readings: Readings) -> None:
     judgement = judged(cell, readings)

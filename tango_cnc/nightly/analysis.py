@@ -226,8 +226,9 @@ class Nights(Before):
     def _place(self, u: Update, quiet: bool) -> Place:
         """what the night did, whether nothing else has happened → where the machine stands, and whether it moves on."""
         gone = np.zeros_like(u.after.mean) if self.control is None else self.control.gone
-        left = replace(u.after, mean=u.after.mean - gone)  # what parts have
-        chart = over_volume(self.lever, left.mean, u.after.covariance)
+        warm = parts.as_warm(self.followed, u.after, parts.warmer(u.after, u.warmth))
+        left = replace(warm, mean=warm.mean - gone)  # what parts have
+        chart = over_volume(self.lever, left.mean, left.covariance)
         limits = limited(self.followed, self.settings.limits, left, chart)
         moving = drift(self.known, u.recent, u.after, u.tonight.scale, limits, gone) if quiet else None
         moving = lag_told(self.known, u.lag, u.recent, u.after) if quiet and moving is None else moving
@@ -303,7 +304,10 @@ class Nights(Before):
             "terms": list(self.cell.terms),
             "parameters": place.parameters,
             "stylus": tip_of(self.known, u.after),
-            "volume": {"worst_um": place.chart.worst * 1e3, "rms_um": place.chart.rms * 1e3, "std_um": place.chart.std * 1e3},
+            "volume": {
+                **{"worst_um": place.chart.worst * 1e3, "rms_um": place.chart.rms * 1e3, "std_um": place.chart.std * 1e3},
+                **({} if (celsius := parts.mean(u.warmth)) is None else {"celsius": round(celsius, 2)}),
+            },
             "limits": place.limits,
             "residual": parts.residual(u.what, u.after, u.tonight),
             "outliers": list(u.tonight.outliers),

@@ -134,6 +134,19 @@ def warmer(ahead: State, warmth: Mapping[str, Array]) -> float | None:
     return None if now is None or ahead.reference is None else now - ahead.reference
 
 
+def as_warm(followed: Frame, state: State, above: float | None) -> State:
+    """frame, state, K of tonight above its reference (None: not known) → the machine as it stands at this temperature.
+
+    A state is of its reference temperature, with what each unknown does for every K beside it.
+    """
+    if not above:
+        return state
+    first, warm = len(followed.model.names), followed.warm
+    change = np.eye(len(state.mean))
+    change[warm, first + np.arange(len(warm))] = above
+    return replace(state, mean=change @ state.mean, root=change @ state.root)
+
+
 def told(values: Sequence[float] | Array) -> dict[str, float]:
     """(n,) °C → mean, first and last."""
     return {"mean": float(np.mean(values)), "first": float(values[0]), "last": float(values[-1])}

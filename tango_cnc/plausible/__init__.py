@@ -218,7 +218,14 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
             )
         )
     found += _noise(result)
-    found += [*late(result), *common(result), *halves(result), *still(result), *alike_backlashes(result), *by_direction(result)]
+    found += [
+        *late(result),
+        *common(result, agrees),
+        *halves(result),
+        *still(result),
+        *alike_backlashes(result),
+        *by_direction(result),
+    ]
     if patterns:
         found += lacking(result, AGREED if agrees else LEVEL)
         if (drift := drift_of(result)) is not None:

@@ -38,12 +38,14 @@ TURNED = math.radians(0.002)  # rad: smaller angles of one indexation are seatin
 EXPLAINS = 0.7  # share of the squares of an indexation that its angle takes away, or the terms lack something
 
 
-def common(result: Estimate) -> Iterator[Remark]:
-    """estimate by the noise of its residuals → remarks on the step, the bar and touches without weight that belong together."""
+def common(result: Estimate, agrees: bool = False) -> Iterator[Remark]:
+    """estimate by the noise of its residuals, whether nights before predicted these touches → remarks on the step, the bar and
+    touches without weight that belong together.
+    """
     step, bar = list(_step(result)), list(_bar(result))
     yield from (*bar, *step)
     yield from _feed(result)
-    yield from _gains(result)
+    yield from _gains(result, agrees)
     if bar or step:
         return  # the touches that have no weight belong together by that
     balls = list(_balls(result))
@@ -157,8 +159,11 @@ def _bar(result: Estimate) -> Iterator[Remark]:
     )
 
 
-def _gains(result: Estimate) -> Iterator[Remark]:
-    """All gains rest on the bar; nothing but their being alike can speak against it, so that the result says what they rest on."""
+def _gains(result: Estimate, agrees: bool) -> Iterator[Remark]:
+    """All gains rest on the bar; nothing but their being alike can speak against it, so that the result says what they rest on.
+
+    Where nights before have found them as large, those have said what there was to say: a machine that is warm stays so.
+    """
     names = [n for n in SCALES if n in result.model.names]
     bar = result.model.touches.artefact.scale_bar
     if not names or result.selection.mismatch or bar is None or result.model.bar is None:
@@ -170,7 +175,10 @@ def _gains(result: Estimate) -> Iterator[Remark]:
         text = say(f"plausible.groups.gains_{'long' if mean > 0 else 'short'}", mean=f"{abs(mean) * 1000000.0:.0f}")
         change = say("plausible.groups.compare_with_certificate_bar_see")
         moves = tuple({*names, *_by_bar(result, mean * bar.length)})
-        yield Remark("doubtful", text, (), "scale_bar", "scale_bar.length", change, file="artefact", sure=True, moves=moves)
+        if agrees:
+            yield Remark("trustworthy", text)
+        else:
+            yield Remark("doubtful", text, (), "scale_bar", "scale_bar.length", change, file="artefact", sure=True, moves=moves)
         return
     text = say(
         "plausible.groups.scale_rests_on_bar",
