@@ -261,4 +261,4 @@ def test_a_night_that_has_written_down_what_it_touches_may_have_sent_it(tmp_path
     if left is not None:
         (tmp_path / "nights" / stamps[0]).mkdir(parents=True)
         (tmp_path / "nights" / stamps[0] / left).write_text("{}")
-    assert lock.unsent(tmp_path, stamps) == (stamps if left in (None, "morning.html") else stamps[1:])
+    assert lock.ended(tmp_path, stamps) == dict.fromkeys(stamps if left in (None, "morning.html") else stamps[1:], "unsent")
