@@ -103,7 +103,10 @@ def test_a_user_of_a_domain_is_named_with_it(asked: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (AuthenticationException("Authentication failed."), r"the control refuses the login \(Authentication failed\): correct user"),
+        (
+            AuthenticationException("Authentication failed."),
+            r"the control refuses the login \(Authentication failed\): correct user",
+        ),
         (Refused("Error reading SSH protocol banner"), "does not open: Error reading SSH protocol banner"),
         (Refused(), "does not open: Refused"),
     ],
