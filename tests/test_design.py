@@ -262,6 +262,18 @@ def test_a_face_of_any_shape_has_facets_up_to_its_corners_and_none_twice(tmp_pat
     assert len(top) == 9 and (top[:, :2].max(axis=0) > (85, 65)).all() and (top[:, :2].min(axis=0) < (-75, -65)).all()
 
 
+def test_a_drawing_that_is_cut_off_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    corners = np.array(list(itertools.product([-200.0, 200], [-150.0, 150], [-80.0, 0])))
+    loops = [
+        "outer loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in t) + "endloop\n"
+        for t in corners[ConvexHull(corners).simplices]
+    ]
+    (tmp_path / "half.stl").write_text("solid table\n" + "".join(loops[:8]), encoding="utf-8")
+    asked = ["design", "--facets", f"mesh:{tmp_path / 'half.stl'}", "-o", str(tmp_path / "a.yaml")]
+    assert guarded(tango.main, asked, standalone_mode=False) == 2
+    assert "is cut off" in capsys.readouterr().err and not (tmp_path / "a.yaml").exists()
+
+
 @pytest.mark.parametrize(
     ("body", "said"),
     [

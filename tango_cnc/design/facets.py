@@ -26,6 +26,7 @@ AROUND = 8  # facets around a cylinder
 DOWN = -0.1  # cosine with the direction up below which a face looks down
 FLAT = 1e-6
 ROUNDED = 1e-4  # of the largest coordinate, at least 1 mm: as far corners of one face may be out of its plane
+LAST = 400  # bytes of a text STL within which it ends
 KINDS = ("box", "cylinder", "table", "mesh")
 
 
@@ -74,6 +75,10 @@ def mesh(file: Path) -> Array:
         kind = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("more", "<u2")])
         points = np.frombuffer(data[84:], kind)["corner"].reshape(-1, 3).astype(float)
     else:
+        if data.lstrip()[:5] == b"solid" and b"endsolid" not in data[-LAST:]:
+            raise InputError(
+                f"--facets: found mesh:{file}, which is cut off: its last line is no endsolid; allowed: a whole STL file"
+            )
         lines = [line.split() for line in data.decode("latin-1").splitlines()]
         try:
             points = np.array([[float(v) for v in words[1:4]] for words in lines if words[:1] == ["vertex"]]).reshape(-1, 3)
