@@ -139,7 +139,7 @@ def test_what_is_not_seen_is_said_before_all_else() -> None:
 
 @pytest.mark.long
 def test_kinematics_of_which_one_turn_shows_nothing_are_not_kept(tmp_path: Path) -> None:
-    """Turning A shows nothing of C; a person who types micrometers, a whole turn or a letter twice is told."""
+    """Turning A shows nothing of C. The command refuses micrometres, a whole turn, and a letter that stands there twice."""
     cell = tmp_path / "cell"
     shutil.copytree(ROOT / "examples" / "trunnion", cell)
     assert run("simulate", "-C", cell).exit_code == 0

@@ -87,14 +87,14 @@ def test_what_does_not_fit_holds_no_night_up_and_makes_nothing_up(cell: Path, ni
 def test_the_next_night_listens_before_it_sends_where_the_last_run_did_not_end(cell: Path, night: Path) -> None:
     """A control that nobody can ask went on with the program of a night that was killed, and began the next one after it."""
     made = plan(read_cell(cell))
-    assert silence_after(newest_run(cell, "2026-10-04T020000Z"), made) > 1.5 * max(durations(made).values())
-    assert silence_after(newest_run(cell, STAMP), made) == 0.0  # no night was before that one
+    assert silence_after(newest_run(cell, "2026-10-04T020000Z")[1], made) > 1.5 * max(durations(made).values())
+    assert silence_after(newest_run(cell, STAMP)[1], made) == 0.0  # no night was before that one
     later = cell / "nights" / "2026-10-04T020000Z"
     later.mkdir()
     (cell / JOURNAL).unlink()
     assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
     shutil.copy(cell / JOURNAL, later / JOURNAL)
-    assert silence_after(newest_run(cell, "2026-10-05T020000Z"), made) == 0.0  # this one came to its end
+    assert silence_after(newest_run(cell, "2026-10-05T020000Z")[1], made) == 0.0  # this one came to its end
 
 
 def test_a_night_waits_until_a_program_that_was_left_behind_must_be_over(cell: Path, night: Path) -> None:

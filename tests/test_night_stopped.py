@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +26,7 @@ from tango_cnc.nightly import Measured
 from tango_cnc.nightly.dates import since
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.night import known_before, night
-from tango_cnc.nightly.ports import Ports
+from tango_cnc.nightly.ports import Ports, PreflightPoint
 from tango_cnc.plan import plan
 from tango_cnc.records import InputError, LinkError
 from tango_cnc.report.answer import answer
@@ -45,13 +47,15 @@ MISSING = joined(
         ),
     ),
 )
+POINT = ("check", "passed", "found", "do")
 NOTHING: dict[str, Any] = {"status": "failed", "kind": "none", "verdict": "not_measured", "touches": 0, "parameters": {}}
 
 
 class Stopped:
     """The world of one night: its control stops as the test says, and it keeps every message that the night sends."""
 
-    def __init__(self, why: str, nothing: bool = False, unjudged: Exception | None = None) -> None:
+    def __init__(self, why: str, nothing: bool, unjudged: Exception | None, points: Sequence[PreflightPoint]) -> None:
+        self.points = points
         self.why, self.nothing, self.unjudged, self.posted = why, nothing, unjudged, ""
 
     def __getattr__(self, name: str) -> Any:
@@ -62,6 +66,9 @@ class Stopped:
 
     def post(self, stamp: str, text: str) -> None:
         self.posted = text
+
+    def preflight(self, kind: str, touches: Any) -> Sequence[PreflightPoint]:
+        return self.points
 
     def choice(self, past: Any, day: float) -> Any:
         return "full", "", ()
@@ -78,9 +85,15 @@ class Stopped:
         return {"verdict": "doubtful", "plausible": plausible, "carried": False, "next": None}, None, {}
 
 
-def told(history: History, why: str, nothing: bool = False, unjudged: Exception | None = None) -> tuple[dict[str, Any], str]:
-    """history, why the control ended, whether before any touch, what keeps readings from being judged → record, message."""
-    world, now = Stopped(why, nothing, unjudged), datetime(2026, 10, 9, 2, tzinfo=UTC)
+def told(
+    history: History,
+    why: str,
+    nothing: bool = False,
+    unjudged: Exception | None = None,
+    points: Sequence[PreflightPoint] = (),
+) -> tuple[dict[str, Any], str]:
+    """history, why the control ended, whether before any touch, why nobody judges the readings, preflight → record and message."""
+    world, now = Stopped(why, nothing, unjudged, points), datetime(2026, 10, 9, 2, tzinfo=UTC)
 
     class Free:
         def __enter__(self) -> None: ...
@@ -217,6 +230,18 @@ def test_a_night_that_was_cut_off_is_told_before_the_next_one(tmp_path: Path) ->
         assert run.return_value == 1 and "Look at the machine first" in " ".join(run.output.split())
     told = json.loads(invoked([*asked[0], "--json", "-"]).output)
     assert told["cut_off"] == ["2026-11-23T020000Z"]
+
+
+def test_a_control_that_may_still_execute_a_program_is_looked_at_before_anything_else(history: History) -> None:
+    """The preflight refused the night for that, and its message began with a first part to be measured."""
+    history.add_night(record(8), "touch\n8\n", knowledge(8))
+    point = PreflightPoint("control", False, "it may execute that program until 03:10", "Look at the machine.", moving=True)
+    found, text = told(history, "", points=(point,))
+    assert found["verdict"] == "not_measured" and found["moved"] is True and set(found["preflight"][-1]) == set(POINT)
+    assert "Not yet" in text and "stop it at the control" in text
+    assert "Look at the machine first" in text and "Measure the first part" not in text
+    still, _ = told(history, "", points=(replace(point, moving=False),))
+    assert "moved" not in still
 
 
 def test_readings_that_the_history_keeps_from_being_judged_are_not_in_doubt(history: History) -> None:

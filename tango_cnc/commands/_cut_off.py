@@ -34,17 +34,16 @@ def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
     write_text(folder / PLANNED, json.dumps({"kind": kind, "touches": list(touches)}) + "\n")
 
 
-def newest_run(folder: Path, stamp: str) -> tuple[Entry, ...]:
-    """cell, stamp of tonight → journal of the last run of a night before; () where none has one that can be read.
+def newest_run(folder: Path, stamp: str) -> tuple[str, tuple[Entry, ...]]:
+    """cell, stamp of tonight → stamp of the last night before that has a journal, and what can be read of it; ("", ()) for none.
 
     One that broke off may still be executed by a control that nobody can ask, whoever ended the night.
     """
     found = [f for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp]
-    if not found:
-        return ()
-    with suppress(TangoError, OSError, ValueError):
-        return tuple(salvaged(look_at(max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))))[0])
-    return ()
+    with suppress(TangoError, OSError, ValueError):  # ValueError: there is none
+        last = max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))
+        return last.parent.name, tuple(salvaged(look_at(last))[0])
+    return "", ()
 
 
 def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
@@ -53,10 +52,9 @@ def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
 
     It began after its stamp, and waited for its start no longer than a run does.
     """
-    entries = newest_run(folder, stamp)
+    began, entries = newest_run(folder, stamp)
     if not silence_after(entries, whole):
         return None
-    began = max(f.parent.name for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp)
     try:
         moment = datetime.strptime(began[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC)
     except ValueError:

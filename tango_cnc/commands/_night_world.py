@@ -207,7 +207,7 @@ class RealControl:
             until = None if parsed.options.get("listen") == "no" else executed_until(self.cell.folder, self.stamp, self.whole)
             if until is not None and datetime.now(UTC) < until:
                 goes_on = say("preflight.world.may_go_on", address=address, until=f"{until.astimezone():%H:%M}")
-                return PreflightPoint("control", False, goes_on, say("preflight.world.wait_or_look"))
+                return PreflightPoint("control", False, goes_on, say("preflight.world.wait_or_look"), moving=True)
             passed = not self.settings.probe
             return PreflightPoint(
                 "control",
@@ -289,7 +289,7 @@ class RealControl:
                 None,
                 simulated=self.simulated,
                 then=str(again(self.cell.folder)),
-                quiet=silence_after(newest_run(self.cell.folder, self.stamp), self.whole),
+                quiet=silence_after(newest_run(self.cell.folder, self.stamp)[1], self.whole),
             )
             return measure(
                 own,

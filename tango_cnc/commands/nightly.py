@@ -240,7 +240,7 @@ def _dry(
     count = len(touches) or len((analysis.check or analysis.cell).strategy.indexations)
     data = {
         **{"format": "tango-nightly-dry-run/1", "kind": kind, "why": why, "touches": list(touches)},
-        **{"preflight": [vars(p) for p in points], "passed": all(p.passed for p in points)},
+        **{"preflight": [p.as_json() for p in points], "passed": all(p.passed for p in points)},
     }
     if not write_json(json_file, data):
         what = t("cli.nightly.touches", count=count) if touches else t("cli.nightly.whole") if kind == "full" else "check.yaml"

@@ -247,7 +247,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
 
 
 def _summary(origin: Mapping[str, Any], target: Path) -> str:
-    """what has come, readings → in words: '390 touches, 3 missed → readings.csv'."""
+    """what a run has measured, its file → the last line of the run: '390 touches, 3 missed → readings.csv'."""
     words = (("miss", "missed"), ("early", "early"))
     bad = "".join(f", {origin[status]} {word}" for status, word in words if origin[status])
     doubted = f", {len(origin['refused'])} records not believed" if origin["refused"] else ""

@@ -1,4 +1,4 @@
-"""What a plan is for, in words of the command line → the criterion that chooses it, and the words of the result."""
+"""A goal as the command line has it → the criterion that chooses the plan."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def _slopes(e: Explanation, c: Chosen, v: Array) -> Array:
 
 
 def _told(c: Chosen, weight: Array) -> Told:
-    """→ a size in words: millimetres as they are, angles and slopes as the largest effect on a touch."""
+    """→ text of a size: millimetres as they are, angles and slopes by their largest effect on a touch."""
     units = [k.unit for k in c.candidate.coefficients]
     if units and units[0] != "mm":
         return _shown(weight)

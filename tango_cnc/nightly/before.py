@@ -106,7 +106,7 @@ class Before:
         return Known(self.cell, self.followed, self.lever)
 
     def state(self, past: Past) -> State | None:
-        """history → what was known after the last measured night; None when there is none, or a repair began anew."""
+        """history → what was known after the last measured night; None before the first one, and after a repair."""
         machine = self.cell.machine.name
         found = past.latest_knowledge(machine)
         if found is None:

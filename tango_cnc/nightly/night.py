@@ -124,9 +124,10 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
     """→ members of the record, unknowns, files, text of the readings."""
     kind, why_kind, touches = world.analysis.choice(world.past, day)
     points = [room(world.disk, settings), *world.control.preflight(kind, touches)]
-    found: dict[str, Any] = {"preflight": [vars(p) for p in points], "asked": {"kind": kind, "why": why_kind}}
+    found: dict[str, Any] = {"preflight": [p.as_json() for p in points], "asked": {"kind": kind, "why": why_kind}}
     failed = [p for p in points if not p.passed]
     if failed:
+        found |= {"moved": True} if any(p.moving for p in failed) else {}
         return found | {"why": say("night.night.preflight_failed", found=failed[0].found), "do": failed[0].do}, None, {}, None
     try:
         measured = world.control.measure(kind, touches)

@@ -32,6 +32,11 @@ class PreflightPoint:
     passed: bool
     found: str
     do: str = ""
+    moving: bool = False  # the control may still execute a program: somebody looks at the machine before anything else
+
+    def as_json(self) -> dict[str, Any]:
+        """→ the point as a record has it."""
+        return {"check": self.check, "passed": self.passed, "found": self.found, "do": self.do}
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A night in words: one sentence for a telephone, and what each cause means."""
+"""The sentence that a telephone shows of a night, and what each cause means."""
 
 from __future__ import annotations
 

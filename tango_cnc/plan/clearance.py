@@ -289,5 +289,5 @@ def _tuple(position: Array) -> tuple[float, ...]:
 
 
 def _named(index: int, name: Callable[[int], str]) -> str:
-    """indexation, its angles in words → as people count it: 'indexation 1 (B 30)'."""
+    """number of an indexation from 0, text of its angles → its name in a message: 'indexation 1 (B 30)'."""
     return f"indexation {index + 1} ({name(index)})"
