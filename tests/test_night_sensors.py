@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.nights_parts import Event, Story, nights
+from support.spoilt import simulated
 
 from tango_cnc.cli import tango
-from tango_cnc.commands import _simulated_nights as simulated
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.files.readings import readings_text
