@@ -27,7 +27,7 @@ def written(proposal: Proposal, places: dict[str, float]) -> dict[str, list[floa
 
 
 def spoken(proposal: Proposal, places: dict[str, float]) -> list[float]:
-    """Proposal, numbers by place → sizes of the changes that the cap looks at: mm, deg, rad; increments where a file counts them."""
+    """Proposal, numbers by place → sizes of changes that the cap looks at: mm, deg, rad; increments where a file counts."""
     moved = replace(proposal, numbers={**proposal.present, **places})
     steps = {h.place: h.increment for h in proposal.held if h.counted}
     found = [(name, size) for name, size, _, over in changes(moved) if not over]
