@@ -15,7 +15,7 @@ from .experiment import Experiment, Question, Ruling, Seen, unmade_of
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
-        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|WORKING AREA|ALARM:[12]\b"),
+        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|TRAVEL EXCEEDED|WORKING AREA|ALARM:[12]\b"),
         "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover where the "
         "post has that key, and nearer: true in machine.yaml where the control turns the nearer way and past the limit. Where a "
         "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off. Where an axis went to its other end, "
