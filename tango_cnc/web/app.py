@@ -44,7 +44,7 @@ LOG = logging.getLogger("tango.serve")
 
 
 @dataclass
-class State:
+class PagesState:
     """What the pages share."""
 
     settings: Settings
@@ -72,7 +72,7 @@ def create(settings: Settings) -> Starlette:
     env = environment(settings.templates)
     assert isinstance(env.loader, jinja2.ChoiceLoader)
     env.loader = jinja2.ChoiceLoader([*env.loader.loaders, jinja2.PackageLoader("tango_cnc.web", "templates")])
-    state = State(
+    state = PagesState(
         settings,
         Places(settings),
         SignIns(),
@@ -194,10 +194,10 @@ def _static() -> list[Route]:
     return [Route("/static/app.css", css), Route("/static/live.js", js)]
 
 
-def state_of(request: Request) -> State:
+def state_of(request: Request) -> PagesState:
     """request → what the pages share."""
     found = request.app.state.tango
-    assert isinstance(found, State)
+    assert isinstance(found, PagesState)
     return found
 
 
@@ -265,7 +265,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     return HTMLResponse(state.templates.get_template(template).render(**context), status)
 
 
-def _newest(state: State, machine: Served) -> str:
+def _newest(state: PagesState, machine: Served) -> str:
     """what pages share, machine → date of its newest night, also where that one was cut off; '' where it has none."""
     nights = state.places.nights(machine, STRIP)
     return max((*dates_cut_off(machine.former), *(n.night for n in nights[:1])), default="")
