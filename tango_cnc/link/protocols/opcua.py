@@ -269,7 +269,7 @@ def _values(line: str, nodes: Nodes) -> Values:
 
 
 def _most_off(said: float, places: list[float]) -> float:
-    """sum and places → mm by which they may differ: nothing, but REALs of 32 bits are rounded once each, and their sum at each step."""
+    """sum and places → mm by which they may differ: nothing, but REALs of 32 bits are rounded once each, their sum at each step."""
     numbers, whole = [said, *places], sum(map(abs, places))
     if whole > 1e30 or any(struct.unpack("f", struct.pack("f", x))[0] != x for x in numbers):
         return EXACT
