@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from postprocessors._options import MOST, Option, settled, stated, with_defaults
+from postprocessors import Option, load, settings
 from tango_cnc.records import InputError
+
+MOST = 1000  # characters of a value, its quotes with it
 
 TEXT, NUMBER, WHOLE = Option("a", "x", "text"), Option("b", 1.0, "number"), Option("c", 7000, "whole")
 FLAG, TABLE = Option("d", False, "flag"), Option("e", {}, "table")
 CHOICE = Option("f", "44", "choice", choices=("44", "100"))
 MEMORY = Option("g", 512, "memory", instead="none")
 CODE, STAR = Option("h", "", "code", codes=True), Option("i", "", "code", codes=True, also=r"\*")
+
+
+def stated(option: Option, value: Any) -> Any:
+    """→ the value as posts take it, of a post that has this option alone."""
+    return settings(replace(load("fanuc"), options=(option,)), {option.name: value})[option.name]
+
+
 ALLOWED: list[tuple[Option, Any, Any]] = [
     (TEXT, "", ""),
     (TEXT, "x" * (MOST - 2), "x" * (MOST - 2)),  # with its quotes as long as anything may be
@@ -62,11 +72,3 @@ def test_what_a_profile_may_state_is_taken_as_posts_need_it(option: Option, valu
 def test_what_it_may_not_state_is_refused_with_its_key_and_what_is_allowed(option: Option, value: Any, words: str) -> None:
     with pytest.raises(InputError, match=rf"^controller.{option.name}: found .*; allowed: .*{words}"):
         stated(option, value)
-
-
-def test_a_family_settles_and_changes_its_own_options_alone() -> None:
-    assert [option.verified for option in settled((TEXT, NUMBER), "b")] == [False, True]
-    assert [option.default for option in with_defaults((TEXT, NUMBER), a="y")] == ["y", 1.0]
-    for wrong in (lambda: settled((TEXT,), "b"), lambda: with_defaults((TEXT,), b=1)):
-        with pytest.raises(KeyError, match="b"):
-            wrong()
