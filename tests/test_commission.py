@@ -21,7 +21,7 @@ from support.dialects import EVERY
 from support.gates import NEAR, ran
 from support.proof_parts import keys_here
 from support.randomplans import example
-from support.wrongcontrols import Case, cases, sees, table, turned_round
+from support.wrongcontrols import Case, cases, pointless, sees, table, turned_round
 
 from postprocessors import companions, load, program
 from postprocessors import settings as settings_of
@@ -240,6 +240,19 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
         after, events = seen(name, ALL_RIGHT, stated=case.stated)
     assert set(verdicts(after, "PASS")) == IN_THE_AIR, commission.judge(after)
     assert not set(NEAR) & set(events)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("name", [name for name in sorted(EVERY) if "records" in cases(name)])
+def test_records_without_their_decimal_points_fail_by_themselves(name: str) -> None:
+    """Their sum has lost its point with them, so that each line is believed; no other experiment may judge what nobody can read."""
+    what, events = seen(name, Case("records", printed=pointless))
+    assert not set(NEAR) & set(events)
+    assert verdicts(what, "FAIL") == ["records"], commission.judge(what)
+    found = next(j.verdict.found for j in commission.judge(what) if j.experiment.belief == "records")
+    assert "the decimal point is lost" in found or "not a record" in found
+    if "lost" in found:
+        assert {"frames", "mirror", "rotary", "widths", "miss"} <= set(verdicts(what, "OPEN"))
 
 
 def test_the_table_of_the_docs_is_what_these_cases_are() -> None:

@@ -378,10 +378,10 @@ def _stopped(once: Any) -> bool | None:
 
 
 def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record, or whose sum is wrong."""
+    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record of this plan, or whose sum is wrong."""
     values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
     wanted = [*made.machine.linear, *made.machine.rotary]
-    if not {"P", "H", *wanted} <= set(values) or "," in text:
+    if not {"P", "H", *wanted} <= set(values) or "," in text or values["P"] not in {touch.number for touch in made.touches}:
         return None
     if "K" in values and abs(sum(values[name] for name in (*wanted, "S") if name in values) - values["K"]) > SUMS:
         return None

@@ -6,18 +6,20 @@ import importlib
 import pkgutil
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..records import Plan
 from . import experiments as folder
+from .digits import pointless
 from .experiment import Experiment, Question, Ruling, Seen, unmade_of
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
-        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|WORKING AREA|ALARM:[12]\b"),
+        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|TRAVEL EXCEEDED|WORKING AREA|ALARM:[12]\b"),
         "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover where the "
         "post has that key, and nearer: true in machine.yaml where the control turns the nearer way and past the limit. Where a "
-        "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
+        "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off. Where an axis went to its other end, "
+        "its direction in machine.yaml is the wrong way round",
     ),
     (
         re.compile(r"VA_IM|AA_MM|\b(12550|17020)\b"),
@@ -81,11 +83,13 @@ def judge(seen: Seen) -> list[Judged]:
     """
     every = experiments()
     nothing = not seen.records and not seen.refused
+    spoilt = pointless(seen)
+    legible = replace(seen, records={number: record for number, record in seen.records.items() if number not in spoilt})
     noticed = next((e for e in every if e.judge(seen).verdict == "FAIL"), None) if nothing else None
     blamed = noticed or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
     judged = []
     for experiment in every:
-        verdict = experiment.judge(seen)
+        verdict = experiment.judge(seen if experiment.raw else legible)
         if experiment is blamed and experiment is not noticed:
             doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
             verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
