@@ -48,17 +48,29 @@ ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "mutants"
 CODE = ("tango_cnc", "postprocessors", "sim_controller", "tests", "examples")  # what a verdict depends on
 AT_ONCE = 6  # files of tests that are run with coverage before what they reach is kept
+WRITTEN = ("test_readback*.py", "test_gate.py", "contracts/test_posts.py", "test_siemens_handshake.py", "test_habits.py")
 AREAS = {
-    "link": ("tango_cnc/link", ("test_link_*.py", "test_run*.py", "test_segments.py", "test_night_preflight.py")),
+    "link": (
+        "tango_cnc/link",
+        ("contracts/test_links.py", "test_link_*.py", "test_run*.py", "test_segments.py", "test_night_preflight.py"),
+    ),
     "plan": (
         "tango_cnc/plan",
-        ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py", "test_second_stylus.py"),
+        (
+            "test_plan*.py",
+            "test_check*.py",
+            "test_bodies.py",
+            "test_left_out.py",
+            "test_double_touch.py",
+            "test_second_stylus.py",
+            "test_stylus_safe.py",
+        ),
     ),
     "check": ("tango_cnc/check", ("test_check*.py", "test_bodies.py", "test_plan*.py", "test_left_out.py")),
-    "readback": ("tango_cnc/readback", ("test_readback*.py", "test_gate.py", "test_cycle_444.py")),
+    "readback": ("tango_cnc/readback", (*WRITTEN, "test_cycle_444.py")),
     "posts": (
         "postprocessors",
-        ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py", "contracts/test_posts.py"),
+        (*WRITTEN, "test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_confirmed.py"),
     ),
 }
 ASKED = "(few or not long) and not campaign"  # of what the default run has a few, all
