@@ -44,9 +44,18 @@ def _facets(node: Node, balls: dict[Id, Ball]) -> dict[Id, Facet]:
     return {facet.id: facet for facet in facets}
 
 
+def _named(key: Id, node: Node) -> Id:
+    """key of a ball or a facet, its value → the key. Raises InputError for one with blanks at an end: no table of readings keeps
+    them.
+    """
+    if key != key.strip():
+        raise node.wrong("an id without blanks at its ends", repr(key))
+    return key
+
+
 def _ball(key: Id, node: Node) -> Ball:
     fields = node.fields(["centre", "radius"])
-    return Ball(key, fields["centre"].vector(), fields["radius"].size())
+    return Ball(_named(key, node), fields["centre"].vector(), fields["radius"].size())
 
 
 def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
@@ -58,6 +67,7 @@ def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
 
 def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
     with gathered() as read:
+        read(lambda: _named(key, node))
         fields = read.fields(node, ["point", "normal"], ["ball", "uncertainty", "surface"])
         point, normal = read(lambda: fields["point"].vector()), read(lambda: fields["normal"].unit_vector())
         ball = read(lambda: _known_ball(fields["ball"], balls)) if "ball" in fields else None

@@ -33,6 +33,7 @@ DIGITS = 40  # of a whole number
 FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyond it places lose their micrometres
 TWICE = ("the same key twice", "each key once; remove one")
 VERSIONS = {key: f"'{key}: 1', the version of its format," for key in ("tango", "nightly")}
+TURNING = frozenset(map(chr, (*range(0x202A, 0x202F), *range(0x2066, 0x206A))))  # they turn the text that follows
 COMMA = " Within { } a comma begins a new key: write decimals with a point, and lists in [ ]"
 MISSING = {  # file name → what to do when it is not there
     "tango.yaml": "give the folder of the cell with -C, or make one with 'tango init DIR'",
@@ -134,6 +135,8 @@ class Node:
         if not isinstance(self.raw, Scalar) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
             raise self.wrong("a text" if allowed is None else ", ".join(allowed))
         value = str(self.raw.value)
+        if turning := sorted(set(value) & TURNING):
+            raise self.wrong(f"a text without characters that turn the direction of writing (U+{ord(turning[0]):04X})")
         if allowed is not None and value not in allowed:
             raise self.wrong(", ".join(allowed) + "." + suggestion(value, allowed))
         return value
