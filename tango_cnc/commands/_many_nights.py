@@ -11,16 +11,33 @@ from ._common import on_terminal, table
 from ._shop import here
 
 if TYPE_CHECKING:
-    from ..history import Trend
+    from ..history import History, Trend
     from ..nightly.lookback import Followed
     from ..report.texts import Texts
 
+TEMPERATURE = "temperature"  # name of an alarm, and of what the sensors said
 INTERVAL = 1.96  # standard deviations of a 95 % interval
 
 
 def heads(t: Texts, *names: str) -> list[str]:
     """texts, names of columns → their heads; of one without a name nothing."""
     return [t(f"cli.history.{name}") if name else "" for name in names]
+
+
+def each_of(history: History, machine: str, names: Sequence[str]) -> tuple[str, ...]:
+    """history, machine, names as alarms have them → names of the trends: scales is every linear scale that the nights know."""
+    from ..terms import SCALES
+
+    known = history.parameters(machine) if "scales" in names else ()
+    scales = tuple(scale for scale in SCALES if scale in known) or ("scales",)
+    return tuple(each for name in names for each in (scales if name == "scales" else (name,)))
+
+
+def trend_of(history: History, machine: str, name: str) -> Trend:
+    """history, machine, parameter or temperature → its nights. Raises InputError for one that no night knows."""
+    from ..nightly.lookback import warmth
+
+    return warmth(history, machine) if name == TEMPERATURE else history.trend(machine, name)
 
 
 def lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:

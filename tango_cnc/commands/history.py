@@ -21,7 +21,7 @@ from ..report.repeated import shortened
 from ..report.units import shown
 from ..texts import say
 from ._common import json_option, on_terminal, table, write_json
-from ._many_nights import followed, heads, lines
+from ._many_nights import TEMPERATURE, each_of, followed, heads, lines, trend_of
 from ._shop import headlines, here, note_simulated
 
 if TYPE_CHECKING:
@@ -213,13 +213,18 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
 @click.option("--chart", type=click.Choice(["none", "shewhart", "ewma", "cusum"]), default="none", show_default=True)
 @click.option("--smooth", is_flag=True, help="As the past is known today, from the nights before and after; no chart.")
 def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path | None, chart: str, smooth: bool) -> None:
-    """Parameters over the nights, with 95 % intervals; without names those that have moved most."""
+    """Parameters over the nights, with 95 % intervals; without names those that have moved most.
+
+    Of the names that alarms have, scales is every linear scale, and temperature that of the nights.
+    """
     from ..nightly.lookback import smooth as smoothed
 
-    names = parameter or tuple(_moved(history, machine))
+    names = each_of(history, machine, parameter) or tuple(_moved(history, machine))
     if chart != "none" and smooth:
         raise InputError("--chart, --smooth: found both; allowed: one of them: a chart is of nights as they came")
-    trends = [smoothed(history, machine, name) if smooth else history.trend(machine, name) for name in names]
+    if TEMPERATURE in names and (chart != "none" or smooth):
+        raise InputError("--chart, --smooth: found temperature; allowed: parameters, which the nights estimate")
+    trends = [smoothed(history, machine, name) if smooth else trend_of(history, machine, name) for name in names]
     if output is None:
         if chart != "none":
             raise InputError("--chart: found no -o FILE; allowed: a chart in a file")

@@ -215,6 +215,7 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
             for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
         ],
         "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
+        "warm": whole_sentence(sentence(plain(t.of((record.get("temperature") or {}).get("text") or ""), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
