@@ -45,7 +45,9 @@ def unproven(found: dict[str, Proof]) -> list[Experiment]:
 def _here(post: Post, belief: str) -> str:
     """post, belief → what of this control mends it, a sentence; empty where only the profile does."""
     what, source = post.remedies.get(belief, ("", ""))
-    return f" On this control: {what} ({source})." if what else ""
+    mirror, of = post.remedies.get("mirror", ("", "")) if belief == "frames" else ("", "")
+    said = f" On this control: {what} ({source})." if what else ""
+    return f"{said} A mirror image here: {mirror} ({of})." if mirror else said
 
 
 def keys_here(post: Post, experiment: Experiment) -> str:

@@ -54,6 +54,11 @@ UNKNOWN = (
     "you touched the stylus, look at alive first"
 )
 
+TURNED_ROUND = (
+    ". Nothing is recorded: this was at one of the first moves. If it went down where it had to go up, a mirror image of this axis "
+    "may be on: switch it off at the control (see mirror); or machine.yaml has this axis the wrong way round (see directions)"
+)
+
 
 @dataclass(frozen=True)
 class Judged:
@@ -87,7 +92,9 @@ def judge(seen: Seen) -> list[Judged]:
     for experiment in every:
         verdict = experiment.judge(seen)
         if experiment is blamed and experiment is not noticed:
-            doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
+            doubt = (
+                UNKNOWN if nothing and experiment.danger > 1 else TURNED_ROUND if nothing and experiment.belief == "frames" else ""
+            )
             verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
         elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
             verdict = Ruling("OPEN", f"the program stopped before: {seen.said}")
