@@ -11,13 +11,11 @@ from pathlib import Path
 import pytest
 from support.controls import golden
 from support.dialects import EVERY
-from support.proof_parts import keys_of
+from support.proof_parts import keys_of, remedy_here
 
 from postprocessors import load
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands._commission_first import questions
-from tango_cnc.commands._proofs import _here
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
 from tango_cnc.files.commissioning import Proof, add_proofs, read_commissioning
@@ -93,14 +91,15 @@ def test_a_program_that_somebody_else_starts_has_the_questions_beside_it(
     assert HAND in said and WAY in said and "do not start it" in said
 
 
-def test_up_is_the_way_that_leads_away_from_the_table() -> None:
+def test_up_is_the_way_that_leads_away_from_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert called(cell_of(tmp_path / "cell", "fanuc"), "", monkeypatch, "--program") == (0, False)
+    (name,) = re.findall(r"Jog ([XYZ]) by 1 mm towards (plus|minus)", capsys.readouterr().out)
     made = commission.air(golden())
-    (text,) = [text for belief, (text, _) in questions(made, {"directions"}, "fanuc").items() if belief == "directions"]
-    first = next(iter(made.moves)).target
-    (name,) = re.findall(r"Jog ([XYZ]) by 1 mm towards (plus|minus)", text)
     column = made.machine.column(name[0])
     up = made.touches[0].over[column] - made.touches[0].standoff[column]
-    assert name[0] in first and name[1] == ("plus" if up > 0 else "minus")
+    assert name[0] in next(iter(made.moves)).target and name[1] == ("plus" if up > 0 else "minus")
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
@@ -113,4 +112,4 @@ def test_a_stop_that_blames_frames_names_the_mirror_image_and_what_to_change(nam
     assert "mirror image of this axis" in failed.verdict.found and "directions" in failed.verdict.found
     assert "mirror image of it is on: switch it off at the control" in failed.experiment.advice
     remedies = load(name).remedies
-    assert ("A mirror image here:" in _here(load(name), "frames")) == ("mirror" in remedies)
+    assert ("A mirror image here:" in remedy_here(load(name), "frames")) == ("mirror" in remedies)

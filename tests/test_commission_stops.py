@@ -86,6 +86,7 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
 
 @pytest.mark.parametrize(("text", "word"), [
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
+    ("CANCEL Z travel exceeded", "the wrong way round"),
     ("LIMIT SWITCH C+", "nearer: true in machine.yaml"),
     ("65006 TANGO RECORD COULD NOT BE WRITTEN", "extdev.ini"),
     ("12550 NAME NOT DEFINED", "machine_axes"),

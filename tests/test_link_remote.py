@@ -57,8 +57,8 @@ def test_a_record_file_is_followed_as_it_grows(server):
     line = opened(server)
     assert looked(line) == b""  # what is there already is of another run
     with file.open("ab", buffering=0) as control:
-        control.write(b"TANGO START 0B 1\nP1 H1")
-        assert looked(line) == b"TANGO START 0B 1\n"
+        control.write(b"TANGO START 0B 1\rP1 H1")  # a Haas ends its lines so
+        assert looked(line) == b"TANGO START 0B 1\r"
         control.write(b" X2\n\0\0\0")
         assert looked(line) == b"P1 H1 X2\n"
     file.write_bytes(b"TANGO START 0C 2\n")

@@ -37,7 +37,7 @@ from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
-from tango_cnc.report.facts import Nights
+from tango_cnc.report.facts import NewestNight
 from tango_cnc.report.orders import orders
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -110,7 +110,7 @@ def test_a_night_waits_until_a_program_that_was_left_behind_must_be_over(cell: P
 def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     """The newest night on record was good; the one after it was killed while the control went on."""
     record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
-    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    good = NewestNight("2026-10-02", "good", "nothing has changed", 0, record=record)
     machine, t = read_cell(EXAMPLE).machine, texts()
     assert good.answer(Units(), t, machine).may == "yes"
     told = replace(good, former=said_cut_off([STAMP])).answer(Units(), t, machine)
@@ -124,7 +124,7 @@ def test_a_night_that_the_history_did_not_take_was_not_cut_off(cell: Path, night
     assert ended(cell, [STAMP]) == {STAMP: "waiting"}
     said = said_cut_off([STAMP], ended(cell, [STAMP]))
     record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
-    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    good = NewestNight("2026-10-02", "good", "nothing has changed", 0, record=record)
     machine, t = read_cell(EXAMPLE).machine, texts()
     found = replace(good, former=said).answer(Units(), t, machine)
     assert found.word == "Yes, but" and "not in the history" in found.why

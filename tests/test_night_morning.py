@@ -27,7 +27,7 @@ from tango_cnc.nightly.alarms import Known, effect_of
 from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
 from tango_cnc.nightly.dates import since
-from tango_cnc.nightly.doubt import Judged, believed
+from tango_cnc.nightly.doubt import NightDoubt, believed
 from tango_cnc.nightly.mail import answer, message
 from tango_cnc.nightly.night import known_before
 from tango_cnc.nightly.standing import standing
@@ -368,16 +368,19 @@ def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
 
 def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say_so() -> None:
     half = believed(
-        Judged("doubtful", ("40 of 74 touches are missing",), incomplete=True), {}, [{"cause": "stylus", "text": "t"}], False
+        NightDoubt("doubtful", ("40 of 74 touches are missing",), incomplete=True), {}, [{"cause": "stylus", "text": "t"}], False
     )
     assert not half.believed and "taken by themselves the touches would say: t" in half.reasons
-    left = believed(Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
+    left = believed(NightDoubt("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
     assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
     one = believed(
-        Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]}, [], False
+        NightDoubt("trustworthy"),
+        {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]},
+        [],
+        False,
     )
     assert one.verdict == "trustworthy" and one.believed  # a name or a shape: one of both explains every touch
-    knocked = believed(Judged("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
+    knocked = believed(NightDoubt("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
     assert knocked.believed and knocked.verdict == "trustworthy"
 
 

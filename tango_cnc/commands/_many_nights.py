@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import click
+
+from ..nearest import printable
 from ..report.units import shown
 from ._common import on_terminal, table
 from ._shop import here
@@ -38,6 +41,15 @@ def trend_of(history: History, machine: str, name: str) -> Trend:
     from ..nightly.lookback import warmth
 
     return warmth(history, machine) if name == TEMPERATURE else history.trend(machine, name)
+
+
+def broken_chains(wrong: Mapping[str, Sequence[str]], t: Texts) -> int:
+    """{machine: what is wrong with its chain}, texts → exit status; each is named on stderr."""
+    for name, texts in wrong.items():
+        key = "broken" if name else "broken_nobody"
+        more = t("cli.history.broken_more", count=len(texts) - 1) if len(texts) > 1 else ""
+        click.echo(t(f"cli.history.{key}", machine=name, first=printable(t.of(texts[0]), 400), more=more), err=True)
+    return 1 if wrong else 0
 
 
 def lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:

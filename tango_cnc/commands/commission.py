@@ -87,6 +87,8 @@ def command(
     FAIL of every point goes into commissioning.yaml of the cell, with date, program and control. What has passed is not tested
     again until the profile, the axes of machine.yaml or the port change.
     """
+    from postprocessors import unverified
+
     from .. import commission
     from ..plan import by_stylus
     from ._commission_first import by_hand
@@ -139,6 +141,7 @@ def command(
     _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
@@ -384,10 +387,10 @@ def _stopped(once: Any) -> bool | None:
 
 
 def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record, or whose sum is wrong."""
+    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record of this plan, or whose sum is wrong."""
     values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
     wanted = [*made.machine.linear, *made.machine.rotary]
-    if not {"P", "H", *wanted} <= set(values) or "," in text:
+    if not {"P", "H", *wanted} <= set(values) or "," in text or values["P"] not in {touch.number for touch in made.touches}:
         return None
     if "K" in values and abs(sum(values[name] for name in (*wanted, "S") if name in values) - values["K"]) > SUMS:
         return None

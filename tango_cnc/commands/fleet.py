@@ -16,7 +16,7 @@ from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..link.lock import cut_off, ended
 from ..records import InputError, TangoError
-from ..texts import joined, say
+from ..texts import instead, joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
@@ -165,6 +165,8 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     nights = history.nights(s.machine, last=NIGHTS)
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+    if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
+        said = instead(said, "last night", say("check.night_before", date=nights[0].night))
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
     yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)

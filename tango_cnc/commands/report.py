@@ -29,7 +29,7 @@ from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import drift_told, jumps_of
 from ..report.days import local_day
-from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather
+from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
@@ -232,7 +232,7 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def _in_control(folder: Path, origin: Origin, result: Estimate) -> Held | None:
+def _in_control(folder: Path, origin: Origin, result: Estimate) -> LoadedCompensation | None:
     """cell, origin of the readings, estimate → the compensation in its control, as far as the readings lack it."""
     from ..compensate import loop
 
@@ -243,14 +243,14 @@ def _in_control(folder: Path, origin: Origin, result: Estimate) -> Held | None:
 
     beside, rows = origin.known, check_values(origin.readings.read_text(encoding="utf-8-sig"))
     if (missed := loop.ignored(folder, rows, (beside.get("run") or {}).get("end_utc"))) is not None:
-        return Held(missed[0].number, missed[0].record["target"], True, None)
+        return LoadedCompensation(missed[0].number, missed[0].record["target"], True, None)
     if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
         return None
     found = in_control(folder, result.model, lambda: levers_of(result))
     if found is None:
         return None
     gone = found.gone if found.measured or found.beneath is not None else None
-    return Held(found.number, found.target, False, gone, found.event, found.beneath)
+    return LoadedCompensation(found.number, found.target, False, gone, found.event, found.beneath)
 
 
 def _place(folder: Path) -> str | Path | None:
@@ -261,7 +261,7 @@ def _place(folder: Path) -> str | Path | None:
 
 def nights(
     folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | None = None, where: str | Path | None = None
-) -> Nights | None:
+) -> NewestNight | None:
     """cell, its machine, units, texts, limit of the tool tip that is stated now, history in place of that of nightly.yaml → newest
     night and open alarms in its history; None where it has none.
     """
@@ -305,7 +305,7 @@ def nights(
         if (future := in_future(history, machine)) is not None:
             said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
             waits = waits or (future.night if asks(future) else "")
-        told = Nights(
+        told = NewestNight(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
             old=too_old,

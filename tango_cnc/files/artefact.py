@@ -44,18 +44,9 @@ def _facets(node: Node, balls: dict[Id, Ball]) -> dict[Id, Facet]:
     return {facet.id: facet for facet in facets}
 
 
-def _named(key: Id, node: Node) -> Id:
-    """key of a ball or a facet, its value → the key. Raises InputError for one with blanks at an end: no table of readings keeps
-    them.
-    """
-    if key != key.strip():
-        raise node.wrong("an id without blanks at its ends", repr(key))
-    return key
-
-
 def _ball(key: Id, node: Node) -> Ball:
     fields = node.fields(["centre", "radius"])
-    return Ball(_named(key, node), fields["centre"].vector(), fields["radius"].size())
+    return Ball(node.called(key), fields["centre"].vector(), fields["radius"].size())
 
 
 def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
@@ -67,13 +58,13 @@ def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
 
 def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
     with gathered() as read:
-        read(lambda: _named(key, node))
         fields = read.fields(node, ["point", "normal"], ["ball", "uncertainty", "surface"])
         point, normal = read(lambda: fields["point"].vector()), read(lambda: fields["normal"].unit_vector())
         ball = read(lambda: _known_ball(fields["ball"], balls)) if "ball" in fields else None
         uncertainty = read(fields["uncertainty"].size) if "uncertainty" in fields else None
         surface = read(lambda: _surface(fields["surface"])) if "surface" in fields else None
-    return Facet(key, point, normal, ball, uncertainty, surface)
+        name = read(lambda: node.called(key))
+    return Facet(name, point, normal, ball, uncertainty, surface)
 
 
 def _surface(node: Node) -> Surface:

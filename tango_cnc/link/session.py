@@ -20,7 +20,7 @@ from .journal import Journal
 from .secrets import without
 from .transport import Lost, Transport
 from .transport._line import reason
-from .trust import Distrust, Judged, Leeway, judge, next_in_order
+from .trust import Believed, Distrust, Leeway, judge, next_in_order
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
@@ -308,7 +308,7 @@ class Session:
             else News(self._accepted, len(self._task.numbers), self._time(), judged.deviation)
         )
 
-    def _store(self, place: int, facet: str, judged: Judged, text: str) -> Reading:
+    def _store(self, place: int, facet: str, judged: Believed, text: str) -> Reading:
         deviation = None if judged.deviation is None else round(judged.deviation, 3)
         position = tuple(float(value) for value in judged.position)
         pose = _pose(self._task.plan.machine, facet, position)
@@ -329,7 +329,7 @@ class Session:
         self._journal.add(entry)
         return entry
 
-    def _repeated(self, place: int, judged: Judged) -> None:
+    def _repeated(self, place: int, judged: Believed) -> None:
         """Raises LinkError when a facet is not where it was before the run stopped."""
         number = self._task.original[place]
         before = next(e.position for e in self._journal.entries if isinstance(e, Reading) and e.touch == number)

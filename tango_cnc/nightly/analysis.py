@@ -37,12 +37,12 @@ from ..texts import say
 from ..touches import from_readings
 from . import again, answered, parts
 from .alarms import alarms_of
-from .before import Before
+from .before import BeforeNight
 from .behind import behind
 from .control import limited
 from .course import ALIKE
 from .dates import Since, clock_wrong, date_of, since
-from .doubt import Judged, attempted, believed, doubted
+from .doubt import NightDoubt, attempted, believed, doubted
 from .drift import Drift, as_alarm
 from .goes_on import anew, going_on
 from .lag import Lag, lagging
@@ -109,7 +109,7 @@ class Heard:
     silent: Sequence[dict[str, Any]] = ()  # of nights before, that somebody ignores
 
 
-class Nights(Before):
+class Nights(BeforeNight):
     """The analysis of one cell: readings against what was known."""
 
     def analysed(
@@ -207,11 +207,11 @@ class Nights(Before):
 
     def _judged(
         self, past: Past, kind: str, measured: Measured, u: Update, result: Estimate | None, alarms: Sequence[dict[str, Any]]
-    ) -> tuple[Judged, Within | None, dict[str, Any]]:
+    ) -> tuple[NightDoubt, Within | None, dict[str, Any]]:
         """→ how far the readings are to be believed; a step of the machine within this run that explains them; their diagnosis."""
         readings = measured.readings
         assert readings is not None
-        judged = Judged("trustworthy")
+        judged = NightDoubt("trustworthy")
         if self.judged is not None and result is not None:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not u.first and not u.alarm)
         diagnosis, undiagnosed = dict[str, Any](), ""
@@ -293,7 +293,7 @@ class Nights(Before):
         return replace(heard, alarms=alarms, ignored=ignored)
 
     def _told(
-        self, u: Update, place: Place, judged: Judged, moving: Drift | None, heard: Heard, diagnosis: Mapping[str, Any]
+        self, u: Update, place: Place, judged: NightDoubt, moving: Drift | None, heard: Heard, diagnosis: Mapping[str, Any]
     ) -> dict[str, Any]:
         """→ members of the record."""
         rate = 1 / self.settings.false_alarm_nights
@@ -346,7 +346,7 @@ class Nights(Before):
             told["trend"] = vars(moving) | {"text": moving.text}
         return told
 
-    def _asks(self, kind: str, alarm: bool, judged: Judged) -> bool:
+    def _asks(self, kind: str, alarm: bool, judged: NightDoubt) -> bool:
         """kind, whether there is an alarm, judgement → whether a diagnosis is made. Nobody waits for that of an old night that was
         good; one whose reasons say that the cause is looked for gets it.
         """

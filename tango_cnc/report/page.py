@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
-from .answer import Answer
 from .audit import audit, made_of, source
 from .checks import verdict
 from .course import course
@@ -21,7 +20,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import Told, grown, may
+from .may import Told, grown, may, parts_first
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -54,7 +53,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
     do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
-    do = _parts_first(told, do, t)
+    do = parts_first(told, do, t)
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -103,18 +102,6 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "files": f.paper.files,
     }
     return values if f.wishes.pictures else values | _bare(values)
-
-
-def _parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
-    """answer, what to do, texts → the same; under a No it begins with it, and nothing in it lets parts be made meanwhile.
-
-    To look at a machine that may still move stays before that.
-    """
-    if told.may != "no" or told.word == t("may.not_yet"):
-        return list(do)
-    none, moving = t("may.brief_no"), {t("morning.cut_off_todo")}
-    rest = [x for x in do if x not in (none, t("morning.parts_first"), t("may.brief_probe"))]
-    return [*(x for x in rest if x in moving), none, *(x for x in rest if x not in moving)]
 
 
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:

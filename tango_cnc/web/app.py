@@ -45,7 +45,7 @@ LOG = logging.getLogger("tango.serve")
 
 
 @dataclass
-class State:
+class PagesState:
     """What the pages share."""
 
     settings: Settings
@@ -73,7 +73,7 @@ def create(settings: Settings) -> Starlette:
     env = environment(settings.templates)
     assert isinstance(env.loader, jinja2.ChoiceLoader)
     env.loader = jinja2.ChoiceLoader([*env.loader.loaders, jinja2.PackageLoader("tango_cnc.web", "templates")])
-    state = State(
+    state = PagesState(
         settings,
         Places(settings),
         SignIns(),
@@ -195,10 +195,10 @@ def _static() -> list[Route]:
     return [Route("/static/app.css", css), Route("/static/live.js", js)]
 
 
-def state_of(request: Request) -> State:
+def state_of(request: Request) -> PagesState:
     """request → what the pages share."""
     found = request.app.state.tango
-    assert isinstance(found, State)
+    assert isinstance(found, PagesState)
     return found
 
 
@@ -274,7 +274,7 @@ def made(t: Texts) -> str:
     return f"{clock(now)}, {day(local_day(now.isoformat()), t, False)}"
 
 
-def _newest(state: State, machine: Served) -> str:
+def _newest(state: PagesState, machine: Served) -> str:
     """what pages share, machine → date of its newest night, also where that one was cut off; '' where it has none."""
     nights = state.places.nights(machine, STRIP)
     return max((*dates_cut_off(machine.former), *(n.night for n in nights[:1])), default="")

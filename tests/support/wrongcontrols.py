@@ -95,6 +95,11 @@ def comma(text: bytes) -> bytes:
     return re.sub(rb"(?<=\d)\.(?=\d)", b",", text)
 
 
+def pointless(text: bytes) -> bytes:
+    """records → without their decimal points, as a control prints increments."""
+    return b"\n".join(re.sub(rb"(?<=\d)\.", b"", line) if b"H" in line else line for line in text.split(b"\n"))
+
+
 def narrow(text: bytes) -> bytes:
     """records → of coordinates and sum, only two digits are left before the point."""
 

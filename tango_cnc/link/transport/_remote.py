@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 from ...records import InputError, LinkError
 from ..address import Address
 from ..ways import Way
-from ._file import FOREIGN, foreign
+from ._file import FOREIGN, foreign, whole_lines
 from ._line import Lost, reason
 from ._stores import PORTS, RefusedError, Store, needed, store
 
@@ -106,7 +106,7 @@ class Remote:
             self._at, self._before = 0, b""
             data = there.read(self._path, 0, MOST)
         added = data[len(self._before) :].partition(b"\0")[0]
-        whole = added[: added.rfind(b"\n") + 1]
+        whole = whole_lines(added)
         first, self._at = self._at == 0, self._at + len(whole)
         self._before = (self._before + whole)[-REMEMBERED:]
         return whole.removeprefix(BOM) if first else whole

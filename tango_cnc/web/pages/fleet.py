@@ -25,7 +25,7 @@ from ...report.reach import to_ask
 from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
-from ..app import State, needs, page, state_of
+from ..app import PagesState, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
 from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
@@ -112,7 +112,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     }
 
 
-def _limit_for(row: Row, state: State) -> str:
+def _limit_for(row: Row, state: PagesState) -> str:
     """row, state → what the limits of the machine are for and who has stated them, or that nobody has written it down."""
     stated = state.places.limits_for(row.machine) or str((row.record or {}).get("limits_for") or "")
     return state.texts("may.limit_for", text=stated.rstrip(".")) if stated else state.texts("may.limit_for_unsaid")
@@ -175,7 +175,7 @@ def _age(row: Row, t: Texts) -> str:
     return t("web.measured_ago", ago=ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC)))
 
 
-def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Answer | None:
+def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -> Answer | None:
     """row, what is wrong and not closed, state → whether parts may be made; None where nothing was measured."""
     if row.record is None:
         return None
@@ -199,7 +199,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
     return renamed(told, row.machine.former, state.texts)
 
 
-def asked_of(row: Row, state: State) -> dict[str, Any]:
+def asked_of(row: Row, state: PagesState) -> dict[str, Any]:
     """row, state → record of its last night, with whoever is asked about the machine today."""
     record, places = row.record or {}, state.places
     return {
@@ -209,7 +209,7 @@ def asked_of(row: Row, state: State) -> dict[str, Any]:
     }
 
 
-def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
+def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: PagesState) -> list[str]:
     """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
     record, axes = asked_of(row, state), state.places.geometry(row.machine)
     return orders(
@@ -217,7 +217,7 @@ def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state:
     )
 
 
-def _ahead(row: Row, state: State) -> Ahead | None:
+def _ahead(row: Row, state: PagesState) -> Ahead | None:
     known = row.before or row.record or {}
     return state.places.kept(f"ahead {_stamp(row)}", lambda: ahead(known, volumes_of(row.nights), _today()), LONG)
 
@@ -238,7 +238,7 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, bool, float, str]:
     return GROUPS.get(r["group"], 0), not r["soon"], -r["moved"], r["name"]
 
 
-def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
+def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
     return state.places.kept(f"faults {_stamp(row)}", lambda: _faults(row, state), STAY)
 
@@ -253,7 +253,7 @@ def _today() -> str:
     return datetime.now().astimezone().strftime("%Y-%m-%d")
 
 
-def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
+def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     history, name, record = row.machine.history, row.machine.name, row.record or {}
     s, known = row.standing, row.before or record
     told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
