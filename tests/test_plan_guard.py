@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -15,8 +19,9 @@ from support.blockcell import machine as topology
 from tango_cnc.check.apart import Round
 from tango_cnc.check.bodies import Pair, Thing
 from tango_cnc.files import read_cell
-from tango_cnc.plan.guard import FINE, Guard, outside, remarks
-from tango_cnc.records import Array, Machine
+from tango_cnc.plan import plan
+from tango_cnc.plan.guard import FINE, TOUCH, TRAVEL, Guard, outside, refuse, remarks
+from tango_cnc.records import Array, InputError, Machine, Move, Plan
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -199,3 +204,73 @@ def test_what_turns_is_proven_right_up_to_how_near_it_gets(own: tuple[str, ...])
         for need, meets in ((gap - 0.6, False), (gap + 0.1, True)):
             pair = Pair(one, still, own, (), (need, need, need))
             assert (Guard(machine, [pair]).turns(place, spans) is not None) == meets, (gap, spans)
+
+
+class Asked:
+    """Stands for a guard: notes what it is asked, and says that something is met at the places and turns that it is given."""
+
+    def __init__(self, met: Callable[[Array], bool] = lambda place: False) -> None:
+        named = SimpleNamespace(
+            one=SimpleNamespace(name="tip", probe=True), other=SimpleNamespace(name="yoke"), margins=(1, 10, 20)
+        )
+        self.pairs, self.met = [named], met
+        self.ways: Counter[tuple[int, tuple[float, ...], tuple[float, ...]]] = Counter()
+        self.turned: list[tuple[tuple[float, ...], bool, bool]] = []
+
+    def meets(self, places: Array, margin: int) -> Array:
+        self.ways.update((margin, tuple(start), tuple(end)) for start, end in places.tolist())
+        return np.array([0 if self.met(end) else -1 for _, end in places])
+
+    def turns(self, place: Array, within: object, probe_alone: bool = False) -> object:
+        self.turned.append((tuple(place.tolist()), within is None, probe_alone))
+        return self.pairs[0] if self.met(place) else None
+
+
+def ways_of(made: Plan) -> list[tuple[Move, bool, tuple[float, ...], tuple[float, ...]]]:
+    """→ every move with whether all axes stand somewhere that is known, where it begins and where it ends."""
+    at, found = dict[str, float](), list[tuple[Move, bool, tuple[float, ...], tuple[float, ...]]]()
+    for move in made.moves:
+        start, known = at, len(at) == len(made.machine.names)
+        at = {**at, **move.target}
+        found.append((move, known, *(tuple(p.get(n, np.nan) for n in made.machine.names) for p in (start, at))))
+    return found
+
+
+@pytest.mark.parametrize("chunk", [4096, 3])
+def test_every_way_of_a_plan_is_asked_for_once_with_the_margin_of_its_kind(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Up and over are ways with the large margin. Near the facet the small one counts, and still on the first way up from it."""
+    monkeypatch.setattr("tango_cnc.plan.guard.CHUNK", chunk)
+    made, asked = plan(read_cell(Path(__file__).parent / "golden" / "cell")), Asked()
+    refuse(made, cast(Guard, asked))
+    moves = ways_of(made)
+    expected: Counter[tuple[int, tuple[float, ...], tuple[float, ...]]] = Counter()
+    for (before, *_), (move, known, start, end) in pairwise([moves[0], *moves]):
+        if move.kind != "index" and known:
+            wide = move.kind == "clear" or (move.kind == "retract" and before.kind != "back")
+            expected[TRAVEL if wide else TOUCH, start, end] += 1
+    assert asked.ways == expected and {margin for margin, _, _ in expected} == {TOUCH, TRAVEL}
+    first = next(i for i, (move, *_) in enumerate(moves) if move.kind == "approach")
+    turns = [(end, not known, i < first) for i, (move, known, _, end) in enumerate(moves) if move.kind == "index"]
+    assert asked.turned == turns and {alone for _, _, alone in turns} == {True, False}
+
+
+def test_a_way_on_which_something_is_met_is_that_to_the_touch_it_leads_to() -> None:
+    """From off the facet on it leads to the next touch; after the last touch, to one more than there are."""
+    made = plan(read_cell(Path(__file__).parent / "golden" / "cell"))
+    numbers, left = [touch.number for touch in made.touches], set[int]()
+    for move, known, _, end in ways_of(made):
+        leads = [*numbers[1:], numbers[-1] + 1][numbers.index(move.touch)] if move.touch in left else move.touch
+        left |= {move.touch} if move.kind == "back" else set()
+        if not known:
+            continue
+        faults: dict[int, str] = {}
+        refuse(made, cast(Guard, Asked(lambda place, end=end: tuple(place.tolist()) == end)), faults)  # type: ignore[misc]
+        assert leads in faults, (move.kind, move.touch, faults)
+    touch, faults = made.touches[3], {}
+    refuse(made, cast(Guard, Asked(lambda place: tuple(place.tolist()) == tuple(touch.end))), faults)
+    assert list(faults) == [touch.number]
+    name = f"touch {touch.number} (facet {touch.facet}, indexation {touch.indexation + 1}: B -30 C -90 S 0)"
+    said = f"{name} tip would come within 1 mm of yoke"
+    assert said in faults[touch.number]
+    with pytest.raises(InputError, match=re.escape(said)):
+        refuse(made, cast(Guard, Asked(lambda place: tuple(place.tolist()) == tuple(touch.end))))
