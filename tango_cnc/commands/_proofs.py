@@ -77,15 +77,15 @@ def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: s
         "control": control,
         "beliefs": [{"belief": p.belief, "verdict": p.verdict, "found": p.found, "value": p.value, "unit": p.unit} for p in proofs],
     }
-    failed = [each.experiment for each in judged if each.verdict.verdict == "FAIL"]
+    failed = [each for each in judged if each.verdict.verdict == "FAIL"]
     if json_file == "-":
         click.echo(json_text(result))
         return bool(failed)
     click.echo(table([["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)], "<<<"))
-    for one in failed:
-        click.echo(
-            f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}.{keys_here(post, one)}{_here(post, one.belief)}"
-        )
+    for each in failed:
+        one = each.experiment
+        advice = each.verdict.do or f"{one.advice}.{keys_here(post, one)}{_here(post, one.belief)}"
+        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {advice}")
     click.echo(f"→ {file}")
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")

@@ -87,6 +87,8 @@ def command(
     FAIL of every point goes into commissioning.yaml of the cell, with date, program and control. What has passed is not tested
     again until the profile, the axes of machine.yaml or the port change.
     """
+    from postprocessors import unverified
+
     from .. import commission
     from ..plan import by_stylus
     from ._commission_touch import touched
@@ -133,6 +135,7 @@ def command(
     _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
@@ -371,7 +374,7 @@ def _stopped(once: Any) -> bool | None:
     """
     if once.records or once.ended:
         return False
-    what = f"It stopped: {once.said}." if once.said else "Nothing was recorded."
+    what = f"It stopped: {once.said.rstrip('.')}." if once.said else "Nothing was recorded."
     text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
     answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
     return True if answer == "y" else None

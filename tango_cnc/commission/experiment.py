@@ -36,6 +36,7 @@ class Seen:
     marked: bool = False  # the end mark has come, whether or not every record was believed
     obeys: bool = False  # the profile says that the feed override acts on measuring moves
     anew: bool = False  # the profile says that each program begins the file of its records anew
+    doubts: tuple[str, ...] = ()  # what the header of the program calls unverified
     unheard: bool = False  # the person has seen that the slow move up went on although the stylus was touched
 
 
@@ -47,6 +48,7 @@ class Ruling:
     found: str
     value: float | None = None
     unit: str = ""
+    do: str = ""  # what to change, where it is not what the experiment advises
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from ..records import Plan
 from . import experiments as folder
 from .digits import pointless
 from .experiment import Experiment, Question, Ruling, Seen, unmade_of
+from .lacking import NOT_KNOWN, lacking, ruled
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
@@ -37,7 +38,7 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "which leaves the probe on and the port open at an alarm",
     ),
     (
-        re.compile(r"G31|SKIP|G38|MEAS"),
+        re.compile(r"G31|SKIP|G38|\bMEAS\b"),
         "the control refuses the skip move itself: is its option there, is the feed of approach in strategy.yaml one that it "
         "allows, is a modal function on that forbids it?",
     ),
@@ -47,9 +48,19 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "above 1 or the computer is busy: start it with -t 1, or build it with -DSEGMENT_BUFFER_SIZE=250. On a board look at $100 "
         "… $124 and at the drives",
     ),
+    (
+        re.compile(r"MACRO IS MISSING|NO SCRIPT|SEQUENCE NAME"),
+        "a macro or subprogram that the program calls is not there: bring every file of program/ to the control, into the folder "
+        "that docs/controls/ names",
+    ),
     (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
 )
 
+LISTED = "look it up in the list of alarms of the control"
+UNREAD = (
+    "the control does not know a word of this block, or has no file or option of that name: write the whole block that stands on "
+    "its screen behind the text (--said). Where the word comes from a key of the profile, the answer names the key"
+)
 LAST = 5  # behind every danger
 UNKNOWN = (
     ". Nothing is recorded, so nobody knows yet whether the control hears the probe: if this was at the slow move up, while "
@@ -86,11 +97,15 @@ def judge(seen: Seen) -> list[Judged]:
     spoilt = pointless(seen)
     legible = replace(seen, records={number: record for number, record in seen.records.items() if number not in spoilt})
     noticed = next((e for e in every if e.judge(seen).verdict == "FAIL"), None) if nothing else None
-    blamed = noticed or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
+    unknown = lacking(seen.said, seen.doubts) if noticed is None else None
+    owner = next((e for e in every if unknown and e.settles.search(unknown[1])), None)
+    blamed = noticed or owner or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
     judged = []
     for experiment in every:
         verdict = experiment.judge(seen if experiment.raw else legible)
-        if experiment is blamed and experiment is not noticed:
+        if unknown is not None and experiment is owner:
+            verdict = ruled(seen.said, *unknown)
+        elif experiment is blamed and experiment is not noticed:
             doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
             verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
         elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
@@ -101,7 +116,9 @@ def judge(seen: Seen) -> list[Judged]:
 
 def stopped_by(said: str) -> str:
     """text of a stop that no experiment knows → what to look at."""
-    found = next((do for words, do in ELSEWHERE if words.search(said.upper())), "look it up in the list of alarms of the control")
+    found = next(
+        (do for words, do in ELSEWHERE if words.search(said.upper())), UNREAD if NOT_KNOWN.search(said.upper()) else LISTED
+    )
     return f"{said!r}: {found}"
 
 

@@ -40,7 +40,7 @@ EXPERIMENT = Experiment(
     judge,
     re.compile(
         r"OFFSET|UNITS|INCHES|POSITIONS ARE IN MM|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|"
-        r"TRIPPED ON THE WAY|CANCEL(?! G51| IT|.*TRAVEL EXCEEDED)|ROTATED|G68 IS ON"
+        r"TRIPPED ON THE WAY|CANCEL (TOOL|G(?!51))|UNEXPECTED PROBE CONTACT|ROTATED|G68 IS ON"
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"
