@@ -380,7 +380,7 @@ def _stopped(once: Any) -> bool | None:
     """
     if once.records or once.ended:
         return False
-    what = f"It stopped: {once.said}." if once.said else "Nothing was recorded."
+    what = f"It stopped: {once.said.rstrip('.')}." if once.said else "Nothing was recorded."
     text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
     answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
     return True if answer == "y" else None
