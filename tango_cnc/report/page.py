@@ -21,7 +21,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import Told, grown, may
+from .may import Told, grown, may, parts_first
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -54,6 +54,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
     do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
+    do = parts_first(told, do, t)
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {

@@ -177,6 +177,10 @@ class Places:
         """machine → who is asked where its owner does not answer, by nightly.yaml of its cell; empty where nobody is stated."""
         return self._stated(machine).deputy
 
+    def limits_for(self, machine: Served) -> str:
+        """machine → what its limits are for and who has stated them, by nightly.yaml of its cell; '' where that is not stated."""
+        return self._stated(machine).limits_for
+
     def old(self, machine: Served, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
         today = datetime.now().astimezone().strftime("%Y-%m-%d")
