@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import ast
+import re
 from pathlib import Path
 
-from support.imports import modules, tree
+from support.imports import modules
 
 TWICE = 45  # names of classes that several packages have. This number only falls.
+CLASS = re.compile(r"^class ([A-Z]\w*)", re.MULTILINE)
 # Files of one kind hold the same by contract, each for its own: these are no two meanings.
 OF_A_KIND = (
     "postprocessors",
@@ -25,15 +26,13 @@ OF_A_KIND = (
 
 
 def classes(root: Path) -> dict[str, dict[str, str]]:
-    """→ name of a public class → package that has it → module and line."""
+    """→ name of a public class → package that has it → module."""
     held: dict[str, dict[str, str]] = {}
     for name, file in modules(root).items():
         if name.startswith(OF_A_KIND):
             continue
-        for node in tree(file).body:
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                package = ".".join(name.split(".")[:2])
-                held.setdefault(node.name, {})[package] = f"{name}:{node.lineno}"
+        for found in CLASS.findall(file.read_text(encoding="utf-8")):
+            held.setdefault(found, {})[".".join(name.split(".")[:2])] = name
     return held
 
 
