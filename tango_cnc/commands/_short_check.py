@@ -23,12 +23,13 @@ from ..compensate.loads import files_of
 from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
 from ..compensate.shares import Before
-from ..compensate.short import FEW, WHOLE, Short, by_part, not_all, short_outcome
+from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
 from ..compensate.space import Held
 from ..duration import spoken
 from ..estimate import Estimate, estimate
 from ..files import read_cell, read_readings, strategy_text, write_text
 from ..files.checked import read_text
+from ..files.nightly import read_nightly
 from ..files.origin import look_up
 from ..files.write import dump
 from ..judgement import Judgement
@@ -75,8 +76,8 @@ def made_from(text: str, terms: tuple[Any, ...], degree: int, *, tcp: bool) -> d
     return {"readings": text, "terms": plain, "degree": degree, "tcp": tcp}
 
 
-def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None, *, same_stylus: bool = False) -> Short:
-    """cell, compensation, days since the run it was made from, --tcp, --same-stylus → short check made ready. Raises InputError."""
+def _asked(cell: Cell, kept: loop.Kept, days: float, options: Mapping[str, Any]) -> Short:
+    """cell, compensation, days since the run it was made from, options → short check made ready. Raises InputError."""
     known = kept.record.get("made_from")
     if known is None:
         raise InputError(
@@ -89,8 +90,9 @@ def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None, *, same_s
     numbers = {h.place: h.base for h in held}
     present, new = (numbers | {v["place"]: float(v[key]) for v in kept.record["values"]} for key in ("present", "new"))
     files = files_of(module, request, held, present, new)
-    before = Before(result, days, same_stylus=same_stylus)
-    return Short(kept, before, held, bool(tcp), bool(known["tcp"]), files)
+    before = Before(result, days, same_stylus=bool(options.get("same_stylus")))
+    sensor = read_nightly(cell.folder).sensor
+    return Short(kept, before, held, bool(options["tcp"]), bool(known["tcp"]), files, options.get("warmer"), sensor)
 
 
 def held_of(cell: Cell, kept: loop.Kept, coefficients: tuple[Any, ...]) -> list[Held]:
@@ -113,15 +115,15 @@ def _days(kept: loop.Kept, until: str | None) -> float:
     return (end - begin).total_seconds() / DAY
 
 
-def judged(cell: Cell, kept: loop.Kept, file: Path, tcp: bool | None, *, same_stylus: bool = False) -> tuple[Outcome, list[str]]:
-    """cell, compensation, readings of a short check, --tcp, --same-stylus → outcome, places that act with TCP only."""
+def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) -> tuple[Outcome, list[str]]:
+    """cell, compensation, readings of a short check, options → outcome, places that act with TCP only."""
     few = read_readings(file, cell.machine, cell.artefact)
     own = _check_of(cell, kept, few) or (file.parent if (file.parent / loop.CELL).exists() else cell.folder)
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
         click.echo(line, err=True)
-    asked = _asked(cell, kept, _days(kept, ended(file)), tcp, same_stylus=same_stylus)
+    asked = _asked(cell, kept, _days(kept, ended(file)), options)
     places = switched(kept.record, asked.held)
-    if places and tcp is None:
+    if places and options["tcp"] is None:
         raise InputError(neither(kept.number, places))
     touches = from_readings(cell.machine, cell.artefact, few)
     found = short_outcome(asked, touches)
@@ -162,13 +164,13 @@ def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> float | None:
     return float(np.ceil(found.seconds / 60))
 
 
-def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, *, tcp: bool, same_stylus: bool) -> Outcome:
-    """outcome of a run that determines everything, cell, compensation, readings, --tcp, --same-stylus → the same, unless a
-    part does not act, or may not."""
-    if found.verdict not in HELPS or "made_from" not in kept.record:
+def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, options: Mapping[str, Any]) -> Outcome:
+    """outcome of a run that determines everything, cell, compensation, readings, options → the same, unless a part does not act,
+    or may not, or the machine was warmer."""
+    if found.verdict == "undecided" or "made_from" not in kept.record:
         return found
-    asked = _asked(cell, kept, _days(kept, None), tcp, same_stylus=same_stylus)
-    return not_all(found, by_part(asked, from_readings(cell.machine, cell.artefact, readings)), kept)
+    asked = _asked(cell, kept, _days(kept, None), options)
+    return whole_outcome(found, asked, from_readings(cell.machine, cell.artefact, readings))
 
 
 def neither(number: int, places: list[str]) -> str:
@@ -191,7 +193,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
             f"--short-check: found compensation {number}, which is noted as {state}; allowed: one that is in the control. "
             "Propose it anew, where it is to come back"
         )
-    asked = _asked(cell, kept, _days(kept, None), options["tcp"], same_stylus=options["same_stylus"])
+    asked = _asked(cell, kept, _days(kept, None), options)
     before, _ = promises(kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"])
     place = options["out"] or _free(cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}")
@@ -217,7 +219,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
 
 def turned(cell: Cell, kept: loop.Kept, text: str) -> tuple[Outcome, list[str]]:
     """cell, compensation, --turned → outcome, places that act with tool center point control only. Raises InputError."""
-    asked = _asked(cell, kept, _days(kept, None), tcp=True)
+    asked = _asked(cell, kept, _days(kept, None), {"tcp": True})
     if not turn.alone(asked):
         raise InputError(
             f"--turned: found compensation {kept.number}, which changes tables as well; allowed: one of kinematics alone. For the "
@@ -309,6 +311,12 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
         f"predicted time {spoken(found.seconds)}",
         f"by these it will be known how much of each part acts: {known} (95 %)",
     ]
+    if found.grown is None:
+        lines.append(
+            "no touch of this cell tells what all axes have grown alike, as those of a warmer machine: state --warmer then"
+        )
+    else:
+        lines.append(f"by how much warmer than its table the machine has become since the full run: to ± {2 * found.grown:.1f} K")
     if found.undecided:
         minutes = _minutes(cell, asked, found.names)
         more = "the whole strategy says more" if minutes is None else f"--minutes {minutes:g} would tell all of it"

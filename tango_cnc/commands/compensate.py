@@ -80,6 +80,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
 @click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
 @click.option("--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder.")
+@click.option("--warmer", type=float, metavar="K", help="With --measured: than in the full run; where no readings say it.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -333,7 +334,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     if file.exists() and _short_check.is_short(cell, kept, file):
-        found, places = _short_check.judged(cell, kept, file, options["tcp"], same_stylus=options["same_stylus"])
+        found, places = _short_check.judged(cell, kept, file, options)
     else:
         found, places = _by_itself(cell, kept, options)
     return _noted(cell, kept, found, places, tcp=bool(options["tcp"]), json_file=options["json_file"])
@@ -372,7 +373,7 @@ def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Ou
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
-    return _short_check.by_place(found, cell, kept, readings, tcp=tcp, same_stylus=options["same_stylus"]), places
+    return _short_check.by_place(found, cell, kept, readings, options), places
 
 
 def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any], *, simulated: bool) -> int:

@@ -69,7 +69,8 @@ def _how(share: float, std: float) -> str:
     """share of a part, its standard deviation → how it acts, for people."""
     if share + FAINT * std < 0:
         return f"it acts the wrong way round, by {-100 * share:.0f} ± {200 * std:.0f} %: do a sign trial"
-    return f"{max(100 * share, 0.0):.0f} ± {200 * std:.0f} % of it acts"
+    most = 100 * share + 200 * std
+    return f"{100 * share:.0f} ± {200 * std:.0f} % of it acts" if share > 0 else f"at most {max(most, 0.0):.0f} % of it acts"
 
 
 @dataclass(frozen=True)
