@@ -67,7 +67,7 @@ class Sorted:
 
 def _how(share: float, std: float) -> str:
     """share of a part, its standard deviation → how it acts, for people."""
-    if share + FAINT * std < 0:
+    if share + WITHIN * std < 0:
         return f"it acts the wrong way round, by {-100 * share:.0f} ± {200 * std:.0f} %: do a sign trial"
     most = 100 * share + 200 * std
     return f"{100 * share:.0f} ± {200 * std:.0f} % of it acts" if share > 0 else f"at most {max(most, 0.0):.0f} % of it acts"

@@ -14,7 +14,20 @@ from ..touches import Touches
 from .fit import posed, rms
 from .hidden import of_record, unseen
 from .loop import Kept
-from .outcome import HELPED, KINEMATICS, TRY_KINEMATICS, Outcome, judged, less, listed, promises, rolled_back, said_share, spans
+from .outcome import (
+    HELPED,
+    KINEMATICS,
+    TRY_KINEMATICS,
+    Outcome,
+    judged,
+    less,
+    listed,
+    no_help,
+    promises,
+    rolled_back,
+    said_share,
+    spans,
+)
 from .promise import DRAWS, Figure
 from .seen import MISFIT, MISSING, Question, Seen
 from .shares import Before, Part, Shares, growth, parts_of, shares
@@ -238,11 +251,13 @@ def _said(
 ) -> Outcome:
     """short check, shares, what is known of the parts, figures, over the volume, µm if nothing unseen acts → the verdict."""
     verdict = _verdict(parts, before, promised, measured, helped)
+    if verdict == "no help":  # nothing of it acts: then the kinematics do not, either
+        measured = _interval(over.drawn(found, kinematics=False)[1])
     undo = f"load the files of {asked.kept.folder / 'undo'}"
     left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
     gone = f"{said_share(helped)}. A short check, which rests on the run that the compensation was made from"
     calculated = not asked.tcp and rms(over.told) > 0
-    if calculated:
+    if calculated and verdict != "no help":
         gone += f"; what the kinematics hold ({rms(over.told):.2f} µm) is taken off by calculation, this run could not see it"
     if found.p_value < MISFIT:
         number, off = found.off[0]
@@ -254,7 +269,8 @@ def _said(
         return Outcome(before, promised, measured, "undecided", text)
     if verdict == "no help":
         text = (
-            f"{left}: it has not helped; {gone}. Now {undo}, and note it: {rolled_back(asked.kept)}. "
+            f"{no_help(before, promised, measured)}; {gone}. Now {undo}, and note it: "
+            f"{rolled_back(asked.kept)}. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a "
             "sign trial"
         )
