@@ -22,6 +22,7 @@ from ..compensate import turned as turn
 from ..compensate.loads import files_of
 from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
+from ..compensate.seen import WITHIN
 from ..compensate.shares import Before
 from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
 from ..compensate.space import Held
@@ -201,8 +202,8 @@ def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> tuple[float, i
     """cell, short check, names of what is to be decided → minutes of a check that does, its touches; None: over an hour."""
     before, _ = promises(asked.kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), HOUR, DECIDES)
-    std = dict(zip(found.names, found.std, strict=True))
-    if any(std.get(name, 0.0) > DECIDES for name in (*names, WHOLE)):
+    std = dict.fromkeys(found.small, np.inf) | dict(zip(found.names, found.std, strict=True))
+    if any(std.get(name, 0.0) > (DECIDES if name == WHOLE else 1 / WITHIN) for name in (*names, WHOLE)):
         return None
     return float(np.ceil(found.seconds / 60)), len(found.plan.touches)
 

@@ -150,8 +150,7 @@ def _aims(
     found, known = [], set[frozenset[str]]()
     if question.loads:
         ready = system(asked.before, touches, question.loads)
-        std = np.sqrt(np.diag(foreseen(asked.before, touches, question.loads)))
-        tells = std <= TELLS
+        tells = np.array(told_by(asked, touches, question.loads, question.sizes(question.loads), before))
         wanted = _shares_of(ready, tells)
         names = np.array([part.name for part in question.loads])
         found.append((_Aim.of(ready, sigma, wanted), tuple(names[tells].tolist()), tuple(names[~tells].tolist())))
@@ -168,6 +167,16 @@ def _aims(
     dim = np.array([not {question.held_in.get(h.place) for h in part.held} <= unasked for part in parts])  # else the file says it
     named = (*names[matter & ~alone].tolist(), WHOLE), tuple(names[~matter & ~alone & dim].tolist())
     return [*found, (_Aim.of(ready, sigma, wanted), *named)]
+
+
+def told_by(asked: Short, touches: Touches, loads: Sequence[Part], sizes: Sequence[float], before: Figure) -> list[bool]:
+    """short check, touches to choose from, files, µm rms that each takes away, µm before → of each whether it is asked for.
+
+    Those that all touches tell well, and of what takes much away also those that they decide.
+    """
+    std = np.sqrt(np.diag(foreseen(asked.before, touches, loads)))
+    limit = [1 / WITHIN if asked_for(size, before, asked.before.sigma) else TELLS for size in sizes]
+    return [bool(s <= most) for s, most in zip(std, limit, strict=True)]
 
 
 def _shares_of(ready: System, which: NDArray[np.bool_]) -> Array:

@@ -213,6 +213,9 @@ def whole_outcome(found: Outcome, asked: Short, touches: Touches) -> Outcome:
     asked, warm = asked.as_warm(touches) if asked.parts else (asked, Warmth(0.0))
     parts = by_part(asked, touches) if found.verdict in HELPS or warm.another else None
     found = not_all(found, parts, asked.kept)
+    model = asked.before.result.model
+    if model.bar is not None or model.calibrated:  # such a run finds its scales anew
+        warm = replace(warm, sees=0.0)
     return whole_as_warm(found, warm, missing=parts is not None and bool(parts[0].missing))
 
 
