@@ -210,7 +210,8 @@ def whole_outcome(found: Outcome, asked: Short, touches: Touches) -> Outcome:
     """outcome of a run that determines everything, the same run made ready, all its touches → the same; not as promised where a
     part does not act, kept as far as seen where that is not known of one, undecided where the machine was warmer.
     """
-    asked, warm = asked.as_warm(touches) if asked.parts else (asked, Warmth(0.0))
+    ready, warm = asked.as_warm(touches) if asked.parts else (asked, Warmth(0.0))
+    asked = ready if warm.another or warm.kelvin is not None else asked
     parts = by_part(asked, touches) if found.verdict in HELPS or warm.another else None
     found = not_all(found, parts, asked.kept)
     model = asked.before.result.model
