@@ -26,7 +26,7 @@ from ..iso230.signed import withheld
 from ..link.rest import durations
 from ..nightly.analysis import Nights
 from ..nightly.before import Timed
-from ..nightly.doubt import Judged
+from ..nightly.doubt import NightDoubt
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..report.units import shown
@@ -130,7 +130,7 @@ def again(folder: Path) -> str:
     return say("night.again", cell=shlex.quote(str(folder.resolve())))
 
 
-def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> Judged:
+def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> NightDoubt:
     """As 'tango estimate' judges a whole strategy; a check by what is known after it.
 
     A check of few touches is judged by the nights before alone: so few cannot show which of them does not fit.
@@ -158,7 +158,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
     resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
     reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
     crept = next((r for r in found.remarks if isinstance(r, Said) and r.key == CREPT), "")
-    return Judged(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
+    return NightDoubt(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
 
 
 def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:

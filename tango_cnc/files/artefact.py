@@ -51,7 +51,7 @@ def _facets(node: Node, balls: dict[Id, Ball]) -> dict[Id, Facet]:
 
 def _ball(key: Id, node: Node) -> Ball:
     fields = node.fields(["centre", "radius"])
-    return Ball(key, fields["centre"].vector(), fields["radius"].size())
+    return Ball(node.called(key), fields["centre"].vector(), fields["radius"].size())
 
 
 def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
@@ -68,7 +68,8 @@ def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
         ball = read(lambda: _known_ball(fields["ball"], balls)) if "ball" in fields else None
         uncertainty = read(fields["uncertainty"].size) if "uncertainty" in fields else None
         surface = read(lambda: _surface(fields["surface"])) if "surface" in fields else None
-    return Facet(key, point, normal, ball, uncertainty, surface)
+        name = read(lambda: node.called(key))
+    return Facet(name, point, normal, ball, uncertainty, surface)
 
 
 def _surface(node: Node) -> Surface:
