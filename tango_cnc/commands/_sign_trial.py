@@ -45,7 +45,7 @@ def written(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str,
         f"1. Load its files as steps.txt says.\n"
         f"2. Touch again what was touched{', with tool center point control on, as before' if tcp else ''}; touch {number} (facet "
         f"{facet}) alone is enough where table and stylus stay: it changes by {1e3 * abs(size):.1f} µm, and by its sign "
-        f"the sign of the table is known. Of {trial.ENOUGH} touches or more a table that was moved is told apart.\n"
+        f"the sign of the table is known. {trial.ENOUGH} touches or more also show a table that was moved.\n"
         f"3. tango compensate -C {cell.folder} --sign-of {folder} --readings BEFORE --after AFTER{how}\n4. Load undo/."
         + (f"\n{WITHOUT}" if tcp else "")
     )

@@ -142,7 +142,7 @@ def if_alike(found: Outcome, warm: Warmth) -> Outcome:
 
 def _undecided(found: Outcome, warm: Warmth) -> Outcome:
     text = (
-        f"{warm.text}: what that moves cannot be told from what the control does not use. Measure again when it is as warm as in "
+        f"{warm.text}: it looks like what the control does not use. Measure again when it is as warm as in "
         f"that run; where it stays so, take the compensation out, run the whole strategy and propose anew. {_first(found.text)}"
     )
     return replace(found, verdict="undecided", text=text, not_seen=(), left_if_none=None, unsure=())
