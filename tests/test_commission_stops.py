@@ -227,7 +227,9 @@ def test_at_a_control_that_stops_early_only_what_was_seen_is_asked(
 ) -> None:
     """The axis numbers are wrong: it stops at the fourth move. Nobody is asked about what comes after it."""
     cell = cell_of(tmp_path / "cell")
-    monkeypatch.setattr(sys, "stdin", Terminal("y\n\n" + "y\n" * 20))  # start; nothing on the screen; yes to everything
+    monkeypatch.setattr(
+        sys, "stdin", Terminal("y\ny\ny\n\n" + "y\n" * 20)
+    )  # by hand; start; nothing on the screen; yes to everything
     with simulated(cell, "--set", "axes=X,Y,Z,C,B") as port:
         code = call("commission", "-C", cell, "--port", port, "--timeout", "4")
     out = capsys.readouterr()

@@ -102,7 +102,7 @@ def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_h
     subject, text = message(records[2], (), ())
     assert "STILL CHANGED" in subject and "nothing has changed" not in text.lower()
     assert "confirmed by tonight's full measurement" in text and "not answered" in text and "owner: Ann Meier" in text
-    assert "since last night" not in text and "since the night of 2026-10-02" in text
+    assert "since last night" not in text and "since the night ending 2026-10-02" in text
 
 
 @pytest.mark.long
@@ -345,7 +345,7 @@ def test_a_night_in_doubt_leaves_an_alarm_as_large_as_it_was_seen_last(tmp_path:
         history.add_night(kept(3, parameters=known(115.0)))
         (told,) = standing(history, "M", 20727.083 + 4, {}, "check")
     assert told["total"] == pytest.approx(0.015, abs=1e-4)
-    assert re.search(r"it was \+?15\.0 ± .* µm in the night of 2026-10-03", str(told["now"]))
+    assert re.search(r"it was \+?15\.0 ± .* µm in the night ending 2026-10-03", str(told["now"]))
 
 
 def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
@@ -392,7 +392,7 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
     assert record["headline"] == "volume is 75.9 µm, 60 µm are allowed: C axis has moved along X by +20 µm"
     subject, text = message(record, (), ())
     assert "OUT OF LIMITS" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
-        "since the night of 2026-10-04"  # as on the page: the night that found it
+        "since the night ending 2026-10-04"  # as on the page: the night that found it
     )
     assert text.count("BEYOND") == 1
 

@@ -249,10 +249,10 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
 
 @pytest.mark.long
 def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
-    """'No limit is stated' above 'Nothing. Keep this report.' helps nobody."""
+    """'A limit is missing' above 'Nothing. Keep this report.' helps nobody."""
     assert facts.wishes.limit is None
     found = page.context(facts)
-    assert found["may"].word == "No limit is stated"
+    assert found["may"].word == "Nobody knows"
     assert any("State a limit" in line for line in found["todo"]) and any("--limit-um" in line for line in found["office"])
     assert "Nothing. Keep this report." not in page.render(facts) and "--limit-um" in summary(facts, 200)
     judged = replace(facts, wishes=replace(facts.wishes, limit=1.0))
@@ -475,7 +475,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert (
-        "May I make parts? No limit is stated." in lines[0]
+        "May I make parts? Nobody knows." in lines[0]
         and any("Look" in line for line in lines)
         and any("EX0C" in line for line in lines)
     )
@@ -660,3 +660,9 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     lines = " ".join(found["todo"])
     assert ("Spindle has moved. Ask who was at the machine." in lines) == (verdict == "changed")
     assert ("Look first for what has moved since the night." in lines) == (larger < 1)
+
+
+def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
+    """It ended with 'No first item' and wrote nothing."""
+    values = page.context(facts) | {"todo": []}
+    assert texts()("todo.nothing") in page.render(facts, None, values)

@@ -91,6 +91,8 @@ def command(
 
     from .. import commission
     from ..plan import by_stylus
+    from ._commission_first import by_hand
+    from ._commission_first import questions as by_hand_first
     from ._commission_touch import touched
     from ._proofs import proven, told, unproven
 
@@ -129,9 +131,13 @@ def command(
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+        for text, _ in by_hand_first(made, wanted, controller.post).values():
+            click.echo(f"before it: {text} If not, do not start it.")
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
+    if someone and answers == "ask" and not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
+        raise click.exceptions.Exit(FAILED)
     _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)

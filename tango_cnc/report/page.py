@@ -13,6 +13,7 @@ from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
+from .answer import dates_cut_off
 from .audit import audit, made_of, source
 from .checks import verdict
 from .course import course
@@ -20,7 +21,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import Told, grown, may
+from .may import Told, grown, may, parts_first
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -53,6 +54,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
     do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
+    do = parts_first(told, do, t)
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -387,7 +389,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
-        "cut_off": [str(said.values["date"]) for said in (f.nights.former if f.nights is not None else ())],
+        "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,

@@ -13,6 +13,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from importlib import resources
 from typing import Any
 from urllib.parse import parse_qsl, quote
@@ -27,8 +28,8 @@ from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
 from ..report.alarm import sentence, since_told
-from ..report.answer import dates_cut_off, is_unsent
-from ..report.days import at, day, spoken_days
+from ..report.answer import dates_cut_off, is_cut_off, is_unsent
+from ..report.days import at, clock, day, local_day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
@@ -253,6 +254,8 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "moment": lambda text: at(text, state.texts),
         "since_of": lambda a: since_told(a, state.texts),
         "is_unsent": is_unsent,
+        "is_cut_off": is_cut_off,
+        "made": made(state.texts),
         "newest_of": lambda machine: _newest(state, machine),
         "here": request.url.path,
         "signed_in": signed,
@@ -263,6 +266,12 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         **values,
     }
     return HTMLResponse(state.templates.get_template(template).render(**context), status)
+
+
+def made(t: Texts) -> str:
+    """texts → when the page is made, as all pages say it: 06:02 CET, Sun 29 Nov."""
+    now = datetime.now(UTC)
+    return f"{clock(now)}, {day(local_day(now.isoformat()), t, False)}"
 
 
 def _newest(state: PagesState, machine: Served) -> str:

@@ -97,7 +97,9 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "soon": "" if told is None else told.soon,
         "headline": whole_sentence(said),
         "who": who_of(told, {"owner": owner, "deputy": asked["deputy"], **_named(row.record)}, found, t),
-        "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
+        "nobody": found[0]["nobody"] if found else not (owner or asked["deputy"]) and "owner" not in _named(row.record),
+        "has": bool(found and found[0]["decision"]),
+        "limit_for": "" if told is None or not allowed else _limit_for(row, state),
         "call": to_ask(asked, found, t) if told is not None and told.may in ("no", "but", "unknown") else "",
         "fault": found[0]["text"] if found else "",
         "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
@@ -108,6 +110,12 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "late": bool(s and s.late and s.nights),
         "strip": drawn if signs else "",
     }
+
+
+def _limit_for(row: Row, state: PagesState) -> str:
+    """row, state → what the limits of the machine are for and who has stated them, or that nobody has written it down."""
+    stated = state.places.limits_for(row.machine) or str((row.record or {}).get("limits_for") or "")
+    return state.texts("may.limit_for", text=stated.rstrip(".")) if stated else state.texts("may.limit_for_unsaid")
 
 
 def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, limits: Mapping[str, float]) -> str:
@@ -145,7 +153,8 @@ def brief(
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
-        return t("may.brief_look"), dated(t("may.brief_moving"))
+        words = t("may.brief_moving_of", date=day(since, t, since[:4] != _today()[:4])) if since else t("may.brief_moving")
+        return t("may.brief_look"), whole_sentence(words)
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
     if told.old and not parts:

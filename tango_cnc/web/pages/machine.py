@@ -50,7 +50,8 @@ def machine(request: Request) -> Response:
     values["busy"] = busy_of(request, found)
     owner = state.places.owner(found)
     values["cut"] = dates_cut_off(found.former)
-    values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
+    deputy = state.places.deputy(found)
+    values |= {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy)}
     values["simulated"] = run is not None and run.simulated and not nights
     values["ran"] = "" if nights else ran_of(request, found)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
@@ -90,6 +91,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     alarms, decisions = _unclosed(request, machine)
     known = state.places.nights(machine, ANOTHER)
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
+    record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
     every = [(n.night, told(n, allowed)) for n in known]
     return context(
         record,
