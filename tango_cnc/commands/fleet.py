@@ -14,7 +14,7 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..records import InputError, TangoError
 from ..texts import instead, joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
@@ -55,7 +55,11 @@ class _Row:
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return self.standing.alarms_open > 0 if self.former else bool(self.cut_off or self.stale) or self.standing.wants_somebody
+        return (
+            self.standing.alarms_open > 0
+            if self.former
+            else bool(self.cut_off or self.stale or self.moving) or self.standing.wants_somebody
+        )
 
 
 @click.command()
@@ -243,12 +247,13 @@ def _moving(history: History, nights: Sequence[Night], folder: Path | None, stal
     """history, last nights of a machine, its cell, nights since it was measured where these are too many → the answer of its page
     where its control may still execute a program, else ''.
     """
-    from ..report.answer import of_moving, said_cut_off
+    from ..report.answer import of_moving, said_broken_off, said_cut_off
     from ..report.texts import texts
 
     cut = () if folder is None else cut_off(folder)
-    former = () if folder is None else said_cut_off(cut, ended(folder, cut))
-    if not nights or not (cut or nights[0].verdict == "not_measured"):
+    off = () if folder is None else said_broken_off(broken_off(folder))
+    former = off if folder is None else (*said_cut_off(cut, ended(folder, cut)), *off)
+    if not nights or not (former or nights[0].verdict == "not_measured"):
         return ""
     last = next((n for n in nights if n.verdict != "not_measured"), None)
     record = history.night(nights[0].entry).record
@@ -273,7 +278,12 @@ def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, 
         try:
             settings = read_nightly(cell)
             known = _Known(cell, read_cell(cell).machine.name, settings.late_hours, settings.answers_for)
-            places.setdefault(history_of(cell, settings), []).append(known)
+            place = history_of(cell, settings)
+            same = places.setdefault(place.resolve() if isinstance(place, Path) else place, [])
+            if other := next((k for k in same if k.name == known.name), None):
+                trouble[str(cell)] = say("cli.fleet.twin", name=known.name, folder=str(other.folder))
+            else:
+                same.append(known)
         except TangoError as error:
             if len(cells) == 1:
                 raise

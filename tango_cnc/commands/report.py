@@ -22,7 +22,7 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
@@ -273,7 +273,7 @@ def nights(
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
     from ..report.age import measured_on, nights_old
-    from ..report.answer import by_limit, said_cut_off
+    from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
     from ..report.orders import orders
@@ -311,7 +311,7 @@ def nights(
             old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
-            former=said_cut_off(cut := cut_off(folder), ended(folder, cut)),
+            former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
         return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))

@@ -13,6 +13,7 @@ from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
+from .answer import dates_cut_off
 from .audit import audit, made_of, source
 from .checks import verdict
 from .course import course
@@ -391,7 +392,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
-        "cut_off": [str(said.values["date"]) for said in (f.nights.former if f.nights is not None else ())],
+        "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,
