@@ -278,7 +278,12 @@ def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, 
         try:
             settings = read_nightly(cell)
             known = _Known(cell, read_cell(cell).machine.name, settings.late_hours, settings.answers_for)
-            places.setdefault(history_of(cell, settings), []).append(known)
+            place = history_of(cell, settings)
+            same = places.setdefault(place.resolve() if isinstance(place, Path) else place, [])
+            if other := next((k for k in same if k.name == known.name), None):
+                trouble[str(cell)] = say("cli.fleet.twin", name=known.name, folder=str(other.folder))
+            else:
+                same.append(known)
         except TangoError as error:
             if len(cells) == 1:
                 raise

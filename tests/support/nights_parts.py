@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tango_cnc.commands._again import again, files_of
-from tango_cnc.commands._cell_nights import as_of, nights_of
+from tango_cnc.commands._cell_nights import as_of, nights_of, twin
 from tango_cnc.commands._cut_off import (
     JOURNAL,
     KEPT,
@@ -43,5 +43,6 @@ __all__ = [
     "note_planned",
     "settings_of",
     "told_of_signals",
+    "twin",
     "warm",
 ]
