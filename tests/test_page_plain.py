@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from support.nights import night
-from support.server import cell
+from support.server import PASSWORD, cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
@@ -23,6 +23,7 @@ from tango_cnc.report.reach import to_ask
 from tango_cnc.report.texts import texts
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import add_user
 
 PATHS = (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights")
 
@@ -127,3 +128,17 @@ def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None
     (tmp_path / "nightly.yaml").write_text('nightly: 1\nowner: "Ann \\u202e4711"\n', encoding="utf-8")
     with pytest.raises(InputError, match=r"U\+202E"):
         read_nightly(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("proxied", "headers", "status"), [(False, {}, 200), (True, {}, 403), (True, {"x-forwarded-for": "127.0.0.1"}, 200)]
+)
+def test_behind_a_proxy_that_names_nobody_no_request_counts_as_one_of_this_computer(
+    tmp_path: Path, proxied: bool, headers: dict[str, str], status: int
+) -> None:
+    """Names, alarms and verdicts of every machine were open to everybody behind such a proxy."""
+    users = tmp_path / "users.json"
+    add_user(users, "ann", PASSWORD, "view")
+    settings = Settings((cell(tmp_path / "one", records=records("changed")),), users=users, behind_proxy=proxied)
+    with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        assert site.get("/metrics", headers=headers).status_code == status
