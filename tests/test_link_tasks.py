@@ -1,0 +1,44 @@
+"""What a client is given of every program of a run: which touches, which of them again, and how long it waits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from support.readback import golden
+
+from tango_cnc.link import measure as module
+from tango_cnc.link.measure import Wanted
+from tango_cnc.link.rest import durations
+from tango_cnc.plan import part
+from tango_cnc.program import Program
+
+WANTED = Wanted("/dev/null", "dnc", "fanuc", Path("readings.csv"), start_timeout=77.0)
+
+
+def programs() -> list[Program]:
+    """→ two programs of three touches each."""
+    parts = [part(golden(), numbers) for numbers in ([1, 2, 3], [4, 5, 6])]
+    return [Program(f"O{i}", f"mark {i}", lambda: iter(()), made, ("X",)) for i, made in enumerate(parts)]
+
+
+@pytest.mark.parametrize(("again", "counts"), [((), (0, 0)), ((2,), (1, 0)), ((2, 3, 4), (3, 0)), ((2, 3, 4, 5), (3, 1))])
+def test_every_program_has_its_touches_and_those_of_them_that_are_repeated(again: tuple[int, ...], counts: tuple[int, int]) -> None:
+    numbers = (*again, *range(11, 17 - len(again)))
+    one, other = module._tasks(programs(), again, numbers[len(again) :], WANTED, 5.0)
+    assert (one.original, other.original) == (numbers[:3], numbers[3:])
+    assert (one.again, other.again) == counts
+    assert (one.quiet, other.quiet) == (5.0, 0.0), "silence is asked for before the first program alone"
+    assert (one.mark, other.mark) == ("mark 0", "mark 1") and one.nonce != 0
+
+
+def test_silence_is_allowed_for_half_a_minute_and_three_times_what_a_touch_takes() -> None:
+    """Longer before the first one, where somebody touches the stylus; behind the last one as long as the longest takes."""
+    for task, program in zip(module._tasks(programs(), (), tuple(range(1, 7)), WANTED, 0.0), programs(), strict=True):
+        seconds = durations(program.plan)
+        expected = [30.0 + 3.0 * seconds[touch.number] for touch in program.plan.touches]
+        assert task.patience == pytest.approx((expected[0] + 40.0, *expected[1:], 30.0 + 3.0 * max(seconds.values())))
+        assert task.start_patience == 77.0
+    for task in module._tasks(programs(), (), tuple(range(1, 7)), replace(WANTED, timeout=9.0), 0.0):
+        assert task.patience == (9.0,) * 4 and task.start_patience == 9.0
