@@ -42,3 +42,9 @@ def test_silence_is_allowed_for_half_a_minute_and_three_times_what_a_touch_takes
         assert task.start_patience == 77.0
     for task in module._tasks(programs(), (), tuple(range(1, 7)), replace(WANTED, timeout=9.0), 0.0):
         assert task.patience == (9.0,) * 4 and task.start_patience == 9.0
+
+
+@pytest.mark.parametrize(("drawn", "nonce"), [(0, 1), (0x7FFFFFFD, 0x7FFFFFFE)])
+def test_the_number_of_a_run_has_31_bits_and_is_never_zero(drawn: int, nonce: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("secrets.randbelow", lambda most: min(drawn, most - 1))
+    assert {task.nonce for task in module._tasks(programs(), (), tuple(range(1, 7)), WANTED, 0.0)} == {nonce}
