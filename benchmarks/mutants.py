@@ -6,7 +6,7 @@ Each mistake changes one operator, comparison or condition of a module in which 
 The default tests run once with coverage, which says which tests reach which line, and with them all cases of those of which the
 default run has `few`. Then every mistake meets the tests that reach its line and, when none of them notices, the others of the
 test files that reach its module. One that no test notices is printed with its place: a test is missing there, or it changes
-nothing.
+nothing. What is known to change nothing is in changes_nothing.py, with its reason, and is counted apart.
 The source is changed in a copy of the repository, never in the repository itself.
 
 What has been found is kept in build/mutants as long as no file changes: the same command goes on where it stopped (by Ctrl-C,
@@ -42,22 +42,35 @@ import scipy.optimize
 import scipy.spatial
 import scipy.stats  # noqa: F401
 import sqlalchemy.orm  # noqa: F401
+from changes_nothing import NOTHING
 
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "build" / "mutants"
 CODE = ("tango_cnc", "postprocessors", "sim_controller", "tests", "examples")  # what a verdict depends on
 AT_ONCE = 6  # files of tests that are run with coverage before what they reach is kept
+WRITTEN = ("test_readback*.py", "test_gate.py", "contracts/test_posts.py", "test_siemens_handshake.py", "test_habits.py")
 AREAS = {
-    "link": ("tango_cnc/link", ("test_link_*.py", "test_run*.py", "test_segments.py", "test_night_preflight.py")),
+    "link": (
+        "tango_cnc/link",
+        ("contracts/test_links.py", "test_link_*.py", "test_run*.py", "test_segments.py", "test_night_preflight.py"),
+    ),
     "plan": (
         "tango_cnc/plan",
-        ("test_plan*.py", "test_check*.py", "test_left_out.py", "test_double_touch.py", "test_second_stylus.py"),
+        (
+            "test_plan*.py",
+            "test_check*.py",
+            "test_bodies.py",
+            "test_left_out.py",
+            "test_double_touch.py",
+            "test_second_stylus.py",
+            "test_stylus_safe.py",
+        ),
     ),
     "check": ("tango_cnc/check", ("test_check*.py", "test_bodies.py", "test_plan*.py", "test_left_out.py")),
-    "readback": ("tango_cnc/readback", ("test_readback*.py", "test_gate.py", "test_cycle_444.py")),
+    "readback": ("tango_cnc/readback", (*WRITTEN, "test_cycle_444.py")),
     "posts": (
         "postprocessors",
-        ("test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_readback*.py", "test_gate.py", "contracts/test_posts.py"),
+        (*WRITTEN, "test_post_*.py", "test_dialects*.py", "test_own_post.py", "test_confirmed.py"),
     ),
 }
 ASKED = "(few or not long) and not campaign"  # of what the default run has a few, all
@@ -295,7 +308,9 @@ def made_at(place: str) -> list[Mutant]:
 
 
 def judge(mutant: Mutant, copy: Path, data: Reached) -> tuple[int, str]:
-    """mistake, copy, what tests reach → 0 noticed, 1 not noticed, 2 reached by no test; and why."""
+    """mistake, copy, what tests reach → 0 noticed, 1 not noticed, 2 reached by no test, 3 changes nothing; and why."""
+    if reason := NOTHING.get((mutant.file, mutant.old, mutant.new)):
+        return 3, f"changes nothing: {reason}"
     near, far = data.tests(copy / mutant.file, mutant.line)
     if noticed(copy, mutant, near, far):
         return 0, "noticed"
@@ -316,8 +331,8 @@ def printed(drawn: Sequence[Mutant], found: Mapping[Mutant, int], seed: str) -> 
     """sample, verdicts → the score by area is printed; exit status."""
     for area in [*dict.fromkeys(mutant.area for mutant in drawn), "all"]:
         verdicts = [found[mutant] for mutant in drawn if mutant in found and area in ("all", mutant.area)]
-        good, bad, unreached = (verdicts.count(verdict) for verdict in range(3))
-        print(f"{area:9} {good:3} of {good + bad} noticed, {unreached} reached by no test")
+        good, bad, unreached, nothing = (verdicts.count(verdict) for verdict in range(4))
+        print(f"{area:9} {good:3} of {good + bad} noticed, {unreached} reached by no test, {nothing} change nothing")
     left = sum(mutant not in found for mutant in drawn)
     print(f"{seed}; {len(drawn)} mistakes" + (f", {left} still to be judged: the same command goes on" if left else ""))
     good, bad = (list(found.values()).count(verdict) for verdict in range(2))

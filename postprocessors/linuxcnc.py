@@ -22,6 +22,7 @@ from tango_cnc.records import InputError, Machine
 from . import _common as common
 from ._alive import proving
 from ._base import Job, Leg, Option, Post, degrees, early_distance, is_endless, may_roll, number, rolled
+from ._options import OBEYS
 from ._remedies import LINUXCNC
 
 PLACE = {name: i for i, name in enumerate("XYZABC")}  # of an axis in #5061 …
@@ -39,6 +40,7 @@ OPTIONS = (
     *common.PROBE_SWITCHES,
     Option("positioning_feed", 3000.0, "mm/min between touches", verified=True),
     common.MISSED,
+    replace(OBEYS, default="acts", verified=True),  # tried on a real 2.9: a touch at 25 % takes four times as long
 )
 DOUBTS = ("a probe that is off stops nothing: guarded moves are guarded only while it is on",)
 

@@ -32,7 +32,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Decision:
+class ConformityDecision:
     """One measurand against its limits."""
 
     name: str
@@ -70,7 +70,9 @@ def read_limits(file: Path, known: Sequence[str]) -> dict[str, Limits]:
     return result
 
 
-def decide(name: str, value: float, std: float, limits: Limits, probability: float = 0.95, dof: float = math.inf) -> Decision:
+def decide(
+    name: str, value: float, std: float, limits: Limits, probability: float = 0.95, dof: float = math.inf
+) -> ConformityDecision:
     """estimate, its standard uncertainty, limits → decision for a normal (or, for finite dof, Student) distribution.
 
     Raises InputError for a probability that is not above one half.
@@ -81,17 +83,17 @@ def decide(name: str, value: float, std: float, limits: Limits, probability: flo
     else:
         high, low = (limits.high - value) / std, (limits.low - value) / std
         inside = float(_below(high, dof) - _below(low, dof))
-    return Decision(name, value, std, limits, inside, _verdict(inside, probability))
+    return ConformityDecision(name, value, std, limits, inside, _verdict(inside, probability))
 
 
-def decide_from(name: str, values: Array, value: float, limits: Limits, probability: float = 0.95) -> Decision:
+def decide_from(name: str, values: Array, value: float, limits: Limits, probability: float = 0.95) -> ConformityDecision:
     """estimate and (T,) Monte Carlo values of the measurand → decision by their own distribution (JCGM 106:2012, 7).
 
     Raises InputError for a probability that is not above one half.
     """
     _check(probability)
     inside = float(np.mean((values >= limits.low) & (values <= limits.high)))
-    return Decision(name, value, float(np.std(values)), limits, inside, _verdict(inside, probability))
+    return ConformityDecision(name, value, float(np.std(values)), limits, inside, _verdict(inside, probability))
 
 
 def guard_band(std: float, probability: float = 0.95, dof: float = math.inf) -> float:
@@ -116,17 +118,17 @@ def _verdict(inside: float, probability: float) -> Verdict:
     return "does not conform" if inside <= 1 - probability else "cannot tell"
 
 
-def undecided(decision: Decision) -> Decision:
+def undecided(decision: ConformityDecision) -> ConformityDecision:
     """decision on a result that is in doubt → none: no probability stands that rests on a model or a budget found wanting."""
     return replace(decision, inside=None, verdict="cannot tell")
 
 
-def all_conform(decisions: Sequence[Decision]) -> bool:
+def all_conform(decisions: Sequence[ConformityDecision]) -> bool:
     """decisions → whether every one of them is `conforms` (and there is one)."""
     return bool(decisions) and all(d.verdict == "conforms" for d in decisions)
 
 
-def as_json(decisions: Sequence[Decision]) -> Mapping[str, object]:
+def as_json(decisions: Sequence[ConformityDecision]) -> Mapping[str, object]:
     """decisions → plain data by name; a missing limit is null."""
 
     def end(value: float) -> float | None:

@@ -35,7 +35,8 @@ def test_a_backup_that_cannot_be_restored_leaves_the_history_where_it_is(tmp_pat
                 history.add_night(record(number))
 
     with monkeypatch.context() as broken, click.Context(restore):
-        broken.setattr(copy.History, "verify", lambda self: [] if "backup.db" in str(self.engine.url) else ["not what was copied"])
+        found = {"M": ["not what was copied"]}
+        broken.setattr(copy.History, "broken", lambda self: {} if "backup.db" in str(self.engine.url) else found)
         with pytest.raises(LinkError, match="the copy is not what was copied"):
             restore.callback(tmp_path / "backup.db", tmp_path, str(tmp_path / "history.db"))  # type: ignore[misc]
     with opened(tmp_path / "history.db", create=False) as history:

@@ -12,7 +12,7 @@ import yaml
 
 from sim_controller.simulate import simulate
 from tango_cnc import capability
-from tango_cnc.capability import KINDS, Kind, Settings, program
+from tango_cnc.capability import KINDS, CapabilitySettings, Kind, program
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import examples
 from tango_cnc.files import read_cell, read_world
@@ -27,7 +27,7 @@ def cell() -> Cell:
 
 
 def measured(cell: Cell, kind: Kind, world: World, **settings: object) -> Touches:
-    artefact, strategy = program(kind, cell.machine, cell.artefact, cell.strategy, Settings(**settings))  # type: ignore[arg-type]
+    artefact, strategy = program(kind, cell.machine, cell.artefact, cell.strategy, CapabilitySettings(**settings))  # type: ignore[arg-type]
     return from_readings(cell.machine, artefact, simulate(cell.machine, artefact, strategy, world))
 
 
@@ -41,7 +41,7 @@ def test_programs_probe_in_every_direction_that_the_strategy_offers(cell: Cell) 
     chosen = measured(cell, "repeatability", World(), repetitions=3, facets=("5", "3"))
     assert chosen.facet == ("5",) * 3 + ("3",) * 3
     with pytest.raises(InputError, match="--facets: found '99'"):
-        program("repeatability", cell.machine, cell.artefact, cell.strategy, Settings(("99",)))
+        program("repeatability", cell.machine, cell.artefact, cell.strategy, CapabilitySettings(("99",)))
 
 
 def test_pooling_in_windows_keeps_repeatability_and_loses_drift(cell: Cell) -> None:
@@ -106,7 +106,7 @@ def test_grid_tells_surface_from_drift_and_repeatability() -> None:
 
 
 def test_grid_program_of_25_points_stays_on_the_facet(cell: Cell) -> None:
-    artefact, strategy = program("grid", cell.machine, cell.artefact, cell.strategy, Settings(("3",), 2))
+    artefact, strategy = program("grid", cell.machine, cell.artefact, cell.strategy, CapabilitySettings(("3",), 2))
     own = [artefact.facets[f] for f in strategy.indexations[0].facets]
     centre = cell.artefact.facets["3"]
     away = np.array([f.point for f in own]) - np.array(centre.point)

@@ -250,3 +250,45 @@ def test_how_far_a_facet_looks_away_is_said_and_never_the_91_that_is_allowed(awa
     spindle = np.array([math.cos(math.radians(away)), 0.0, math.sin(math.radians(away))])
     said = f"the facet faces {shown}° away from the spindle, a straight stylus reaches up to 91°" if shown else ""
     assert refusal(FLOATING, spindle=spindle) == said
+
+
+@pytest.mark.parametrize(
+    ("off", "aside", "tilt", "own"),
+    [
+        (0.0, 0.0, 0.0, True),
+        (0.5, 0.0, 0.0, True),  # as unevenly as a facet may be entered, and no more
+        (-0.5, 0.0, 0.0, True),
+        (0.51, 0.0, 0.0, False),
+        (-0.51, 0.0, 0.0, False),
+        (0.0, 50.5, 0.0, True),  # half a millimeter beyond the edge of the face
+        (0.0, -50.51, 0.0, False),
+        (0.0, 0.0, 25.0, True),  # turned like the face, by less than 25.8 degrees
+        (0.0, 0.0, 27.0, False),
+    ],
+)
+def test_a_facet_on_a_face_of_an_obstacle_touches_it_and_any_other_keeps_off(
+    off: float, aside: float, tilt: float, own: bool
+) -> None:
+    """The box has its face at x = 40; the probe comes down beside it."""
+    normal = np.array([math.cos(math.radians(tilt)), 0.0, math.sin(math.radians(tilt))])
+    point = np.array([40.0 + off, aside, -10.0])
+    box = Obstacle("box", (-60.0, -50.0, -60.0), (40.0, 50.0, 0.0))
+    artefact = Artefact("box", {"f": Facet("f", tuple(point), tuple(normal))}, obstacles=(box,))
+    why = refusal(artefact, normal, tuple(point + PROBE.tip_radius * normal))
+    assert (why == "") == own and (own or "would hit obstacle 1" in why), why
+
+
+@pytest.mark.parametrize(("x", "passes"), [(201.0, True), (195.0, False), (-195.0, False), (189.5, False)])
+def test_a_probe_in_a_step_is_asked_for_its_way_out_where_it_stands_at_the_stand_off(x: float, passes: bool) -> None:
+    """A facet that faces +X, 25 mm under the top of a block with a side at x = 200; the probe leans by 45° along it."""
+    sides = ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0, 0, -1.0))
+    middle, half = np.array([0.0, 0.0, -200.0]), 200.0
+    corner = middle + np.array([180.0, -180.0, -180.0])
+    outer = {
+        str(i): Facet(str(i), tuple(np.where(np.array(n) != 0, middle + half * np.array(n), corner)), n)
+        for i, n in enumerate(sides)
+    }
+    step = Facet("s", (x - PROBE.tip_radius, 0.0, -25.0), (1.0, 0.0, 0.0))
+    spindle = (0.0, math.sqrt(0.5), math.sqrt(0.5))
+    why = refusal(Artefact("step", {**outer, "s": step}), tip=(x, 0.0, -25.0), facet="s", table=True, spindle=spindle)
+    assert (why == "") == passes and (passes or "leans more than 60°" in why), why

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tango_cnc.check.solid import THIN, Body, solid
-from tango_cnc.records import Array, Artefact, Obstacle
+from tango_cnc.records import Array, Artefact, Facet, Obstacle
 
 MUCH = 1.06  # times as large as the true solid: this far out nothing of the body is left
 ROUND = 1.05  # the same for a round drawing; faces that are spread less evenly leave 1.08
@@ -57,6 +57,22 @@ def test_the_body_of_a_round_drawing_holds_it_and_little_more() -> None:
     way /= np.linalg.norm(way, axis=1)[:, None]
     centre = np.array([40.0, -30.0, 80.0])
     holds(body_of(Obstacle("hull", points=tuple(map(tuple, centre + 20 * way)))), centre + 20 * way, centre + 20 * ROUND * way)
+
+
+def test_the_table_holds_every_outer_facet_and_is_no_larger_than_facets_of_one_plane_are_uneven() -> None:
+    """Facets of one side are entered up to half a millimeter unevenly: its plane is through the one that stands out most."""
+    rng = np.random.default_rng(3)
+    sides = [np.array(n) for n in ((1.0, 0, 0), (-1.0, 0, 0), (0, 1.0, 0), (0, -1.0, 0), (0, 0, 1.0), (0.6, 0.0, 0.8))]
+    points = [tuple(rng.uniform(-20, 20, 3) * (n == 0) + (60.0 + step) * n) for n in sides for step in (0.0, 0.4, 0.2)]
+    normals = [tuple(n) for n in sides for _ in range(3)]
+    facets = {str(i): Facet(str(i), point, normal) for i, (point, normal) in enumerate(zip(points, normals, strict=True))}
+    made = solid(Artefact("uneven", facets))
+    assert made.table is not None and made.outer == set(facets)
+    assert outside(made.table, np.array(points)).max() == pytest.approx(0.0, abs=1e-9)
+    for normal in sides:
+        reach = max(float(np.array(p) @ normal) for p in points)
+        (own,) = {round(float(o), 6) for n, o in zip(made.table.normal, made.table.offset, strict=True) if np.allclose(n, normal)}
+        assert own == pytest.approx(reach, abs=1e-6)
 
 
 def test_a_box_without_thickness_is_a_thin_body() -> None:

@@ -21,9 +21,9 @@ from support.dialects import EVERY
 from support.gates import NEAR, ran
 from support.proof_parts import keys_here
 from support.randomplans import example
-from support.wrongcontrols import Case, cases, sees, table, turned_round
+from support.wrongcontrols import Case, cases, pointless, sees, table, turned_round
 
-from postprocessors import companions, load, program
+from postprocessors import companions, load, program, unverified
 from postprocessors import settings as settings_of
 from tango_cnc import commission, readback
 from tango_cnc.cli import guarded, tango
@@ -135,7 +135,7 @@ def seen(
     stored = name != "grbl"
     what = commission.Seen(made, records, begun, ended, refused, said, None, held if not said else None, answers, times=times)
     what = replace(what, obeys=kept.get("feed_override") == "acts", anew=kept.get("records_file") == "anew")
-    what = replace(what, unheard=unheard(found.events))
+    what = replace(what, unheard=unheard(found.events), doubts=unverified(load(name), kept))
     return replace(what, dialled=turned, kept=kept_records, stored=stored), [event for event, _ in found.events]
 
 
@@ -242,6 +242,54 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
     assert not set(NEAR) & set(events)
 
 
+@pytest.mark.few(3)
+@pytest.mark.parametrize("name", [name for name in sorted(EVERY) if "records" in cases(name)])
+def test_records_without_their_decimal_points_fail_by_themselves(name: str) -> None:
+    """Their sum has lost its point with them, so that each line is believed; no other experiment may judge what nobody can read."""
+    what, events = seen(name, Case("records", printed=pointless))
+    assert not set(NEAR) & set(events)
+    assert verdicts(what, "FAIL") == ["records"], commission.judge(what)
+    found = next(j.verdict.found for j in commission.judge(what) if j.experiment.belief == "records")
+    assert "the decimal point is lost" in found or "not a record" in found
+    if "lost" in found:
+        assert {"frames", "mirror", "rotary", "widths", "miss"} <= set(verdicts(what, "OPEN"))
+
+
+UNKNOWN = (  # dialect, word, what settles it, what is named
+    ("fanuc", "G69", "frames", "reset"),
+    ("fanuc", "#4008", "frames", "length_check"),
+    ("siemens", "CYCLE800", "frames", "cycle800"),
+    ("siemens", "TRAFOOF", "frames", "trafoof"),
+    ("siemens", "$P_ACTFRAME", "frames", "frame_check"),
+    ("siemens", "$MN_SCALING_SYSTEM_IS_METRIC", "frames", "metric_check"),
+    ("siemens", "$VA_IM", "rotary", "rotary_position"),
+    ("siemens", "SPRINT", "records", "SPRINT with"),
+    ("heidenhain", "PLANE RESET", "frames", "plane_reset"),
+    ("heidenhain", "FUNCTION RESET TCPM", "frames", "tcpm_reset"),
+    ("heidenhain", "ID240 NR8", "frames", "ID240 NR8"),
+    ("okuma", "VSAP", "frames", "contact"),
+    ("okuma", "VACOD", "frames", "frame_check"),
+    ("okuma", "G170", "frames", "reset"),
+    ("fagor", "#TLC", "frames", "off"),
+    ("fagor", "V.A.ATIPMEAS", "frames", "contact"),
+    ("fagor", "V.G.PRBST1", "deflected", "probe_state"),
+    ("centroid", "G69", "frames", "reset"),
+    ("mach3", "G69", "frames", "reset"),
+    ("mach4", "G69", "frames", "reset"),
+)
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize(("name", "word", "belief", "named"), UNKNOWN)
+def test_a_word_that_the_control_does_not_know_names_the_key_it_comes_from(name: str, word: str, belief: str, named: str) -> None:
+    """The likeliest thing to happen at a first start; the screen shows the word, or its block."""
+    what, events = seen(name, Case(belief, {"lacks": word}))
+    assert not set(NEAR) & set(events) and what.said
+    assert verdicts(what, "FAIL") == [belief], (what.said, commission.judge(what))
+    verdict = next(j.verdict for j in commission.judge(what) if j.experiment.belief == belief)
+    assert named in verdict.do and "does not know" in verdict.found
+
+
 def test_the_table_of_the_docs_is_what_these_cases_are() -> None:
     """TANGO_GOLDEN=write python -m pytest tests/test_commission.py -k table writes it."""
     page, made = Path(__file__).parent.parent / "docs" / "commissioning.md", table(sorted(EVERY))
@@ -326,8 +374,6 @@ def test_a_proof_takes_what_it_settles_off_the_list_and_the_rest_is_ordered_by_d
 
 def test_every_doubt_of_every_dialect_has_an_experiment_or_is_a_matter_of_each_run() -> None:
     """What somebody may have left on before a run, and which variables are free, no experiment proves for ever."""
-    from postprocessors import unverified
-
     every = {e.belief: "PASS" for e in commission.experiments()}
     of_each_run = re.compile(r"^must_be_off|^common =|(is|are|has left cycle 26.*) (on|off)\b|compare one touch by hand")
     for name in EVERY:

@@ -86,6 +86,7 @@ def test_a_stop_without_a_text_blames_no_probe() -> None:
 
 @pytest.mark.parametrize(("text", "word"), [
     ("OT0500 + OVERTRAVEL ( SOFT 1 ) Z", "soft limits"),
+    ("CANCEL Z travel exceeded", "the wrong way round"),
     ("LIMIT SWITCH C+", "nearer: true in machine.yaml"),
     ("65006 TANGO RECORD COULD NOT BE WRITTEN", "extdev.ini"),
     ("12550 NAME NOT DEFINED", "machine_axes"),
@@ -226,7 +227,9 @@ def test_at_a_control_that_stops_early_only_what_was_seen_is_asked(
 ) -> None:
     """The axis numbers are wrong: it stops at the fourth move. Nobody is asked about what comes after it."""
     cell = cell_of(tmp_path / "cell")
-    monkeypatch.setattr(sys, "stdin", Terminal("y\n\n" + "y\n" * 20))  # start; nothing on the screen; yes to everything
+    monkeypatch.setattr(
+        sys, "stdin", Terminal("y\ny\ny\n\n" + "y\n" * 20)
+    )  # by hand; start; nothing on the screen; yes to everything
     with simulated(cell, "--set", "axes=X,Y,Z,C,B") as port:
         code = call("commission", "-C", cell, "--port", port, "--timeout", "4")
     out = capsys.readouterr()

@@ -32,7 +32,13 @@ def whole(name: str, target: str, folder: Path) -> str:
 
 
 def test_every_target_has_a_simulated_control() -> None:
-    assert set(simulated()) == set(targets.names())
+    wanted, there = set(targets.names()), set(simulated())
+    files, needless = (", ".join(f"{name}.py" for name in sorted(names)) for names in (wanted - there, there - wanted))
+    assert not files, (
+        f"sim_controller/compensation/: write {files} with read(folder, machine), which does with the files of the target what the "
+        "control does, from its facts and not from its code (docs/compensate.md, Another target)"
+    )
+    assert not needless, f"sim_controller/compensation/: take away {needless}: no target has that name"
 
 
 @pytest.mark.few(1)

@@ -27,9 +27,9 @@ from support.diagnosis_parts import (
     scaled,
 )
 
-from tango_cnc.diagnose import _seen
+from tango_cnc.diagnose import Dropped, _seen
 from tango_cnc.diagnose._remaining import _undecided
-from tango_cnc.diagnose.sentences import nearly, unexplained
+from tango_cnc.diagnose.sentences import dropped, nearly, unexplained
 from tango_cnc.touches import from_readings
 
 
@@ -161,6 +161,13 @@ def test_a_name_beside_another_that_does_nearly_as_well_is_undecided() -> None:
     assert (left.shape, left.rivals) == ("undecided", ("rotary_radial",))
     assert "gravity_sag does best, and nearly as well does rotary_radial" in unexplained(left)
     assert "time together with position of Z, with an evidence of 12 less" in nearly(("time × Z", 12.2))
+
+
+def test_a_name_whose_size_is_not_known_is_refused_with_the_size_and_how_sure_it_is() -> None:
+    size = cast(Any, type("Size", (), {"amplitude": 0.0031, "amplitude_std": 0.0017}))
+    blank: Any = dict.fromkeys(Finding.__dataclass_fields__)
+    said = dropped(Dropped(Finding(**{**blank, "cause": "step", "size": size}), "size"))
+    assert said == "it resembles step, which is not named: its size is not known to half of itself: 3.1 ± 1.7 µm"
 
 
 @pytest.mark.parametrize(("behind", "undecided"), [(3.9, True), (4.1, False), (5.5, False)])

@@ -75,9 +75,9 @@ def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page
     place = cell(tmp_path / "one", records=records)
     for path in ("/", "/alarms", "/machine/HU40T-like"):
         text = asked(place, path).partition("For the engineer")[0]
-        assert "C axis has moved along Y by +11 µm since the night of Mon 26 Oct 2026. It has moved 2 times the same way" in text, (
-            path
-        )
+        assert (
+            "C axis has moved along Y by +11 µm since the night ending Mon 26 Oct 2026. It has moved 2 times the same way" in text
+        ), path
         assert "3.6 µm" not in text and "3.9 µm" not in text and "7.2 µm" not in text, path
         assert path == "/" or ("off by up to 22 µm" in text and "Enter no new location" in text), path
         assert "Ask who was at the machine" not in text
@@ -107,11 +107,11 @@ def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> No
 
     large = told(-93.0)
     assert (
-        large["on_part"].startswith("Since the night of Mon 26 Oct 2026 a part")
+        large["on_part"].startswith("Since the night ending Mon 26 Oct 2026 a part")
         and "40 µm different from before" in large["on_part"]
     )
     assert large["whole"].startswith(
-        "The whole error (C axis off in Y) is −93 µm in the night of Tue 27 Oct 2026; it was −113 µm before the change."
+        "The whole error (C axis off in Y) is −93 µm in the night ending Tue 27 Oct 2026; it was −113 µm before the change."
     )
     assert large["whole"].endswith("It is smaller than before. Correct the whole error, not the change.")
     assert "not the change" in told(50.0)["whole"]
@@ -129,7 +129,7 @@ def test_what_does_more_to_a_part_comes_first_and_no_sentence_says_last_night() 
     limit = {"behind": [{"what": "volume", "parameter": "EX0S", "size": 0.012, "unit": "mm", "text": "x", "since": ""}]}
     found = faults(night("M", 3, "out_of_limits", standing=[step(2, 11.0), spindle], **limit), (), {}, Units(), texts())
     assert [a["parameter"] for a in found] == ["EY0C", "EX0S"]
-    assert all("last night" not in a["text"] for a in found) and "since the night of Sun 25 Oct 2026" in found[1]["text"]
+    assert all("last night" not in a["text"] for a in found) and "since the night ending Sun 25 Oct 2026" in found[1]["text"]
 
 
 def test_who_is_asked_hears_since_when_and_nobody_is_loud() -> None:
@@ -232,7 +232,7 @@ def test_who_has_it_stands_right_below_the_answer_and_nobody_is_loud(tmp_path: P
     for owner, mark in ((None, '<dd class="loud">NOBODY'), ("Ann", "<dd>Call Ann")):
         records = [night("HU40T-like", 2, "changed", alarms=[step(2, 20.0, owner=owner)], owner=owner)]
         text = asked(cell(tmp_path / str(owner), records=records), "/machine/HU40T-like")
-        assert re.search(rf'</section>\s*<dl class="facts">\s*<dt>Who has it</dt>{mark}', text)
+        assert re.search(rf'</section>\s*<dl class="facts">\s*<dt>Whom to ask</dt>{mark}', text)
 
 
 def test_what_was_done_is_not_ordered_again() -> None:

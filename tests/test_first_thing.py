@@ -142,7 +142,7 @@ def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner:
     other = f"Call {deputy}, or {owner}." if deputy else f"Call {owner}. Without an answer, whoever leads the shift decides."
     assert asked == (other if wanted else f"Call {owner}.")
     assert to_ask({"owner": owner}, [{"owner": owner, "decision": object()}], texts()) == ""
-    assert to_ask({"owner": ""}, (), texts()).startswith("Ask whoever leads the shift: NOBODY is named")
+    assert to_ask({"owner": ""}, (), texts()).startswith("Whoever leads the shift decides: NOBODY is named")
 
 
 def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_message(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
     place = cell(tmp_path / "one", records=nights)
     for stated, wanted in (
         ("", "No deputy is named: without an answer, whoever leads the shift decides."),
-        ("deputy: Bob, 4712\n", "Next: call Bob, 4712."),
+        ("deputy: Bob, 4712\n", "Call Bob, 4712: Ann, 4711 was asked first, on"),
     ):
         (place / "nightly.yaml").write_text(f"nightly: 1\nowner: Ann, 4711\n{stated}", encoding="utf-8")
         for path in (f"/machine/{M}", f"/machine/{M}/trend", "/alarms", "/"):
@@ -171,7 +171,7 @@ def test_age_and_simulated_are_the_same_on_every_page(tmp_path: Path) -> None:
     """The newest night measured nothing: the page counts the hours since the one that did, which a simulator made."""
     place = cell(tmp_path / "one", records=records("nothing"))
     assert "measured 24 h ago" in seen(place, "/")
-    assert re.search("nothing measured. Last measured: night of .{15}, 24 h ago", seen(place, f"/machine/{M}"))
+    assert re.search("nothing measured. Last measured: night ending .{15}, 24 h ago", seen(place, f"/machine/{M}"))
     for path in ("/", *(f"/machine/{M}{x}" for x in ("", "/trend", "/nights", "/report", "/files"))):
         assert seen(place, path).count("SIMULATED") == 1, path
 

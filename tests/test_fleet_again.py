@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from support.nights_parts import Event, Story, again, nights
+from support.histories import record
+from support.nights_parts import Event, Story, again, files_of, nights
 
 from tango_cnc.cli import tango
 from tango_cnc.files import read_cell, read_world
@@ -90,6 +93,32 @@ def test_dask_gives_what_one_process_gives(cells: list[Path], scheduler: str, tm
     again(cells, None, tmp_path / "here", map)
     for name in ("one", "two"):
         assert told(tmp_path / "dask" / f"{name}.db", name) == told(tmp_path / "here" / f"{name}.db", name)
+
+
+def test_machines_whose_names_fold_to_one_have_files_of_their_own() -> None:
+    names = ["Fräse", "Fröse", "Fr-se", "mill", "MILL", "HU40T-like"]
+    files = files_of(names)
+    assert len({file.casefold() for file in files}) == len(names) and files == files_of(names)
+    assert files[2] == "Fr-se.db" and files[5] == "HU40T-like.db" and files_of(["mill"]) == ("mill.db",)
+    assert files_of(["Fröse", "Fräse"]) == (files[1], files[0])  # whatever else is called with them
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", file) for file in files)
+
+
+def test_a_last_night_of_days_ago_is_named_by_its_date(tmp_path: Path) -> None:
+    today = f"{datetime.now().astimezone():%Y-%m-%d}"
+    moved = "EX0C moved by +19.8 µm since last night"
+    with opened(tmp_path / "history.db") as history:
+        history.add_night(record(3, "old", headline=moved))
+        own = {
+            "night": today,
+            "start_utc": f"{datetime.now(UTC):%Y-%m-%dT00:00:00Z}",
+            "end_utc": f"{datetime.now(UTC):%Y-%m-%dT00:00:01Z}",
+        }
+        history.add_night(record(3, "new", headline=moved, **own))
+    lines = CliRunner().invoke(tango, ["fleet", "--history", str(tmp_path / "history.db")], standalone_mode=False).output
+    flat = {name: " ".join(line.split()) for line in lines.splitlines() for name in ("old", "new") if line.startswith(name)}
+    assert "since the night before 2026-10-03" in flat["old"] and "last night" not in flat["old"]
+    assert "since last night" in flat["new"]
 
 
 def test_what_cannot_be_estimated_again_is_refused(root: Path, tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ def test_its_programs_are_read_back_and_say_what_a_person_has_to_do(name: str) -
     beside = companions(post, made, stated)
     assert not readback.check(lines, made, settings_of(post, stated), beside, written_in=post.language)
     text, usual = "\n".join(lines()), "\n".join(lines_of(name, golden()))
-    acts = settings_of(post, {})["feed_override"] == "acts"  # as is known of a SINUMERIK
+    acts = settings_of(post, {})["feed_override"] == "acts"  # as is known of a SINUMERIK and of LinuxCNC
     assert "KEEP THE FEED OVERRIDE AT 100 PERCENT" in text and ("FEED OVERRIDE AT" in usual) == acts
     assert ("COPY THE FILE OF THE RECORDS" in text) == (post.link != "grbl") and "COPY THE FILE" not in usual
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -12,11 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 from support import postgres
 from support.histories import EVENTS, knowledge, record
 
+from tango_cnc.cli import tango
 from tango_cnc.history import Decision, add_compensations, compensations, opened, shown
 from tango_cnc.history.copy import copied
 from tango_cnc.records import InputError, LinkError
@@ -85,11 +88,11 @@ def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Pat
         for day in (1, 2, 3):
             history.add_night(record(day), f"touch\n{day}\n", knowledge(day))
         newest = history.newest_hashes()
-        assert copied(history, tmp_path / "copy.db") == 3
+        assert copied(history, tmp_path / "copy.db") == (3, {})
         with pytest.raises(InputError, match="not empty"):
             copied(history, first if not isinstance(first, Path) else tmp_path / "copy.db")
     with opened(tmp_path / "copy.db", create=False) as copy:
-        assert copied(copy, second) == 3
+        assert copied(copy, second) == (3, {})
     with opened(second) as history:
         assert history.newest_hashes() == newest and history.verify() == ()
         history.add_night(record(4))
@@ -148,8 +151,6 @@ FIRST = Path(__file__).parent / "reference" / "history_0001.sql"
 
 
 def test_a_history_of_the_first_schema_is_read_and_goes_on(tmp_path: Path) -> None:
-    import sqlite3
-
     file = tmp_path / "old.db"
     plain = sqlite3.connect(file)
     plain.executescript(FIRST.read_text(encoding="utf-8"))
@@ -161,6 +162,98 @@ def test_a_history_of_the_first_schema_is_read_and_goes_on(tmp_path: Path) -> No
         history.add_night(record(3), "touch\n3\n", knowledge(3))
         assert add_compensations(history, "M", "/cells/m", EVENTS) == 3
         assert history.verify() == ()
+
+
+SECOND = FIRST.with_name("history_0002.sql")  # of November 2026, as version 0.1.0 made it
+REPLACED = (
+    "INSERT OR REPLACE INTO {table} SELECT * FROM {table} WHERE rowid = {row}",
+    "REPLACE INTO {table} SELECT * FROM {table} WHERE rowid = {row}",
+    "UPDATE OR REPLACE {table} SET rowid = rowid WHERE rowid = {row}",
+)
+
+
+@pytest.mark.parametrize("from_file", [False, True])
+def test_no_row_of_sqlite_is_replaced_by_another_one(tmp_path: Path, from_file: bool) -> None:
+    """A connection of another program has recursive_triggers off: what REPLACE deletes there, no trigger of DELETE sees."""
+    file = tmp_path / "history.db"
+    plain = sqlite3.connect(file)
+    plain.executescript(SECOND.read_text(encoding="utf-8"))
+    if not from_file:  # the schema of today from its first step on
+        plain.close()
+        file = tmp_path / "new.db"
+        with opened(file) as history:
+            for day in (1, 2):
+                history.add_night(record(day, alarms=[{"id": f"2026-10-0{day}-1"}]), f"touch\n{day}\n", knowledge(day))
+            history.decide("M", Decision("2026-10-02-1", "accept", "Ann"))
+            add_compensations(history, "M", "/cells/m", EVENTS)
+    with opened(file, create=False) as history:  # which brings the schema up to date
+        assert history.verify() == () and len(history.nights("M")) == 2
+    plain = sqlite3.connect(file)
+    assert plain.execute("PRAGMA recursive_triggers").fetchone() == (0,)
+    kept = "SELECT tbl_name FROM sqlite_master WHERE type = 'trigger' AND name LIKE '%no_delete'"
+    tables = [name for (name,) in plain.execute(kept)]
+    assert len(tables) == 8
+    for table in tables:
+        (row,) = plain.execute(f"SELECT max(rowid) FROM {table}").fetchone()
+        for change in REPLACED:
+            with pytest.raises(sqlite3.IntegrityError, match="append-only"):
+                plain.execute(change.format(table=table, row=row))
+    for change in (  # the other keys of a row
+        "REPLACE INTO entry SELECT NULL, machine_id, number, kind, utc, content, previous, hash FROM entry WHERE id = 2",
+        "REPLACE INTO night_parameter (rowid, machine_id, name, entry_id, start_utc, value, std, unit) "
+        "VALUES (1, 1, 'X', 1, '', 0, 0, '')",
+        "REPLACE INTO compensation SELECT 1, machine_id, number, target, event, text, before_um, promised_um, measured_um, line, "
+        "line_sha256, utc FROM compensation LIMIT 1",
+    ):
+        with pytest.raises(sqlite3.IntegrityError, match="append-only"):
+            plain.execute(change)
+    plain.close()
+    with opened(file, create=False) as history:
+        history.add_night(record(3), "touch\n3\n", knowledge(3))
+        assert add_compensations(history, "M", "/cells/m", EVENTS) == 0
+        assert history.verify() == () and len(history.nights("M")) == 3
+
+
+def test_a_row_that_is_there_is_not_taken_for_another_one_on_conflict(history_place: Place) -> None:
+    """PostgreSQL has no REPLACE: INSERT … ON CONFLICT DO UPDATE is an update there as well, and SQLite has both."""
+    with opened(history_place()) as history:
+        history.add_night(record(1), "touch\n1\n", knowledge(1))
+        for change in (
+            "INSERT INTO night_record SELECT * FROM night_record WHERE true ON CONFLICT (entry_id) DO UPDATE SET json = '{}'",
+            "INSERT INTO entry SELECT * FROM entry WHERE true ON CONFLICT (machine_id, number) DO UPDATE SET content = ''",
+        ):
+            with pytest.raises(DBAPIError, match="append-only"), history.engine.begin() as connection:
+                connection.execute(text(change.replace("'{}'", "'[]'")))
+        assert history.verify() == ()
+
+
+def test_a_broken_chain_is_in_the_backup_and_named_and_the_other_machines_are_whole(history_place: Place, tmp_path: Path) -> None:
+    place = history_place()
+    with opened(place) as history:
+        for machine in ("M", "N"):
+            for day in (1, 2, 3):
+                history.add_night(record(day, machine), f"touch\n{day}\n", knowledge(day))
+        with history.engine.connect().execution_options(writes=True) as connection, connection.begin():
+            if history.engine.dialect.name == "sqlite":
+                connection.execute(text("DROP TRIGGER entry_no_update"))
+                connection.execute(text("DROP TRIGGER night_record_no_delete"))
+            else:
+                connection.execute(text("ALTER TABLE entry DISABLE TRIGGER ALL"))
+                connection.execute(text("ALTER TABLE night_record DISABLE TRIGGER ALL"))
+            connection.execute(text("UPDATE entry SET content = previous WHERE id = 5"))
+            connection.execute(text("DELETE FROM night_record WHERE entry_id = 6"))
+        assert set(history.broken()) == {"N"}
+    where = str(place)
+    made = CliRunner().invoke(tango, ["history", "backup", "--history", where, str(tmp_path / "copy.db")], standalone_mode=False)
+    assert made.return_value == 1 and "6 entries" in made.output
+    assert "N: its chain is broken" in made.output and "entry 2" in made.output and "M:" not in made.output
+    with opened(tmp_path / "copy.db", create=False) as copy:
+        assert set(copy.broken()) == {"N"} and len(copy.nights("M")) == 3
+    back = ["history", "restore", "--history", str(tmp_path / "back.db"), str(tmp_path / "copy.db")]
+    again = CliRunner().invoke(tango, back, standalone_mode=False)
+    assert again.return_value == 1 and "N: its chain is broken" in again.output
+    with opened(tmp_path / "back.db", create=False) as history:
+        assert len(history.nights("M")) == 3
 
 
 def test_a_history_of_a_newer_version_is_refused(tmp_path: Path) -> None:

@@ -54,9 +54,11 @@ def test_the_file_need_not_be_there_before_the_control_writes_it(share):
     assert line.read(0) == b"TANGO START 0B 1\r\n"
 
 
-def test_a_half_line_waits_for_its_end_wherever_it_is_cut(share):
-    record = b"P1 H1 X20.0030 Y0.0000 K20.0030\r\n"
-    for cut in range(1, len(record)):
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_a_half_line_waits_for_its_end_wherever_it_is_cut(share, end):
+    """The LF of a CR that ended the line already is no line."""
+    record = b"P1 H1 X20.0030 Y0.0000 K20.0030" + end
+    for cut in range(1, record.index(end) + 1):
         file = share / f"{cut}.txt"
         line = opened(file)
         file.write_bytes(record[:cut])

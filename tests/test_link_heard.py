@@ -296,3 +296,36 @@ def test_the_command_waits_for_the_end_of_what_the_control_punches(cell):
 def test_ports_are_listed(monkeypatch):
     monkeypatch.setattr("tango_cnc.link.transport.ports", lambda: [("/dev/ttyUSB0", "USB-RS232")])
     assert Result("ports").out == "/dev/ttyUSB0  USB-RS232\n"
+
+
+class Slow:
+    """A line that takes a byte at a time, at every second look none; the clock goes on by what is waited for."""
+
+    def __init__(self, says):
+        self.says, self.now, self.sent, self.waits, self.looks = dict(says), 0.0, b"", [], 0
+
+    def write(self, data):
+        self.looks += 1
+        taken = data[: self.looks % 2]
+        self.sent += taken
+        return len(taken)
+
+    def read(self, timeout):
+        self.waits.append(timeout)
+        self.now += timeout
+        return self.says.pop(len(self.waits), b"")
+
+
+def test_what_the_line_does_not_take_is_offered_again_soon_and_then_silence_is_waited_for():
+    line = Slow({})
+    assert listen(line, b"$I\n", 1.0, lambda: line.now) == b""
+    assert line.sent == b"$I\n" and line.waits[:4] == [0.01, 0.01, 0.01, 0.01]
+    assert line.waits[4:7] == [0.25, 0.25, 0.25] and line.waits[-1] < 0.25 and sum(line.waits) == pytest.approx(1.0)
+
+
+def test_a_control_that_was_reset_by_being_opened_is_asked_once_more_and_enough_is_enough():
+    line = Slow({6: b"Grbl 1.1h ['$' for help]\r\n", 14: b"[VER:1.1h]\r\nok\r\n"})
+    got = listen(line, b"$I\n", 9.0, lambda: line.now, lambda got: got.endswith(b"ok\r\n"))
+    assert line.sent == b"$I\n$I\n" and got.endswith(b"ok\r\n") and len(line.waits) == 14
+    mute = Slow({2: b"Grbl 1.1h ['$' for help]\r\n"})
+    assert listen(mute, b"", 0.5, lambda: mute.now).startswith(b"Grbl") and not mute.sent

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tango_cnc.link.entries import Identity, Opened, Reading
-from tango_cnc.link.journal import Journal, Known, look_at, read_journal, read_on, salvaged
+from tango_cnc.link.journal import Journal, ReadSoFar, look_at, read_journal, read_on, salvaged
 from tango_cnc.records import InputError, LinkError
 
 
@@ -93,7 +93,7 @@ def test_a_line_that_is_new_and_damaged_is_refused_by_its_number(tmp_path, chang
     lines = written(tmp_path / "run.journal", 1, 2, 3, 4, 5)
     file = tmp_path / "growing.journal"
     file.write_bytes(b"".join(lines[:3]))
-    known: Known = read_on(file)
+    known: ReadSoFar = read_on(file)
     file.write_bytes(b"".join([*lines[:3], change(lines[3]), *lines[4:]]))
     with pytest.raises(InputError, match=":4: a damaged line"):
         read_on(file, known)

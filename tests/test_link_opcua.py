@@ -3,7 +3,10 @@
 import itertools
 import json
 import re
+import struct
 import threading
+from dataclasses import replace
+from urllib.parse import unquote
 
 import pytest
 from support.linkparts import job
@@ -15,7 +18,7 @@ from support.simulated_runs import agree
 
 from postprocessors import mark_of
 from tango_cnc.commands.init import write_example
-from tango_cnc.link.client import Begun
+from tango_cnc.link.client import Begun, Failed, Touched
 from tango_cnc.link.nodes import STANDARD, read_nodes
 from tango_cnc.link.protocols import opcua
 from tango_cnc.link.transport import open_port, parse
@@ -89,6 +92,14 @@ def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(
     assert "record=7.0" in asked(line, b"get")
     assert asked(line, b"take 7") == "TAKE" and server.read(R["taken"]) == 7.0
     assert asked(line, b"ask").startswith("ASK ")
+    line.close()
+
+
+def test_a_boolean_is_no_number_of_a_record(server, monkeypatch):
+    """It counted as 0 or 1, and the run ended with a record that nobody understood."""
+    line = opened(server)
+    monkeypatch.setattr(line, "_values", lambda names: [True] * len(names))
+    assert "record (ns=2;s=/Channel/Parameter/R[u1,700]): found True; allowed: a number" in unquote(asked(line, b"get"))
     line.close()
 
 
@@ -289,3 +300,48 @@ def test_who_started_the_control_first_has_a_start_mark_that_waits(taken, record
         events += client.receive(f"{answers.get(request, 'TAKE')}\n".encode())
     assert any(isinstance(event, Begun) for event in events) is begins
     assert values["taken"] == (record if begins else taken)
+
+
+def single(value: float) -> float:
+    """→ the same as a REAL of 32 bits holds it."""
+    return struct.unpack("f", struct.pack("f", value))[0]
+
+
+@pytest.mark.parametrize(
+    ("off", "as_held", "fine"),
+    [(0.0, float, True), (1e-3, float, False), (-2e-5, float, False), (0.0, single, True), (1e-3, single, False)],
+)
+def test_a_sum_is_that_of_the_very_numbers_in_the_variables(off, as_held, fine):
+    """Nothing is rounded for print there: a micrometer off, which K of a printed record may be, is another number."""
+    task, nodes = replace(job(), summed=True), read_nodes()
+    client = opcua.Client(task, {})
+    places = {letter: as_held(91.2347 * (i + 1)) for i, letter in enumerate(task.letters)}
+    values = dict.fromkeys(nodes.looked_at, 0.0) | places | {"point": 1, "flag": 1}
+    values["sum"] = as_held(sum(places.values()) + off)
+    assert isinstance(client._record(values), Touched) is fine
+
+
+def conversation(values, spoil):
+    """variables, what somebody does to them after each `take` → why the run of this client ends, as its last event; or None."""
+    client = opcua.Client(job(), {})
+    for _ in range(20):
+        request = client.bytes_to_send(1 << 16).decode().strip()
+        if request.startswith("take "):
+            values["taken"] = int(request.removeprefix("take "))
+            spoil(values)
+        answers = {"ask": "ASK here", "get": "GET " + " ".join(f"{name}={value}" for name, value in values.items())}
+        for event in client.receive(f"{answers.get(request, 'TAKE')}\n".encode()):
+            if isinstance(event, Failed):
+                return event.why
+    return None
+
+
+def test_a_foreign_taken_right_after_ours_ends_the_run_and_is_not_written_over():
+    """It was written over up to three times, and nobody heard of it."""
+    task, nodes = job(), read_nodes()
+    mark = task.mark.rjust(12, "0")
+    values = dict.fromkeys(nodes.looked_at, 0) | {f"mark{i}": int(mark[4 * i : 4 * i + 4], 16) for i in range(3)}
+    values |= {"count": len(task.numbers), "taken": 3, "record": 4}
+    assert conversation(dict(values), lambda now: None) is None
+    assert "another program takes the records" in conversation(dict(values), lambda now: now.update(taken=17))
+    assert "does not stand there" in conversation(dict(values), lambda now: now.update(taken=3))  # nobody's: it is not kept

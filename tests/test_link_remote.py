@@ -1,6 +1,7 @@
 """The disk of a control over the network: real servers of FTP, FTPS, SFTP and SMB; program put and compared, records followed."""
 
 import contextlib
+import errno
 import os
 import re
 import subprocess
@@ -10,6 +11,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import paramiko
 import pytest
 from support.linkparts import job
 from support.parameters import SIGMAS, estimate
@@ -57,8 +59,8 @@ def test_a_record_file_is_followed_as_it_grows(server):
     line = opened(server)
     assert looked(line) == b""  # what is there already is of another run
     with file.open("ab", buffering=0) as control:
-        control.write(b"TANGO START 0B 1\nP1 H1")
-        assert looked(line) == b"TANGO START 0B 1\n"
+        control.write(b"TANGO START 0B 1\rP1 H1")  # a Haas ends its lines so
+        assert looked(line) == b"TANGO START 0B 1\r"
         control.write(b" X2\n\0\0\0")
         assert looked(line) == b"P1 H1 X2\n"
     file.write_bytes(b"TANGO START 0C 2\n")
@@ -77,7 +79,7 @@ def test_a_folder_that_does_not_exist_is_refused_before_a_program_is_put(server)
     line = open_port(parse(server.url("records/TANGO.TXT", program=program), remote.OPTIONS))
     assert looked(line) == b""
     line.close()
-    with pytest.raises(LinkError, match=r"there is no folder \S*/record at the control.*Correct the path"):
+    with pytest.raises(InputError, match=r"there is no folder \S*/record at the control.*Correct the path"):
         open_port(parse(server.url("record/TANGO.TXT", program=program), remote.OPTIONS))
     assert [file.name for file in server.folder.iterdir()] == ["records"]
 
@@ -277,3 +279,113 @@ def test_in_a_folder_a_program_has_the_name_that_its_control_takes(post):
     """What 'tango plan' calls it; a Fanuc knows its number."""
     called, _, lines = program(load(post), plan(read_cell(GOLDEN)), {}, "0" * 12)
     assert _name("\n".join(lines()).encode("ascii")) == OTHERWISE.get(post, called)
+
+
+def refused_put(line):
+    """line to a server → why its program cannot be put there."""
+    with pytest.raises(Lost) as error:
+        line.write(b"put %s\n" % PROGRAM.hex().encode())
+        for _ in range(3):
+            line.read(0.0)
+    return str(error.value)
+
+
+class Full:
+    """A disk that is full in the middle of a program; `away`: and the connection is gone with it."""
+
+    def __init__(self, store, away):
+        self._store, self._away = store, away
+
+    def __getattr__(self, name):
+        return getattr(self._store, name)
+
+    def write(self, path, data):
+        self._store.write(path, data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("sftp"), marked("smb")], indirect=True)
+def test_a_program_that_was_cut_off_is_taken_away_or_said_to_lie_there(server, monkeypatch):
+    """It lay there, and whoever saw it could start it."""
+    name = place(server, "O8700.NC")
+    line = opened(server, program=name)
+    line._store = Full(line._store, False)
+    assert "No space left on device; the part of it that lay there was taken away" in refused_put(line)
+    assert not (server.folder / "O8700.NC").exists()
+    line = opened(server, program=name)
+    line._store = Full(line._store, True)
+    monkeypatch.setattr(line, "_open", lambda: (_ for _ in ()).throw(ConnectionRefusedError(111, "Connection refused")))
+    why = refused_put(line)
+    assert f"as {name}: No space left on device; a part of it may lie there: delete it, and start nothing" in why
+    assert (server.folder / "O8700.NC").read_bytes() == PROGRAM[: len(PROGRAM) // 2]
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
+def test_a_program_of_before_that_cannot_be_written_over_stays(server, monkeypatch):
+    name, old = place(server, "O8700.NC"), PROGRAM.replace(b"M30", b"M02")
+    (server.folder / "O8700.NC").write_bytes(old)
+    line = opened(server, program=name)
+    monkeypatch.setattr(line._store, "write", lambda path, data: (_ for _ in ()).throw(LinkError("the control says no")))
+    assert refused_put(line).endswith(f"as {name}: the control says no")
+    assert (server.folder / "O8700.NC").read_bytes() == old
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("sftp"), marked("smb")], indirect=True)
+def test_a_folder_is_no_record_file_and_that_is_said_at_once(server):
+    """Over smb it took a minute, over ftp for ever."""
+    (server.folder / "jobs").mkdir()
+    began = time.monotonic()
+    with pytest.raises(InputError, match="jobs is a folder at the control; allowed: the file of the records"):
+        open_port(parse(server.url("jobs"), remote.OPTIONS))
+    assert time.monotonic() - began < 20
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("smb://anna@host/TANGO.TXT", r"path: found /TANGO\.TXT; allowed: the share, then a file on it"),
+        ("smb://anna@host/S/TANGO.TXT?program=/O1.NC", r"program: found /O1\.NC; allowed: the share"),
+        ("ftp://anna@host/A.TXT?program=/a.txt", "which is the file of the records; allowed: another file"),
+    ],
+)
+def test_a_place_that_cannot_be_meant_is_wrong_input(url, why):
+    """A share without a file was waited for, a minute long; one file of both was found out when the program was on its way."""
+    with pytest.raises(InputError, match=why):
+        foreseen(parse(url, remote.OPTIONS))
+    foreseen(parse("smb://anna@host/S/TANGO.TXT?program=/S/", remote.OPTIONS))
+
+
+@pytest.mark.parametrize("server", [marked("smb")], indirect=True)
+def test_a_share_refuses_in_words_of_this_program(server):
+    for name, told in (
+        ("/control/a*b.NC", "the control takes no such name"),
+        ("/elsewhere/O1.NC", "No such file or directory"),
+    ):
+        why = refused_put(opened(server, program=name))
+        assert why.endswith(f"as {name}: {told}") and "STATUS" not in why and "Errno" not in why
+
+
+@pytest.mark.system(*NEEDED["sftp"])
+def test_a_key_that_has_changed_is_called_changed_and_nothing_is_sent(tmp_path, monkeypatch):
+    """It was called unknown, or a login that was refused: nobody looked who answers there now."""
+    server = ssh_server(tmp_path, tmp_path)
+    home = tmp_path / "home"
+    (home / ".ssh").mkdir(parents=True)
+    monkeypatch.setenv("HOME", str(home))
+    try:
+        own = server.url().partition("&hostkey=")[2].partition("&")[0]
+        with pytest.raises(
+            LinkError, match=r"has changed: it is SHA256:.*hostkey in the port's URL is SHA256:other.*ssh-keygen -R"
+        ):
+            open_port(parse(server.url().replace(own, "SHA256:other"), remote.OPTIONS))
+        port = re.search(r":(\d+)/", server.url())[1]
+        for kind in (paramiko.Ed25519Key.from_private_key_file(str(tmp_path / "user")), paramiko.RSAKey.generate(1024)):
+            known = f"[127.0.0.1]:{port} {kind.get_name()} {kind.get_base64()}\n"
+            (home / ".ssh" / "known_hosts").write_text(known)
+            with pytest.raises(LinkError) as error:
+                open_port(parse(re.sub(r"&hostkey=[^&]*", "", server.url()), remote.OPTIONS))
+            told = str(error.value)
+            assert "has changed: it is SHA256:" in told and f"known_hosts has {kind.fingerprint}" in told
+            assert f"ssh-keygen -R '[127.0.0.1]:{port}'" in told and "login" not in told
+    finally:
+        server.stop()

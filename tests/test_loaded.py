@@ -15,8 +15,7 @@ from tango_cnc.loaded import holds
 from tango_cnc.nightly.control import Given
 from tango_cnc.report.checks import _limit
 from tango_cnc.report.compensated import dated, held
-from tango_cnc.report.facts import Facts, Nights
-from tango_cnc.report.facts import Held as ReportHeld
+from tango_cnc.report.facts import Facts, LoadedCompensation, NewestNight
 from tango_cnc.report.faults import faults
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -109,7 +108,7 @@ def test_a_kept_compensation_closes_its_stories_and_shows_what_was_before() -> N
     (fault,) = told(record, [*SECOND, event(2, "kept", 4)], KNOCK, dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))
     assert "accept" in fault["office"] and "Enter nothing again" in fault["todo"]
     assert "nearly right" in fault["whole"] and "Correct" not in fault["whole"]
-    assert re.search("is .0.5 µm in the night of .{15}; it was −2 µm before", fault["whole"]), fault["whole"]
+    assert re.search("is .0.5 µm in the night ending .{15}; it was −2 µm before", fault["whole"]), fault["whole"]
     (again,) = told(at(5, -8.0, 20.0, in_control=KEPT), [*SECOND, event(2, "kept", 4)], KNOCK)
     assert "it was −2 µm before" in again["whole"]  # another number is taken off tonight, and not off that night
     (alone,) = told(record, [*SECOND, event(2, "kept", 4)], dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))
@@ -156,14 +155,14 @@ def test_what_happened_since_the_night_is_said_beside_it() -> None:
 )
 def test_the_readings_of_the_newest_night_are_its_own(measured: str, age: str) -> None:
     record = night("M", 3)
-    nights = Nights(DAY[3], "good", "", 0, record["end_utc"], record)
+    nights = NewestNight(DAY[3], "good", "", 0, record["end_utc"], record)
     assert nights.beside(f"{DAY[3]}T{measured}+00:00") == age
     assert all(f"{member}.nights_{age}" in texts() for member in ("check", "verdict"))
 
 
 def test_a_report_names_the_newest_and_what_is_off_its_limit() -> None:
     """Compensation 3 is undecided, 1 was kept: what 1 takes away is off, and 3 is named though the machine is within its limit."""
-    control = ReportHeld(3, "fanuc", False, np.zeros(1), "undecided", 1)
+    control = LoadedCompensation(3, "fanuc", False, np.zeros(1), "undecided", 1)
     f = SimpleNamespace(tip=SimpleNamespace(worst=0.013, std=0.0005), factor=2.0, control=control)
     f.wishes = SimpleNamespace(limit=0.045, units=Units())
     said = _limit(cast(Facts, f), texts()).text

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
+import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -30,14 +32,14 @@ from tango_cnc.cli import tango
 from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import opened
-from tango_cnc.link.lock import ended, holding
+from tango_cnc.link.lock import broken_off, ended, holding
 from tango_cnc.link.measure import silence_after
 from tango_cnc.link.rest import durations
 from tango_cnc.nightly.mail import message
 from tango_cnc.plan import part, plan
 from tango_cnc.records import LinkError
 from tango_cnc.report.answer import said_cut_off
-from tango_cnc.report.facts import Nights
+from tango_cnc.report.facts import NewestNight
 from tango_cnc.report.orders import orders
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -107,10 +109,33 @@ def test_a_night_waits_until_a_program_that_was_left_behind_must_be_over(cell: P
     assert executed_until(cell, STAMP, made) is None
 
 
+def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell: Path) -> None:
+    """Its page said to look at the machine, and the list beside it: Yes."""
+    assert broken_off(cell) is None
+    assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
+    at = broken_off(cell)
+    assert at is not None and at == (cell / JOURNAL).stat().st_mtime
+    with holding(cell, "tango run"):
+        assert broken_off(cell) is None
+    night = cell / "nights" / "2026-10-04T020000Z"
+    night.mkdir(parents=True)
+    (night / "readings.csv").write_text("")
+    os.utime(night / "readings.csv", (at - 1, at - 1))
+    assert broken_off(cell) == at
+    os.utime(night / "readings.csv", (at + 1, at + 1))
+    assert broken_off(cell) is None
+    os.utime(night / "readings.csv", (at - 1, at - 1))
+    os.utime(cell / JOURNAL, (time.time() - 25 * 3600, time.time() - 25 * 3600))
+    assert broken_off(cell) is None, "no program goes on for a day"
+    (cell / JOURNAL).unlink()
+    assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
+    assert broken_off(cell) is None
+
+
 def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     """The newest night on record was good; the one after it was killed while the control went on."""
     record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
-    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    good = NewestNight("2026-10-02", "good", "nothing has changed", 0, record=record)
     machine, t = read_cell(EXAMPLE).machine, texts()
     assert good.answer(Units(), t, machine).may == "yes"
     told = replace(good, former=said_cut_off([STAMP])).answer(Units(), t, machine)
@@ -124,7 +149,7 @@ def test_a_night_that_the_history_did_not_take_was_not_cut_off(cell: Path, night
     assert ended(cell, [STAMP]) == {STAMP: "waiting"}
     said = said_cut_off([STAMP], ended(cell, [STAMP]))
     record = {"verdict": "good", "night": "2026-10-02", "status": "complete"}
-    good = Nights("2026-10-02", "good", "nothing has changed", 0, record=record)
+    good = NewestNight("2026-10-02", "good", "nothing has changed", 0, record=record)
     machine, t = read_cell(EXAMPLE).machine, texts()
     found = replace(good, former=said).answer(Units(), t, machine)
     assert found.word == "Yes, but" and "not in the history" in found.why
@@ -145,7 +170,7 @@ def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.parametrize("kind", ["moved", "cut off", "beyond", "old", "measured"])
+@pytest.mark.parametrize("kind", ["moved", "cut off", "run broke off", "beyond", "old", "measured"])
 def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: str) -> None:
     """One verdict: page, list, report, status, fleet and the message of the night."""
     start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=40 if kind == "old" else 1)
@@ -164,6 +189,8 @@ def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: 
         (cell / "nights" / STAMP).mkdir(parents=True)
         note_planned(cell / "nights" / STAMP, "full", ())
         RealDisk(cell).begin(STAMP, "2026-10-03T02:00:00Z")
+    if kind == "run broke off":
+        assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
     with opened(cell / "history.db") as history:
         into(history, records)
     word = {"beyond": "No", "old": "Nobody knows", "measured": "Yes"}.get(kind, "Not yet")

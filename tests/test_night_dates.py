@@ -99,6 +99,6 @@ def test_what_stands_behind_a_limit_has_the_date_of_the_alarm_that_found_it(root
     records = answered(root, tmp_path / "h.db", story, 8, {6: "accept"}, limits={"volume": 60.0})
     assert records[5]["alarms"] and not records[6]["alarms"] and records[6]["behind"][0]["night"] == records[5]["night"]
     pages = [morning.render(r).partition("For the engineer")[0] for r in records[5:8]]
-    assert all(re.search(r"by \+2[01] µm since the night of Tue 6 Oct 2026", page) for page in pages)
-    assert all("Since the night of Tue 6 Oct 2026 a part" in page for page in pages)
+    assert all(re.search(r"by \+2[01] µm since the night ending Tue 6 Oct 2026", page) for page in pages)
+    assert all("Since the night ending Tue 6 Oct 2026 a part" in page for page in pages)
     assert not any(re.search("(?:µm since|Since) Mon 5 Oct 2026", page) for page in pages)

@@ -53,7 +53,7 @@ def test_the_key_that_was_changed_is_named_with_what_it_was_and_is(
 ) -> None:
     now = {**BEFORE, file: BEFORE[file].replace(old, new)}
     text = found(tmp_path, now)["edited"]["text"]
-    assert told in text and "since the night of 2026-10-03" in text
+    assert told in text and "since the night ending 2026-10-03" in text
 
 
 def test_what_means_the_same_is_no_change(tmp_path: Path) -> None:

@@ -117,11 +117,11 @@ def test_two_knocks_with_a_quiet_night_between_are_both_told(root: Path, tmp_pat
     first, other = records[7]["alarms"][0], records[9]["alarms"][0]
     assert first["id"] != other["id"] and other["size"] == pytest.approx(0.015, abs=0.001)
     assert "what goes on" not in other["do"] and other["do"] == first["do"]
-    assert "in the night of 2026-10-10)" in records[10]["headline"] and "µm now; +14." in records[10]["headline"]
+    assert "in the night ending 2026-10-10)" in records[10]["headline"] and "µm now; +14." in records[10]["headline"]
     with opened(tmp_path / "h.db") as history:
         found, decisions = unclosed(history, "trunnion", records[10]["night"])
     (fault,) = faults(records[10], found, decisions, Units(), texts())
-    assert "Two steps, and it stood still between them: +20 µm in the night of Thu 8 Oct 2026, +15 µm in" in fault["text"]
+    assert "Two steps, and it stood still between them: +20 µm in the night ending Thu 8 Oct 2026, +15 µm in" in fault["text"]
     assert not fault["drifts"] and fault["todo"].startswith("Ask who was at the machine") and len(fault["ids"]) == 2
 
 

@@ -27,7 +27,7 @@ from tango_cnc.nightly.alarms import Known, effect_of
 from tango_cnc.nightly.answered import ignored
 from tango_cnc.nightly.behind import behind
 from tango_cnc.nightly.dates import since
-from tango_cnc.nightly.doubt import Judged, believed
+from tango_cnc.nightly.doubt import NightDoubt, believed
 from tango_cnc.nightly.mail import answer, message
 from tango_cnc.nightly.night import known_before
 from tango_cnc.nightly.standing import standing
@@ -102,7 +102,7 @@ def test_a_knock_that_nobody_has_answered_is_told_every_morning_until_somebody_h
     subject, text = message(records[2], (), ())
     assert "STILL CHANGED" in subject and "nothing has changed" not in text.lower()
     assert "confirmed by tonight's full measurement" in text and "not answered" in text and "owner: Ann Meier" in text
-    assert "since last night" not in text and "since the night of 2026-10-02" in text
+    assert "since last night" not in text and "since the night ending 2026-10-02" in text
 
 
 @pytest.mark.long
@@ -345,7 +345,7 @@ def test_a_night_in_doubt_leaves_an_alarm_as_large_as_it_was_seen_last(tmp_path:
         history.add_night(kept(3, parameters=known(115.0)))
         (told,) = standing(history, "M", 20727.083 + 4, {}, "check")
     assert told["total"] == pytest.approx(0.015, abs=1e-4)
-    assert re.search(r"it was \+?15\.0 ± .* µm in the night of 2026-10-03", str(told["now"]))
+    assert re.search(r"it was \+?15\.0 ± .* µm in the night ending 2026-10-03", str(told["now"]))
 
 
 def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
@@ -368,16 +368,19 @@ def test_what_is_ignored_is_said_all_the_same(tmp_path: Path) -> None:
 
 def test_half_a_night_and_what_the_diagnosis_cannot_explain_are_doubtful_and_say_so() -> None:
     half = believed(
-        Judged("doubtful", ("40 of 74 touches are missing",), incomplete=True), {}, [{"cause": "stylus", "text": "t"}], False
+        NightDoubt("doubtful", ("40 of 74 touches are missing",), incomplete=True), {}, [{"cause": "stylus", "text": "t"}], False
     )
     assert not half.believed and "taken by themselves the touches would say: t" in half.reasons
-    left = believed(Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
+    left = believed(NightDoubt("trustworthy"), {"verdict": "unexplained", "unexplained": [{"text": "waves along X."}]}, [], False)
     assert left.verdict == "doubtful" and left.believed and "waves along X" in left.reasons[0]
     one = believed(
-        Judged("trustworthy"), {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]}, [], False
+        NightDoubt("trustworthy"),
+        {"verdict": "unexplained", "unexplained": [{"shape": "near", "text": "step or time."}]},
+        [],
+        False,
     )
     assert one.verdict == "trustworthy" and one.believed  # a name or a shape: one of both explains every touch
-    knocked = believed(Judged("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
+    knocked = believed(NightDoubt("trustworthy"), {}, [{"cause": "axis_location", "text": "t", "instead": []}], False)
     assert knocked.believed and knocked.verdict == "trustworthy"
 
 
@@ -389,7 +392,7 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
     assert record["headline"] == "volume is 75.9 µm, 60 µm are allowed: C axis has moved along X by +20 µm"
     subject, text = message(record, (), ())
     assert "OUT OF LIMITS" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
-        "since the night of 2026-10-04"  # as on the page: the night that found it
+        "since the night ending 2026-10-04"  # as on the page: the night that found it
     )
     assert text.count("BEYOND") == 1
 

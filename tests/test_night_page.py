@@ -36,7 +36,8 @@ def test_a_drift_has_moved_since_the_night_before_it_and_not_since_its_alarm() -
     found = knock("2026-11-10") | {"since": "2026-11-07", "rate_per_day": 0.002, "steady": True}
     text = render(night("M", 17, "changed", alarms=[found]))
     assert "first with it" not in text
-    assert "Last night without it: Sat 7 Nov. It has moved from the next night on; sure enough for an alarm on Tue 10 Nov." in text
+    told = "The night ending Sat 7 Nov was the last one without it. It has moved from the next night on;"
+    assert f"{told} sure enough for an alarm on Tue 10 Nov." in text
     one = alarm(knock("2026-11-10") | {"since": "2026-11-07"}, None, Units(), texts())  # a knock: two nights were not measured
     assert not one["moves_from"]
 

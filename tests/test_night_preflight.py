@@ -9,16 +9,20 @@ import socketserver
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from support.controls import GOLDEN, golden
-from support.nights_parts import RealControl, nights_of, warm
+from support.histories import record
+from support.nights_parts import RealControl, nights_of, twin, warm
 from support.runs import Result
 from test_bodies import YOKE, trunnion
 
 from sim_controller.simulate import simulate
+from tango_cnc.cli import tango
 from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.nightly import Nightly, read_nightly
 from tango_cnc.history import opened
@@ -258,3 +262,27 @@ def test_what_the_first_move_may_meet_is_in_the_findings_as_nobody_brings_the_ax
     found = program(beside)
     assert "On the way to the first place" in found and "may be met by" in found
     assert "Bring the axes near that place before you start" in found
+
+
+def test_a_machine_that_has_the_name_of_another_one_in_its_history_is_not_measured(root: Path, tmp_path: Path) -> None:
+    """A copied folder: each of the two was compared with the other, and called changed by what differs between machines."""
+    for name in ("one", "two"):
+        shutil.copytree(root / "examples" / "trunnion", tmp_path / name)
+        (tmp_path / name / "nightly.yaml").write_text("nightly: 1\nhistory: ../fleet.db\n", encoding="utf-8")
+    own = read_cell(tmp_path / "one").machine.name
+    with opened(tmp_path / "fleet.db") as history:
+        assert twin(history, own, tmp_path / "two") is None
+        history.add_night(record(1, own, cell=str(tmp_path / "one")))
+        assert twin(history, own, tmp_path / "one") is None
+        assert twin(history, own, tmp_path / "two") == tmp_path / "one"
+        asked = partial(twin, history, own, tmp_path / "two")
+        control = RealControl(read_cell(tmp_path / "two"), Nightly(), golden(), None, "now", "socket://127.0.0.1:9", twin=asked)
+        point = control.preflight("full", ())[0]
+        assert (point.check, point.passed) == ("name", False) and str(tmp_path / "one") in point.found
+        found = CliRunner().invoke(tango, ["fleet", str(tmp_path / "one"), str(tmp_path / "two")], standalone_mode=False)
+        assert found.return_value == 1 and f"{tmp_path / 'two'}: not in the list" in found.output and "another name" in found.output
+        (tmp_path / "two" / "nightly.yaml").write_text("nightly: 1\n", encoding="utf-8")  # a history of its own
+        assert twin(history, own, tmp_path / "two") is None
+        (tmp_path / "two" / "nightly.yaml").write_text("nightly: 1\nhistory: ../fleet.db\n", encoding="utf-8")
+        (tmp_path / "one").rename(tmp_path / "moved")  # the cell was moved: its folder is there no more
+        assert twin(history, own, tmp_path / "moved") is None

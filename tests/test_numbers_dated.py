@@ -49,20 +49,20 @@ def test_numbers_beside_a_night_that_was_cut_off_name_their_own_night(tmp_path: 
     found = answer(good, Units(), t)
     assert "(on " not in found.numbers
     told = renamed(found, said_cut_off(["2026-11-23T020000Z"]), t)
-    assert told.numbers == f"{found.numbers} (on {day(good['night'], t)})"
+    assert told.numbers == f"{found.numbers} (night ending {day(good['night'], t)})"
     place = cell(tmp_path / "one", records=[night(M, 0, **dated(1))])
     (place / "nights" / "begun").mkdir(parents=True)
     (place / "nights" / "begun" / f"{datetime.now(UTC) - timedelta(hours=5):%Y-%m-%dT%H%M%SZ}").write_text("", encoding="utf-8")
     of = day(dated(1)["night"], t)
     for path in ("/", f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights"):
-        assert f"(on {of})" in seen(place, path), path
+        assert f"(night ending {of})" in seen(place, path), path
 
 
 def test_the_tab_of_the_newest_night_has_its_date(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, **dated(1))])
     of = day(dated(1)["night"], texts(), False)
     for path in ("", "/trend", "/nights", "/files", "/run", "/report", "/night/1"):
-        assert f"Newest night {of} Run" in seen(place, f"/machine/{M}{path}"), path
+        assert f"Newest night ending {of} Run" in seen(place, f"/machine/{M}{path}"), path
 
 
 def test_what_kept_a_night_from_beginning_stands_in_the_box() -> None:
@@ -79,11 +79,13 @@ def test_two_numbers_of_one_event_name_their_nights() -> None:
     alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": say("night.alarms.still_there", told="+18.6 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[alarm | {"total": 0.0186}]), (), {}, Units(), texts())
     of = day(night(M, 14)["night"], texts())
-    assert f"Still there: +19 µm in the night of {of}; the number before is that of the night of the alarm." in found["text"]
+    assert f"Still there: +19 µm in the night ending {of}; the number before is that of the night of the alarm." in found["text"]
     half = alarm | {"total": 0.008, "now": say("night.alarms.now", told="+8.0 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[half]), (), {}, Units(), texts())
     assert "by +8 µm since" in found["text"]
-    assert f"That is the number of the night of {of}; in the night of the alarm, Thu 5 Nov 2026, it was +20 µm." in found["text"]
+    assert (
+        f"That is the number of the night ending {of}; in the night of the alarm, Thu 5 Nov 2026, it was +20 µm." in found["text"]
+    )
 
 
 def test_who_was_asked_first_and_when_stands_before_who_is_called_next() -> None:
@@ -122,7 +124,7 @@ def test_the_list_says_since_when(tmp_path: Path) -> None:
     for number, (records, ago) in enumerate(((knocked, 1), (beyond, 2), (nothing, 2), ([night(M, 0, **dated(40))], 40))):
         place = cell(tmp_path / str(number), records=records)
         (place / "nightly.yaml").write_text("nightly: 1\n", encoding="utf-8")
-        first = seen(place, "/").partition("Night of")[0]
+        first = seen(place, "/").partition("Night ending")[0]
         assert f", since {day(dated(ago)['night'], t, dated(ago)['night'][:4] != dated(0)['night'][:4])}." in first, number
     assert ", since" not in seen(cell(tmp_path / "good", records=[night(M, 0, **dated(0))]), "/")
 

@@ -158,4 +158,4 @@ def test_what_another_program_adds_is_shown_after_five_seconds(tmp_path: Path) -
         with opened(place / "history.db") as history:
             history.add_night(night(NAME, 3), None)
         text = shown()
-        assert "Night of Tue 27 Oct 2026" in text and "Cid" not in text and ">Yes<" in text
+        assert "Night ending Tue 27 Oct 2026" in text and "Cid" not in text and ">Yes<" in text

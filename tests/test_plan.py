@@ -20,7 +20,7 @@ from tango_cnc.files import read_cell
 from tango_cnc.plan import clearance, last_motion, part, plan, plan_hash, travel
 from tango_cnc.plan.build import planned
 from tango_cnc.plan.places import Places
-from tango_cnc.records import Array, Cell, Facet, InputError, Machine, Obstacle, Plan, Surface
+from tango_cnc.records import Array, Cell, Facet, Find, InputError, Machine, Obstacle, Plan, Surface
 
 TABLES = ("wCBXfZY(S)t", "wCAYbXZ(S)t".replace("b", "f"), "wCXYfZ(S)t", "wXYfZ(S)t", "wCXBfZY(S)t")
 HEADS = ("wXYfZCB(S)t", "wXYfZCA(S)t", "wCXYfZB(S)t", "wfXYZCA(S)t")
@@ -196,6 +196,48 @@ def test_the_plan_hash_sees_what_matters_and_nothing_else() -> None:
     assert plan_hash(plan(replace(whole, folder=Path("elsewhere")))) == name
     artefact = block(centre=(0.0, 0.0, -40.001))
     assert plan_hash(plan(replace(whole, artefact=artefact))) != name
+
+
+def test_the_plan_hash_changes_with_every_number_by_its_least_step_and_with_nothing_smaller() -> None:
+    made = plan(small())
+    made = replace(made, touches=tuple(made.touches))
+    first, rest, probe, approach = made.touches[0], made.touches[1:], made.machine.probe, made.strategy.approach
+
+    def name(**changes: Any) -> str:
+        return plan_hash(replace(made, touches=(replace(first, **changes), *rest)))
+
+    base = name()
+    assert base == plan_hash(made)
+    for member in ("standoff", "contact", "end"):
+        place = getattr(first, member)
+        for column, axis in enumerate(made.machine.axes):
+            step = 1e-6 if axis.kind == "linear" else 1e-9
+            whole, less, nothing, minus = (
+                name(**{member: (*place[:column], value, *place[column + 1 :])})
+                for value in (round(place[column], 6) + step, round(place[column], 6) + 0.01 * step, 0.0, -0.0)
+            )
+            still = name(**{member: (*place[:column], round(place[column], 6), *place[column + 1 :])})
+            assert whole != still and less == still and nothing == minus, (member, axis.name)
+    others = [
+        replace(made, machine=replace(made.machine, probe=replace(probe, length=probe.length + 1e-6))),
+        replace(made, machine=replace(made.machine, probe=replace(probe, tip_radius=probe.tip_radius + 1e-6))),
+        *(
+            replace(made, strategy=replace(made.strategy, approach=replace(approach, **change)))
+            for change in (
+                {"standoff": approach.standoff + 1e-6},
+                {"search": approach.search + 1e-6},
+                {"feed": approach.feed + 1e-6},
+                {"find": Find(feed=800.0, retreat=1.0)},
+                {"find": Find(feed=800.000001, retreat=1.0)},
+                {"find": Find(feed=800.0, retreat=1.000001)},
+            )
+        ),
+        replace(made, touches=(replace(first, number=first.number + 100), *rest)),
+        replace(made, touches=(replace(first, facet="another"), *rest)),
+        replace(made, touches=rest),
+    ]
+    names = [plan_hash(other) for other in others]
+    assert len({base, *names}) == 1 + len(names)
 
 
 # What cannot be planned

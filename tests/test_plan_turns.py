@@ -188,6 +188,15 @@ def test_a_head_goes_no_longer_way_than_around_spheres(monkeypatch: pytest.Monke
             assert _length(made) <= _length(high) + FOUND
 
 
+@pytest.mark.parametrize("topology", ["wXYfZCB(S)t", "wCXYfZB(S)t"])
+def test_a_head_leaves_in_the_direction_between_where_that_is_shorter(topology: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From B 20 to B 80: along the tool as it stands or will stand, and upwards, are longer ways out than in the middle."""
+    head = cell(machine(topology), block(), [{"B": 20.0}, {"B": 80.0}], facets=["5"])
+    short, ways = _length(plan(head, "leave-out")), clearance.Clearance._ways
+    monkeypatch.setattr(clearance.Clearance, "_ways", lambda *given: [ways(*given)[0][:3], *ways(*given)[1:]])
+    assert short < _length(plan(head, "leave-out")) - 40
+
+
 def _length(made: Plan) -> float:
     """→ mm that the linear axes go on their way from indexation to indexation."""
     columns = [made.machine.column(name) for name in made.machine.linear]

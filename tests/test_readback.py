@@ -467,6 +467,12 @@ def test_words_that_grbl_takes_for_something_else_are_no_clamps(word: str) -> No
         lines_of("grbl", golden(), control="FluidNC", clamp={"C": "M10"}, unclamp={"C": "M11"})
 
 
+@pytest.mark.parametrize(("post", "note"), [("okuma", "(A NOTE)"), ("okuma", ""), ("mach4", "(A NOTE)"), ("fagor", "; A NOTE")])
+def test_a_line_that_says_nothing_may_stand_anywhere(post: str, note: str) -> None:
+    """Between any two lines, also within a way out behind the end: an operator may write a note there at the control."""
+    assert not refused([line for each in lines_of(post, golden()) for line in (each, note)], post)
+
+
 def test_blocks_that_do_not_count_are_refused() -> None:
     lines = lines_of("heidenhain", golden())
     assert "found the block number 41" in refused([*lines[:40], *lines[41:]], "heidenhain")

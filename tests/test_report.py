@@ -28,7 +28,7 @@ from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
-from tango_cnc.report.facts import Facts, Nights, Paper, Wishes, gather
+from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, gather
 from tango_cnc.report.may import _after, may
 from tango_cnc.report.svg import Frame, Mark, Series, chart, ticks
 from tango_cnc.report.terminal import summary
@@ -187,7 +187,7 @@ def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
 )
 def test_readings_say_whether_they_are_older_than_the_newest_night(measured: str, said: str, todo: str, facts: Facts) -> None:
     paper = replace(facts.paper, measured=measured, owner="Ann")
-    last = Nights("2026-11-22", "changed", "C axis has moved", 1, "2026-11-22T02:30:00Z")
+    last = NewestNight("2026-11-22", "changed", "C axis has moved", 1, "2026-11-22T02:30:00Z")
     text = page.render(replace(facts, paper=paper, nights=last))
     assert said in text and todo in text
 
@@ -249,10 +249,10 @@ def test_the_number_of_a_report_is_that_of_a_night_from_the_same_readings(facts:
 
 @pytest.mark.long
 def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
-    """'No limit is stated' above 'Nothing. Keep this report.' helps nobody."""
+    """'A limit is missing' above 'Nothing. Keep this report.' helps nobody."""
     assert facts.wishes.limit is None
     found = page.context(facts)
-    assert found["may"].word == "No limit is stated"
+    assert found["may"].word == "Nobody knows"
     assert any("State a limit" in line for line in found["todo"]) and any("--limit-um" in line for line in found["office"])
     assert "Nothing. Keep this report." not in page.render(facts) and "--limit-um" in summary(facts, 200)
     judged = replace(facts, wishes=replace(facts.wishes, limit=1.0))
@@ -269,19 +269,19 @@ def test_a_parameter_that_is_not_to_be_trusted_is_marked_where_it_is_first_seen(
 
 def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts) -> None:
     t = texts()
-    quiet = verdict(replace(facts, nights=Nights("2026-11-22", "good", "as it should be", 0)), t)
+    quiet = verdict(replace(facts, nights=NewestNight("2026-11-22", "good", "as it should be", 0)), t)
     assert [c.level for c in quiet.checks if c.name == "nights"] == ["good"]
     limits = [{"what": "volume", "value": 50.0, "low": 48.0, "high": 52.0, "unit": "µm", "limit": 80.0, "passed": True}]
-    told = Nights("2026-11-22", "good", "", 0, record={"verdict": "good", "night": "2026-11-22", "limits": limits})
+    told = NewestNight("2026-11-22", "good", "", 0, record={"verdict": "good", "night": "2026-11-22", "limits": limits})
     for limit, word in ((None, "Yes"), (0.08, "Yes"), (0.09, "Yes"), (0.051, "Yes, but"), (0.04, "No")):
         asked = replace(facts, nights=told, wishes=replace(facts.wishes, limit=limit))
         answer = told.answer(asked.wishes.units, t, asked.cell.machine, limit)
         assert answer.word == word and (limit != 0.04 or "50 µm, 40 µm allowed" in answer.numbers)
-    bad = verdict(replace(facts, nights=Nights("2026-11-22", "out_of_limits", "volume is 75.9 µm, 60 µm are allowed.", 4)), t)
+    bad = verdict(replace(facts, nights=NewestNight("2026-11-22", "out_of_limits", "volume is 75.9 µm, 60 µm are allowed.", 4)), t)
     assert bad.level == "look" and bad.worst is not None and bad.worst.name == "nights"
     assert all(part in page.sentence(bad, t) for part in ("Sun 22 Nov 2026", "76 µm", "Open alarms: 4"))
     assert "Call Ann <owner> about its alarms." in bad.worst.todo and "tango " not in bad.worst.todo
-    assert verdict(replace(facts, nights=Nights("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
+    assert verdict(replace(facts, nights=NewestNight("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
 
 
 @pytest.mark.long
@@ -475,7 +475,7 @@ def test_the_summary_keeps_to_the_width_of_the_terminal(facts: Facts, columns: i
     lines = summary(facts, columns).splitlines()
     assert max(map(len, lines)) <= columns
     assert (
-        "May I make parts? No limit is stated." in lines[0]
+        "May I make parts? Nobody knows." in lines[0]
         and any("Look" in line for line in lines)
         and any("EX0C" in line for line in lines)
     )
@@ -567,7 +567,7 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
 ) -> None:
     limit = {"what": "volume", "value": 51.0, "unit": "µm", "low": 50.0, "high": 52.0, "limit": 90.0, "passed": True}
     record = {"verdict": "good", "night": "2026-11-20", "limits": [limit], "volume": {"worst_um": 51.0, "std_um": 0.5}}
-    found = Nights("2026-11-20", "good", "nothing has changed", 0, "2026-11-20T02:30:00+00:00", record)
+    found = NewestNight("2026-11-20", "good", "nothing has changed", 0, "2026-11-20T02:30:00+00:00", record)
     told = may(replace(facts, nights=found, wishes=replace(facts.wishes, limit=asked, stated=stated)), texts())
     assert told.answer.may == may_ and why in told.answer.why and basis in told.basis
     assert f"51 µm, {1e3 * asked:.0f} µm allowed" in told.answer.numbers
@@ -649,7 +649,7 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     record["parameters"] = {n: {"value": larger * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
     paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
     moved = {"cause": "Spindle has moved.", "todo": ("Ask who was at the machine.",)} if verdict == "changed" else {}
-    night = Nights("2026-11-20", verdict, "", 0, "2026-11-20T02:30:00+00:00", record, **moved)
+    night = NewestNight("2026-11-20", verdict, "", 0, "2026-11-20T02:30:00+00:00", record, **moved)
     newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=1.0))
     told, found = may(newer, texts()), page.context(newer)
     yes = replace(told.answer, may="yes")
@@ -660,3 +660,17 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     lines = " ".join(found["todo"])
     assert ("Spindle has moved. Ask who was at the machine." in lines) == (verdict == "changed")
     assert ("Look first for what has moved since the night." in lines) == (larger < 1)
+
+
+def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
+    """It ended with 'No first item' and wrote nothing."""
+    values = page.context(facts) | {"todo": []}
+    assert texts()("todo.nothing") in page.render(facts, None, values)
+
+
+def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts) -> None:
+    """'The numbers can be used' stood above a row that said 'Do not use'."""
+    (name,) = [row["name"] for row in page.parameters(facts, texts(), most=1)]
+    doubted = replace(facts, judgement=replace(facts.judgement, untrusted=(name,)))
+    assert f"Do not use: {name}" in page.context(doubted)["trusted"] and "Do not use" not in page.context(facts)["trusted"]
+    assert f"Do not use: {name}" in summary(doubted, 100) and "Do not use:" not in summary(facts, 100)

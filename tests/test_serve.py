@@ -85,7 +85,7 @@ def test_the_morning_page_answers_the_six_questions(site: TestClient) -> None:
     for wanted in (
         *("Changed", "EX0C moved by +19.8 ± 0.4 µm since last night", "The axis of C moved along X, all at once"),
         *(
-            "The night of Thu 5 Nov 2026. The night before was without it.",
+            "The night ending Thu 5 Nov 2026. The night before was without it.",
             "40 µm apart",
             "Look for a collision",
             "NOBODY is named",
@@ -93,7 +93,7 @@ def test_the_morning_page_answers_the_six_questions(site: TestClient) -> None:
         "All that were made since Wed 4 Nov 2026, the last night without it.",
     ):
         assert wanted in text, wanted
-    assert text.index("Who has it") < text.index("For the engineer")
+    assert text.index("Whom to ask") < text.index("For the engineer")
 
 
 def test_a_night_that_was_not_measured_says_why_and_what_to_do(site: TestClient) -> None:
@@ -182,7 +182,7 @@ def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:
     )
     wanted = (
         "moved along X, all at once",
-        "The night of Thu 5 Nov 2026. The night before was without it.",
+        "The night ending Thu 5 Nov 2026. The night before was without it.",
         "40 µm apart",
         "Look for a collision",
         "NOBODY is named",
@@ -194,7 +194,7 @@ def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_s
     open_one = knock("2026-11-05") | {"night": "2026-11-05", "now": "still there: +19.9 µm"}
     page = morning.render(night("M", 12, "changed", headline="still changed", standing=[open_one])).partition("For the engineer")[0]
     wanted = (
-        "The night of Thu 5 Nov 2026. The night before was without it.",
+        "The night ending Thu 5 Nov 2026. The night before was without it.",
         "Still there: +20 µm",
         "40 µm apart",
         "Look for a collision",
@@ -209,7 +209,7 @@ def test_a_night_without_an_alarm_of_its_own_tells_of_the_open_one_and_of_what_s
         w
         for w in (
             "C axis off in Y drifts by +2.1 µm a day",
-            "Last night without it: Sun 1 Nov 2026",
+            "The night ending Sun 1 Nov 2026 was the last one without it",
             "Holes are off by 20 µm.",
             "Have C looked at.",
             "Ann",
@@ -223,7 +223,7 @@ def test_the_engineers_part_has_the_date_of_the_first_screen() -> None:
     both = [knock(day) | {"id": f"{day}-1", "night": day} for day in ("2026-11-05", "2026-11-14")]
     page = morning.render(night("M", 25, "changed", standing=both))
     first, engineer = page.split("For the engineer")
-    assert "The night of Thu 5 Nov 2026." in first and "first seen on Thu 5 Nov 2026." in engineer
+    assert "The night ending Thu 5 Nov 2026." in first and "first seen on Thu 5 Nov 2026." in engineer
     assert "14 Nov" not in first.partition("Who has it")[0] and "2026-11-14" not in engineer and "14 Nov" not in engineer
 
 
@@ -238,7 +238,7 @@ def test_a_machine_out_of_limits_says_what_to_do_though_nothing_has_changed(tmp_
         with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as client:
             text = client.get("/machine/HU40T-like").text.partition("For the engineer")[0]
         assert "Largest error at the tool tip: 76 µm, 60 µm allowed" in text
-        assert re.findall(r"<b>No <i>Out of limits", text) and "What to do" in text and "Who has it" in text
+        assert re.findall(r"<b>No <i>Out of limits", text) and "What to do" in text and "Whom to ask" in text
         assert ("What it does to parts" in text) == alarms and ("moved 4 times the same way" in text) == alarms
 
 
@@ -271,7 +271,10 @@ def test_a_night_that_did_not_measure_tells_the_one_before_with_its_date() -> No
     missed = night("M", 1, "not_measured", limits=[], volume=None)
     for before, wanted in ((night("M", 0), "but"), (night("M", 0, "out_of_limits"), "no")):
         told = answer(missed, Units(), texts(), before=before)
-        assert told.may == wanted and told.numbers == "Largest error at the tool tip: 21 µm, 45 µm allowed (on Sat 24 Oct 2026)"
+        assert (
+            told.may == wanted
+            and told.numbers == "Largest error at the tool tip: 21 µm, 45 µm allowed (night ending Sat 24 Oct 2026)"
+        )
 
 
 @pytest.mark.parametrize(
@@ -596,6 +599,7 @@ def test_metrics_and_health(site: TestClient) -> None:
     [
         (["--host", "0.0.0.0"], "no --users"),
         (["--host", "0.0.0.0", "--users", "u.json"], "without TLS"),
+        (["--host", "0.0.0.0", "--users", "u.json", "--behind-proxy"], "without TLS"),
         (["--certificate", "c.pem"], "--certificate and --key"),
         (["-C", "nowhere"], "found no cell"),
         (["--add-user", "ann"], "found no --users"),
@@ -639,7 +643,7 @@ def test_a_list_of_nights_says_once_what_they_have_in_common(tmp_path: Path) -> 
     folder = cell(tmp_path / "one", records=[night("HU40T-like", i, "changed", headline=same) for i in range(4)])
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         text = site.get("/machine/HU40T-like/nights").text
-    assert text.count("Ann has it") == 1 and text.count("Still changed since the night of Sat 24 Oct 2026") == 3
+    assert text.count("Ann has it") == 1 and text.count("Still changed since the night ending Sat 24 Oct 2026") == 3
 
 
 def test_a_night_of_the_list_has_one_date(tmp_path: Path) -> None:
@@ -649,7 +653,7 @@ def test_a_night_of_the_list_has_one_date(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[night("HU40T-like", 5, "changed", headline=same)])
     with TestClient(create(Settings((folder,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         text = site.get("/machine/HU40T-like/nights").text
-    assert "Changed: C axis has moved along X by +20 µm since the night of Tue 27 Oct 2026" in text and "Mon 26 Oct" not in text
+    assert "Changed: C axis has moved along X by +20 µm since the night ending Tue 27 Oct 2026" in text and "Mon 26 Oct" not in text
 
 
 def test_why_a_night_is_in_doubt_has_no_symbol_and_no_statistics_for_the_shop(tmp_path: Path) -> None:
@@ -745,7 +749,7 @@ def test_a_change_has_the_date_of_the_night_that_found_it_and_says_whether_the_e
     for was, word in ((14.0, "larger than before"), (40.0, "smaller than before"), (28.0, "no larger than before")):
         record = night("M", 12, "changed", alarms=[alarm], volume={"worst_um": 28.0, "rms_um": 9.0, "std_um": 0.5})
         told = morning.render(record, volumes={"2026-11-04": was}).partition("For the engineer")[0]
-        assert "C axis has moved along X by +20 µm since the night of Thu 5 Nov 2026" in told
+        assert "C axis has moved along X by +20 µm since the night ending Thu 5 Nov 2026" in told
         assert f"{was:.0f} µm on Wed 4 Nov 2026, 28 µm now: {word}" in told
     record = night("M", 12, "changed", alarms=[alarm], volume={"worst_um": 28.0, "rms_um": 9.0, "std_um": 0.5})
     twice = record | {"alarms": [alarm | {"since": record["night"]}]}  # two nights of one date
@@ -762,9 +766,9 @@ def test_where_no_night_was_within_the_limit_every_part_is_in_question() -> None
     limit = {"what": "volume", "value": 60.0, "unit": "µm", "low": 59.0, "high": 61.0, "limit": 45.0, "passed": False}
     told = morning.render(night("M", 12, "out_of_limits", limits=[limit]), never="2026-11-03")
     assert "All: no night since Tue 3 Nov 2026 was within the limit." in told
-    assert "Since the first measured night, Tue 3 Nov 2026: no night was within the limit." in told
+    assert "Since the first measured night, that ending Tue 3 Nov 2026: no night was within the limit." in told
     within = morning.render(night("M", 12, "out_of_limits", limits=[limit]), within="2026-11-03")
-    assert "Last night within the limit: Tue 3 Nov 2026." in within
+    assert "The night ending Tue 3 Nov 2026 was the last one within the limit." in within
 
 
 def test_a_port_that_is_in_use_says_who_has_it_and_what_to_do(tmp_path: Path) -> None:

@@ -165,7 +165,7 @@ def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.C
     for term in browser.find_elements(By.CSS_SELECTOR, ".facts dt"):
         answer = term.find_element(By.XPATH, "following-sibling::dd[1]")
         bottoms[term.text] = answer.rect["y"] + answer.rect["height"]
-    for question in ("What changed", "Since when", "What it does to parts", "What to do", "Who has it"):
+    for question in ("What changed", "Since when", "What it does to parts", "What to do", "Whom to ask"):
         assert bottoms[question] <= PHONE[1], (question, bottoms)
 
 

@@ -129,7 +129,7 @@ def test_a_limit_that_was_crossed_stays_crossed_however_long_ago() -> None:
     limit = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
     told = answer(night(M, 1, "out_of_limits", limits=[limit]), Units(), texts(), old=30)
     assert (told.may, told.word, told.old) == ("no", "No", "not measured for 30 nights")
-    assert "nobody has measured it since" in told.why and "(on Sun 25 Oct 2026)" in told.numbers
+    assert "nobody has measured it since" in told.why and "(night ending Sun 25 Oct 2026)" in told.numbers
     doubted = answer(night(M, 1, "doubtful"), Units(), texts(), old=30)
     assert doubted.may == "unknown" and "were in doubt" in doubted.why and not doubted.numbers
 
@@ -160,7 +160,7 @@ def test_a_night_that_was_cut_off_is_in_the_answer_and_in_what_to_do_on_every_pa
         text = shown(place, f"/machine/{M}{path}")
         assert "Look at the machine first: last night was cut off, and the control may still execute the program. Then" in text
         assert "What changed Nothing." not in text
-        assert "The night of Mon 23 Nov 2026 was cut off" in text and "2026-11-23T" not in text
+        assert "The night ending Mon 23 Nov 2026 was cut off" in text and "2026-11-23T" not in text
         assert re.search("What to do:? Look at the machine first: its control may still execute the program.", text), path
     assert "No: 1." in shown(place, "/") and "Not yet" in shown(place, "/")
     sent.unlink()  # refused before anything was sent, on a disk that is full
@@ -194,6 +194,6 @@ def test_a_message_dates_a_change_as_pages_do() -> None:
     one = knock("2026-11-05") | {"text": text, "since": "2026-11-04", "on_part": "Parts are off."}
     record = night(M, 12, "changed", alarms=[one], headline=text)
     told = message(record, (), ())[1]
-    assert told.count("since the night of 2026-11-05") == 3 and "last night" not in told and "2026-11-04" not in told
+    assert told.count("since the night ending 2026-11-05") == 3 and "last night" not in told and "2026-11-04" not in told
     drift = one | {"rate_per_day": 0.002, "since": "2026-10-30", "text": text.but(since="2026-10-30")}
     assert "since 2026-10-30" in message(record | {"alarms": [drift], "headline": drift["text"]}, (), ())[1]

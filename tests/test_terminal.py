@@ -264,7 +264,7 @@ def test_what_every_night_repeats_is_said_once() -> None:
 
     found = shortened([standing("2026-11-05", " (+9 µm)"), standing("2026-11-05", " (+8 µm)"), standing("2026-11-01", "")])
     assert found[0].startswith("still changed, alarm of 2026-11-05: doubtful")
-    assert found[1] == "still changed since the night of 2026-11-05 (+8 µm)"
+    assert found[1] == "still changed since the night ending 2026-11-05 (+8 µm)"
     assert "2026-11-01: doubtful" in found[2]  # another alarm is told whole
     found = shortened(
         [beyond("52.0", "EX0C"), beyond("51.0", "EX0C"), beyond("50.0", "EY0C"), "written by hand", "written by hand"]

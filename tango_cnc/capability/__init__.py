@@ -7,15 +7,15 @@ its nominal place along the facet normal, at the nominal machine.
 
 from .analysis import budget_lines, directions, drift, grid, heights, lobing, repeatability, wetness, world_effects
 from .probing import Environment, Probing, changed, environment, probing
-from .programs import KINDS, REPETITIONS, Kind, Settings, program
+from .programs import KINDS, REPETITIONS, CapabilitySettings, Kind, program
 
 __all__ = [
     "KINDS",
     "REPETITIONS",
+    "CapabilitySettings",
     "Environment",
     "Kind",
     "Probing",
-    "Settings",
     "budget_lines",
     "changed",
     "directions",

@@ -18,7 +18,7 @@ KINDS: tuple[Kind, ...] = ("repeatability", "wetness", "grid", "drift", "lobing"
 
 
 @dataclass(frozen=True)
-class Settings:
+class CapabilitySettings:
     """How often and where; the defaults are those of the thesis."""
 
     facets: tuple[str, ...] = ()  # none: one facet of the strategy for every direction that it offers
@@ -34,13 +34,13 @@ REPETITIONS = {"repeatability": 300, "wetness": 600, "grid": 25, "drift": 60, "l
 
 
 def program(
-    kind: Kind, machine: Machine, artefact: Artefact, strategy: Strategy, settings: Settings | None = None
+    kind: Kind, machine: Machine, artefact: Artefact, strategy: Strategy, settings: CapabilitySettings | None = None
 ) -> tuple[Artefact, Strategy]:
     """kind, cell → artefact (with grid points or ball points added) and strategy that measure it; for `plan` as for any other.
 
     Raises InputError for a facet that the strategy does not touch, and for lobing without a ball.
     """
-    s = settings or Settings()
+    s = settings or CapabilitySettings()
     count = s.repetitions or REPETITIONS[kind]
     name = f"capability: {kind}"
     if kind == "lobing":
@@ -110,7 +110,9 @@ def _vector(p: Array) -> Vector:
     return float(p[0]), float(p[1]), float(p[2])
 
 
-def _lobing_program(machine: Machine, artefact: Artefact, strategy: Strategy, s: Settings, name: str) -> tuple[Artefact, Strategy]:
+def _lobing_program(
+    machine: Machine, artefact: Artefact, strategy: Strategy, s: CapabilitySettings, name: str
+) -> tuple[Artefact, Strategy]:
     """Every `longitude` along and `latitude` up to the equator of the upper half of a ball (thesis procedure IV)."""
     ball, base = _ball(artefact, strategy, "lobing")
     facets = dict(artefact.facets)
@@ -127,7 +129,9 @@ def _lobing_program(machine: Machine, artefact: Artefact, strategy: Strategy, s:
     return replace(artefact, facets=facets), Strategy(name, strategy.approach, tuple(indexations))
 
 
-def _probe_program(machine: Machine, artefact: Artefact, strategy: Strategy, s: Settings, name: str) -> tuple[Artefact, Strategy]:
+def _probe_program(
+    machine: Machine, artefact: Artefact, strategy: Strategy, s: CapabilitySettings, name: str
+) -> tuple[Artefact, Strategy]:
     """A ring and a sphere of points on a ball, each point once, with the spindle as it measures."""
     ball, base = _ball(artefact, strategy, "probe")
     found = [

@@ -14,7 +14,7 @@ import numpy as np
 from ..records import Array, Machine, Obstacle, Probe
 from .apart import Placed, Round
 from .collision import BODY_MARGIN, MARGIN
-from .solid import PATCH, Solid, body_of, grown
+from .solid import PATCH, Solid, body_of, grown, rim
 
 SOLID = 5.0  # mm between two things of which none is the probe, and between the probe and what is on the side of the tool
 TRAVEL, TURN = 10.0, 20.0  # mm between the probe and anything else on its way between touches; while rotary axes turn
@@ -103,11 +103,8 @@ def nose_radius(probe: Probe) -> float:
 
 
 def _prism(tip: Array, up: Array, low: float, high: float, radius: float) -> Array:
-    across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    across /= np.linalg.norm(across)
-    angle = 2 * np.pi * np.arange(RIM) / RIM
-    rim = (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(up, across)) * radius / np.cos(np.pi / RIM)
-    return np.vstack([tip + low * up + rim, tip + high * up + rim])
+    around = radius * rim(up, RIM)
+    return np.vstack([tip + low * up + around, tip + high * up + around])
 
 
 def _table(machine: Machine, solid: Solid, names: tuple[str, ...], balls: tuple[str, ...]) -> list[Thing]:

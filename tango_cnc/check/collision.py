@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..records import OFF, Approach, Array, Artefact, Facet, Id, Probe
-from .solid import LEVEL, PATCH, Body, Solid
+from .solid import LEVEL, PATCH, Body, Solid, ring
 
 SHANK = -0.02  # least cosine between normal and spindle direction: 1.1° of undercut is within what a table is out of square
 GAP = 0.2  # mm between stem and surface while the tip touches
@@ -156,10 +156,7 @@ def _inner(
 def _patch(table: Body, facet: Facet) -> Body:
     """table, outer facet → what of the table is within PATCH of the facet's normal line and of its plane."""
     normal, point = np.array(facet.normal), np.array(facet.point)
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    across /= np.linalg.norm(across)
-    turn = 2 * np.pi * np.arange(SIDES)[:, None] / SIDES
-    around = np.cos(turn) * across + np.sin(turn) * np.cross(normal, across)
+    around = ring(normal, SIDES)
     planes = np.vstack([table.normal, around, -normal])
     offset = np.concatenate([table.offset, around @ point + PATCH, [PATCH - normal @ point]])
     return Body(planes, offset, table.corner)

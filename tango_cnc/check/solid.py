@@ -7,6 +7,7 @@ there the convex body says nothing and only the facet itself, the balls and the 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -144,13 +145,21 @@ def body_of(obstacle: Obstacle) -> Body:
         return Body(normal, np.concatenate([high, -low]), corner)
     assert obstacle.base is not None and obstacle.axis is not None and obstacle.radius is not None and obstacle.height is not None
     axis, base = np.array(obstacle.axis), np.array(obstacle.base)
-    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
-    across /= np.linalg.norm(across)
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    around = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(axis, across)
+    around = ring(axis, SIDES)
     normal = np.vstack([around, axis, -axis])
     offset = np.concatenate([around @ base + obstacle.radius, [axis @ base + obstacle.height, -axis @ base]])
-    half = np.pi / SIDES
-    turned = np.cos(angle + half)[:, None] * across + np.sin(angle + half)[:, None] * np.cross(axis, across)
-    ring = base + turned * obstacle.radius / np.cos(half)
-    return Body(normal, offset, np.vstack([ring, ring + obstacle.height * axis]))
+    foot = base + obstacle.radius * rim(axis, SIDES, 0.5)
+    return Body(normal, offset, np.vstack([foot, foot + obstacle.height * axis]))
+
+
+def ring(axis: Array, count: int, first: float = 0.0) -> Array:
+    """unit vector, how many, of their steps by how many the first is turned → (count, 3) unit vectors at right angles to it."""
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    angle = np.linspace(0.0, math.tau, count, endpoint=False) + first * math.tau / count
+    return np.asarray(np.column_stack([np.cos(angle), np.sin(angle)]) @ np.array([across, np.cross(axis, across)]))
+
+
+def rim(axis: Array, count: int, first: float = 0.0) -> Array:
+    """unit vector, how many, as in `ring` → (count, 3) corners around a circle of radius 1: between them it touches the sides."""
+    return ring(axis, count, first) / math.cos(math.pi / count)

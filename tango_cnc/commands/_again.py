@@ -5,6 +5,7 @@ The history itself stays as it is; what comes out is another one. Every night is
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
@@ -71,6 +72,7 @@ class Again:
     cells: tuple[Path, ...]
     where: str | None
     target: Path
+    files: tuple[str, ...]  # of the cells, in `target`
     most: int | None = None  # nights a machine, of one call
 
     def __call__(self, number: int) -> Redone:
@@ -80,7 +82,7 @@ class Again:
         quiet = replace(settings, diagnose=False, free_mb=0.0, every_days=1e6, notify=())
         analysis = replace(nights_of(cell, replace(quiet, every_days=settings.every_days), plan(cell)), written=None)
         name = cell.machine.name
-        file = self.target / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.db"
+        file = self.target / self.files[number]
         with opened(history_of(folder, settings, self.where), create=False) as before, opened(file) as after:
             if name not in before.machines():
                 return Redone(name, 0, 0, 0, 0, 0)
@@ -123,4 +125,16 @@ def again(cells: Sequence[Path], where: str | None, target: Path, spread: Mapper
         raise InputError(f"fleet: found two cells of the machine {sorted(twice)[0]!r}; allowed: one of them")
     target.mkdir(parents=True, exist_ok=True)
     own = tuple(cell.resolve() for cell in cells)
-    return list(spread(Again(own, where, target.resolve(), most), range(len(own))))
+    return list(spread(Again(own, where, target.resolve(), files_of(names), most), range(len(own))))
+
+
+def files_of(names: Sequence[str]) -> tuple[str, ...]:
+    """names of machines → files of their own: what a name has beside plain signs is in a number behind it, and so is everything
+    of names that some disks take for one.
+    """
+    plain = [re.sub(r"[^A-Za-z0-9._-]+", "-", name) for name in names]
+    folded = [p.casefold() for name, p in zip(names, plain, strict=True) if p == name]
+    return tuple(
+        f"{p}.db" if p == name and folded.count(p.casefold()) == 1 else f"{p}-{hashlib.sha256(name.encode()).hexdigest()[:8]}.db"
+        for name, p in zip(names, plain, strict=True)
+    )

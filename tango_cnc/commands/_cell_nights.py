@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.linalg
@@ -18,15 +18,15 @@ import postprocessors as posts
 from ..compensate import loop
 from ..duration import duration
 from ..estimate import Estimate
-from ..files import read_readings_text, read_strategy
+from ..files import read_cell, read_readings_text, read_strategy
 from ..files.checked import suggestion
-from ..files.nightly import NAME, Nightly
+from ..files.nightly import NAME, Nightly, history_of, read_nightly
 from ..gate import proving_touch
 from ..iso230.signed import withheld
 from ..link.rest import durations
 from ..nightly.analysis import Nights
 from ..nightly.before import Timed
-from ..nightly.doubt import Judged
+from ..nightly.doubt import NightDoubt
 from ..plan import last_motion
 from ..records import Cell, InputError, Plan, Readings, TangoError
 from ..report.units import shown
@@ -37,6 +37,11 @@ from ..touches import of_facets
 from ._common import dialect, json_text
 from ._in_control import given, in_control
 from .estimate import as_json as estimate_json
+
+if TYPE_CHECKING:
+    from ..history.former import Names
+
+LOOKED = 30  # nights looked back over for those of another cell
 
 CHECK = "check.yaml"
 LEAST = 0.1  # µrad, µm/m: no night sees less of an angle or a scale
@@ -130,7 +135,7 @@ def again(folder: Path) -> str:
     return say("night.again", cell=shlex.quote(str(folder.resolve())))
 
 
-def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> Judged:
+def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees: bool = False) -> NightDoubt:
     """As 'tango estimate' judges a whole strategy; a check by what is known after it.
 
     A check of few touches is judged by the nights before alone: so few cannot show which of them does not fit.
@@ -158,7 +163,7 @@ def _judged(cell: Cell, readings: Readings, result: Estimate, kind: str, agrees:
     resume = str(say("plausible.readings.go_on_with_tango_run", more=""))
     reasons = tuple(instead(r, resume, again(cell.folder)) for r in found.reasons)
     crept = next((r for r in found.remarks if isinstance(r, Said) and r.key == CREPT), "")
-    return Judged(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
+    return NightDoubt(found.verdict, reasons, found.incomplete, wandered, walk, crept=crept)
 
 
 def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:
@@ -166,3 +171,27 @@ def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:
     from ..diagnose.words import as_json
 
     return as_json(diagnose(cell.machine, cell.artefact, readings, cell.terms))
+
+
+def twin(history: Names, name: str, folder: Path, where: str | None = None) -> Path | None:
+    """history, name of the machine of a cell, its folder, --history → another folder whose nights are in this history under that
+    name, and whose machine still has it; None where there is none. A folder that was moved or renamed is there no more.
+    """
+    if name not in history.machines():
+        return None
+    records = [r for r in history.records(name, LOOKED) if not any(p.get("check") == "import" for p in r.get("preflight") or ())]
+    for other in dict.fromkeys(str(r.get("cell") or "") for r in records):
+        if other and _is_twin(Path(other), name, folder, where):
+            return Path(other)
+    return None
+
+
+def _is_twin(other: Path, name: str, folder: Path, where: str | None) -> bool:
+    try:
+        if not (other / "machine.yaml").exists() or other.resolve() == folder.resolve():
+            return False
+        own, its = (history_of(one, read_nightly(one), where) for one in (folder, other))
+        same = own.resolve() == its.resolve() if isinstance(own, Path) and isinstance(its, Path) else own == its
+        return same and read_cell(other).machine.name == name
+    except (TangoError, OSError):  # a cell that nobody can read measures nothing
+        return False

@@ -3,24 +3,53 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import click
+
+from ..nearest import printable
 from ..report.units import shown
 from ._common import on_terminal, table
 from ._shop import here
 
 if TYPE_CHECKING:
-    from ..history import Trend
+    from ..history import History, Trend
     from ..nightly.lookback import Followed
     from ..report.texts import Texts
 
+TEMPERATURE = "temperature"  # name of an alarm, and of what the sensors said
 INTERVAL = 1.96  # standard deviations of a 95 % interval
 
 
 def heads(t: Texts, *names: str) -> list[str]:
     """texts, names of columns → their heads; of one without a name nothing."""
     return [t(f"cli.history.{name}") if name else "" for name in names]
+
+
+def each_of(history: History, machine: str, names: Sequence[str]) -> tuple[str, ...]:
+    """history, machine, names as alarms have them → names of the trends: scales is every linear scale that the nights know."""
+    from ..terms import SCALES
+
+    known = history.parameters(machine) if "scales" in names else ()
+    scales = tuple(scale for scale in SCALES if scale in known) or ("scales",)
+    return tuple(each for name in names for each in (scales if name == "scales" else (name,)))
+
+
+def trend_of(history: History, machine: str, name: str) -> Trend:
+    """history, machine, parameter or temperature → its nights. Raises InputError for one that no night knows."""
+    from ..nightly.lookback import warmth
+
+    return warmth(history, machine) if name == TEMPERATURE else history.trend(machine, name)
+
+
+def broken_chains(wrong: Mapping[str, Sequence[str]], t: Texts) -> int:
+    """{machine: what is wrong with its chain}, texts → exit status; each is named on stderr."""
+    for name, texts in wrong.items():
+        key = "broken" if name else "broken_nobody"
+        more = t("cli.history.broken_more", count=len(texts) - 1) if len(texts) > 1 else ""
+        click.echo(t(f"cli.history.{key}", machine=name, first=printable(t.of(texts[0]), 400), more=more), err=True)
+    return 1 if wrong else 0
 
 
 def lines(trends: Sequence[Trend], alarmed: Collection[str]) -> str:

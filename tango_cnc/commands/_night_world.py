@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -133,6 +133,7 @@ class RealControl:
     stamp: str
     port: str | None = None
     simulated: bool = False  # the control stands in for a machine that does not exist
+    twin: Callable[[], Path | None] = lambda: None  # another cell whose machine has this name, in the same history
     _points: list[PreflightPoint] = field(default_factory=list)
     _cold: bool = False  # what the preflight found: the machine warms up first
 
@@ -140,6 +141,7 @@ class RealControl:
         """→ commissioned, the program of these touches, what was left behind, control and probe. Nothing moves."""
         self._points = []
         checks = (
+            self._name,
             self._commissioned,
             self._program,
             self._gate,
@@ -154,6 +156,13 @@ class RealControl:
             except TangoError as error:
                 self._points.append(PreflightPoint(check.__name__.strip("_"), False, str(error), ""))
         return self._points
+
+    def _name(self, kind: str, touches: Sequence[int]) -> PreflightPoint | None:
+        """A machine is compared with what is known under its name; None where that is this machine."""
+        if (other := self.twin()) is None:
+            return None
+        found = say("preflight.world.twin", name=self.cell.machine.name, folder=str(other))
+        return PreflightPoint("name", False, found, say("preflight.world.twin_do", folder=str(self.cell.folder.resolve())))
 
     def _commissioned(self, kind: str, touches: Sequence[int]) -> PreflightPoint | None:
         """What a person has proven wrong of this control, nobody goes on with at night; None where nothing is asked or known."""

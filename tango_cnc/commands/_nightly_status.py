@@ -17,7 +17,7 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import measured_on, night_of_stamp, nights_old
@@ -49,6 +49,7 @@ class Status:
     waiting: Sequence[str]  # stamps of messages that are not sent
     unfinished: Sequence[str]  # stamps of nights that have begun and not ended
     cut: Sequence[str]  # stamps of those that nobody works on
+    broken: float | None  # when a run broke off whose program may go on, s since 1970
     ended: Mapping[str, str]  # and how those ended that did
 
     @property
@@ -61,7 +62,9 @@ class Status:
         """→ whether somebody has to do something."""
         wanted = self.standing is None or self.standing.wants_somebody or self.stale > 0
         wanted |= self.future is not None and asks(self.future)
-        return bool(wanted or self.cut or self.alarms or self.trouble is not None or any(f.alarms for f in self.renamed))
+        return bool(
+            wanted or self.cut or self.broken or self.alarms or self.trouble is not None or any(f.alarms for f in self.renamed)
+        )
 
     def as_json(self) -> dict[str, Any]:
         """→ members of tango-nightly-status/1."""
@@ -73,6 +76,7 @@ class Status:
             "waiting": self.waiting,
             "unfinished": self.unfinished,
             "cut_off": self.cut,
+            "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
             "open_alarms": list(self.alarms),
@@ -160,6 +164,7 @@ def _read(
         [stamp for stamp, _ in disk.unsent()],
         [stamp for stamp, _ in disk.unfinished()],
         cut,
+        broken_off(folder),
         ended(folder, cut),
     )
 

@@ -23,7 +23,7 @@ from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
 from ..nc.predict import Way, touched_of
-from ..nc.program import Account, Settings, compensated, made_with, mark_text
+from ..nc.program import Account, RewriteSettings, compensated, made_with, mark_text
 from ..records import Cell, InputError
 from ._common import dialect
 
@@ -156,7 +156,9 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     language = language_of(source, cell, options["language"])
     setup, found, account = setup_of(cell, options), found_of(result), Account()
     touched = touched_of(result.model.touches)
-    settings = Settings(options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched)
+    settings = RewriteSettings(
+        options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched
+    )
     mark = mark_text(digest_of(found), setup.zero, simulated=options["of_no_machine"])
     ends = ends_of(source)
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -42,10 +42,12 @@ def unproven(found: dict[str, Proof]) -> list[Experiment]:
     return [e for e in experiments() if e.belief not in found or found[e.belief].verdict != "PASS"]
 
 
-def _here(post: Post, belief: str) -> str:
+def remedy_here(post: Post, belief: str) -> str:
     """post, belief → what of this control mends it, a sentence; empty where only the profile does."""
     what, source = post.remedies.get(belief, ("", ""))
-    return f" On this control: {what} ({source})." if what else ""
+    mirror, of = post.remedies.get("mirror", ("", "")) if belief == "frames" else ("", "")
+    said = f" On this control: {what} ({source})." if what else ""
+    return f"{said} A mirror image here: {mirror} ({of})." if mirror else said
 
 
 def keys_here(post: Post, experiment: Experiment) -> str:
@@ -77,15 +79,15 @@ def told(cell: Cell, post: Post, judged: Sequence[Judged], mark: str, control: s
         "control": control,
         "beliefs": [{"belief": p.belief, "verdict": p.verdict, "found": p.found, "value": p.value, "unit": p.unit} for p in proofs],
     }
-    failed = [each.experiment for each in judged if each.verdict.verdict == "FAIL"]
+    failed = [each for each in judged if each.verdict.verdict == "FAIL"]
     if json_file == "-":
         click.echo(json_text(result))
         return bool(failed)
     click.echo(table([["belief", "", "what was found"], *([p.belief, p.verdict, p.found] for p in proofs)], "<<<"))
-    for one in failed:
-        click.echo(
-            f"{one.belief}: {one.says}. It is not so. What to do: {one.advice}.{keys_here(post, one)}{_here(post, one.belief)}"
-        )
+    for each in failed:
+        one = each.experiment
+        advice = each.verdict.do or f"{one.advice}.{keys_here(post, one)}{remedy_here(post, one.belief)}"
+        click.echo(f"{one.belief}: {one.says}. It is not so. What to do: {advice}")
     click.echo(f"→ {file}")
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")

@@ -139,7 +139,7 @@ def _data(told: instruments.Predicted) -> dict[str, Any]:
     }
 
 
-def _compared(found: instruments.Compared, measured: instruments.Measured, own: float) -> dict[str, Any]:
+def _compared(found: instruments.Compared, measured: instruments.InstrumentReadings, own: float) -> dict[str, Any]:
     return {
         "compared": {
             "runs": measured.runs,
@@ -154,7 +154,9 @@ def _compared(found: instruments.Compared, measured: instruments.Measured, own: 
     }
 
 
-def _text(told: instruments.Predicted, found: instruments.Compared | None, measured: instruments.Measured | None) -> list[str]:
+def _text(
+    told: instruments.Predicted, found: instruments.Compared | None, measured: instruments.InstrumentReadings | None
+) -> list[str]:
     path = told.path
     lines = [f"{path.name}: {path.text}", path.reference.text]
     if path.name.startswith("laser"):

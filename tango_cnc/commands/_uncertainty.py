@@ -28,7 +28,7 @@ def _budget(found: Analysis) -> list[str]:
     return [part.label for part in found.study.parts]
 
 
-def as_json(found: Analysis, decisions: Sequence[conformity.Decision], factor: float | None) -> dict[str, Any]:
+def as_json(found: Analysis, decisions: Sequence[conformity.ConformityDecision], factor: float | None) -> dict[str, Any]:
     """analysis, decisions, coverage factor or None → plain data of the format tango-uncertainty/1."""
     study = found.study
     coefficients = study.model.coefficients
@@ -126,7 +126,7 @@ def _days_json(found: Analysis, labels: list[str]) -> dict[str, Any]:
     }
 
 
-def as_text(found: Analysis, decisions: Sequence[conformity.Decision], factor: float | None) -> str:
+def as_text(found: Analysis, decisions: Sequence[conformity.ConformityDecision], factor: float | None) -> str:
     """analysis, decisions, coverage factor or None → what a person reads on the terminal."""
     blocks = [_values(found, factor), _joint(found), _contributions(found), _strong(found), _monte_carlo(found)]
     if found.repeated is not None:
@@ -292,7 +292,7 @@ def _p(values: Array | None, differs: Any, i: int) -> str:
     return "–" if values is None else f"{values[i]:.2g}{'*' if differs[i] else ''}"
 
 
-def _decisions(found: Analysis, decisions: Sequence[conformity.Decision]) -> str:
+def _decisions(found: Analysis, decisions: Sequence[conformity.ConformityDecision]) -> str:
     rows = [["limits (ISO 14253-1)", "value", "low", "high", "p inside", "", "", "by the uncertainty of"]]
     names = [found.selection.label(n) for n in found.study.names]
     for d in decisions:

@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from .. import capability
-from ..capability import Kind, Settings
+from ..capability import CapabilitySettings, Kind
 from ..files import artefact_text, machine_text, read_cell, read_readings, strategy_text, write_text
 from ..files.checked import load
 from ..files.origin import current
@@ -68,7 +68,7 @@ def command(
     """
     cell = read_cell(folder)
     if target is not None:
-        _write_cell(cell, kind, Settings(tuple(f for f in facets.split(",") if f), repetitions), target)
+        _write_cell(cell, kind, CapabilitySettings(tuple(f for f in facets.split(",") if f), repetitions), target)
         return
     readings = read_readings(current(folder, file), cell.machine, cell.artefact)
     touches = from_readings(cell.machine, cell.artefact, readings)
@@ -103,7 +103,7 @@ def command(
         click.echo(f"\nFor the budget (mm, deg): {said or 'nothing that stands out'}")
 
 
-def _write_cell(cell: Cell, kind: Kind, settings: Settings, target: Path) -> None:
+def _write_cell(cell: Cell, kind: Kind, settings: CapabilitySettings, target: Path) -> None:
     if target.exists() and any(target.iterdir()):
         raise InputError(f"{target}: already there and not empty; give a new folder, nothing is ever overwritten")
     artefact, strategy = capability.program(kind, cell.machine, cell.artefact, cell.strategy, settings)

@@ -87,8 +87,12 @@ def command(
     FAIL of every point goes into commissioning.yaml of the cell, with date, program and control. What has passed is not tested
     again until the profile, the axes of machine.yaml or the port change.
     """
+    from postprocessors import unverified
+
     from .. import commission
     from ..plan import by_stylus
+    from ._commission_first import by_hand
+    from ._commission_first import questions as by_hand_first
     from ._commission_touch import touched
     from ._proofs import proven, told, unproven
 
@@ -127,12 +131,17 @@ def command(
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+        for text, _ in by_hand_first(made, wanted, controller.post).values():
+            click.echo(f"before it: {text} If not, do not start it.")
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
+    if someone and answers == "ask" and not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
+        raise click.exceptions.Exit(FAILED)
     _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
     seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
     if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
@@ -371,17 +380,17 @@ def _stopped(once: Any) -> bool | None:
     """
     if once.records or once.ended:
         return False
-    what = f"It stopped: {once.said}." if once.said else "Nothing was recorded."
+    what = f"It stopped: {once.said.rstrip('.')}." if once.said else "Nothing was recorded."
     text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
     answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
     return True if answer == "y" else None
 
 
 def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record, or whose sum is wrong."""
+    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record of this plan, or whose sum is wrong."""
     values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
     wanted = [*made.machine.linear, *made.machine.rotary]
-    if not {"P", "H", *wanted} <= set(values) or "," in text:
+    if not {"P", "H", *wanted} <= set(values) or "," in text or values["P"] not in {touch.number for touch in made.touches}:
         return None
     if "K" in values and abs(sum(values[name] for name in (*wanted, "S") if name in values) - values["K"]) > SUMS:
         return None

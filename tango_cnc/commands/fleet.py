@@ -14,9 +14,9 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..records import InputError, TangoError
-from ..texts import joined, say
+from ..texts import instead, joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
@@ -55,7 +55,11 @@ class _Row:
     @property
     def wants_somebody(self) -> bool:
         """→ whether somebody has to look; of a former name because of an alarm without an answer alone."""
-        return self.standing.alarms_open > 0 if self.former else bool(self.cut_off or self.stale) or self.standing.wants_somebody
+        return (
+            self.standing.alarms_open > 0
+            if self.former
+            else bool(self.cut_off or self.stale or self.moving) or self.standing.wants_somebody
+        )
 
 
 @click.command()
@@ -165,6 +169,8 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     nights = history.nights(s.machine, last=NIGHTS)
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+    if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
+        said = instead(said, "last night", say("check.night_before", date=nights[0].night))
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
     yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)
@@ -241,12 +247,13 @@ def _moving(history: History, nights: Sequence[Night], folder: Path | None, stal
     """history, last nights of a machine, its cell, nights since it was measured where these are too many → the answer of its page
     where its control may still execute a program, else ''.
     """
-    from ..report.answer import of_moving, said_cut_off
+    from ..report.answer import of_moving, said_broken_off, said_cut_off
     from ..report.texts import texts
 
     cut = () if folder is None else cut_off(folder)
-    former = () if folder is None else said_cut_off(cut, ended(folder, cut))
-    if not nights or not (cut or nights[0].verdict == "not_measured"):
+    off = () if folder is None else said_broken_off(broken_off(folder))
+    former = off if folder is None else (*said_cut_off(cut, ended(folder, cut)), *off)
+    if not nights or not (former or nights[0].verdict == "not_measured"):
         return ""
     last = next((n for n in nights if n.verdict != "not_measured"), None)
     record = history.night(nights[0].entry).record
@@ -271,7 +278,12 @@ def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, 
         try:
             settings = read_nightly(cell)
             known = _Known(cell, read_cell(cell).machine.name, settings.late_hours, settings.answers_for)
-            places.setdefault(history_of(cell, settings), []).append(known)
+            place = history_of(cell, settings)
+            same = places.setdefault(place.resolve() if isinstance(place, Path) else place, [])
+            if other := next((k for k in same if k.name == known.name), None):
+                trouble[str(cell)] = say("cli.fleet.twin", name=known.name, folder=str(other.folder))
+            else:
+                same.append(known)
         except TangoError as error:
             if len(cells) == 1:
                 raise

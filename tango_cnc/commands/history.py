@@ -15,13 +15,12 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import history_of, read_nightly
-from ..nearest import printable
 from ..records import InputError
 from ..report.repeated import shortened
 from ..report.units import shown
 from ..texts import say
 from ._common import json_option, on_terminal, table, write_json
-from ._many_nights import followed, heads, lines
+from ._many_nights import TEMPERATURE, broken_chains, each_of, followed, heads, lines, trend_of
 from ._shop import headlines, here, note_simulated
 
 if TYPE_CHECKING:
@@ -213,13 +212,18 @@ def compare(history: History, machine: str, one: str, other: str, json_file: str
 @click.option("--chart", type=click.Choice(["none", "shewhart", "ewma", "cusum"]), default="none", show_default=True)
 @click.option("--smooth", is_flag=True, help="As the past is known today, from the nights before and after; no chart.")
 def plot(history: History, machine: str, parameter: tuple[str, ...], output: Path | None, chart: str, smooth: bool) -> None:
-    """Parameters over the nights, with 95 % intervals; without names those that have moved most."""
+    """Parameters over the nights, with 95 % intervals; without names those that have moved most.
+
+    Of the names that alarms have, scales is every linear scale, and temperature that of the nights.
+    """
     from ..nightly.lookback import smooth as smoothed
 
-    names = parameter or tuple(_moved(history, machine))
+    names = each_of(history, machine, parameter) or tuple(_moved(history, machine))
     if chart != "none" and smooth:
         raise InputError("--chart, --smooth: found both; allowed: one of them: a chart is of nights as they came")
-    trends = [smoothed(history, machine, name) if smooth else history.trend(machine, name) for name in names]
+    if TEMPERATURE in names and (chart != "none" or smooth):
+        raise InputError("--chart, --smooth: found temperature; allowed: parameters, which the nights estimate")
+    trends = [smoothed(history, machine, name) if smooth else trend_of(history, machine, name) for name in names]
     if output is None:
         if chart != "none":
             raise InputError("--chart: found no -o FILE; allowed: a chart in a file")
@@ -348,14 +352,18 @@ def import_(cells: tuple[Path, ...], folder: Path, where: str | None, despite: b
 @command.command()
 @_options(machine=False)
 @click.argument("output", type=click.Path(path_type=Path))
-def backup(history: History, machine: str | None, output: Path) -> None:
-    """The whole history as one SQLite file, verified, while nights may go on."""
+def backup(history: History, machine: str | None, output: Path) -> int:
+    """The whole history as one SQLite file, verified, while nights may go on.
+
+    A chain that somebody has broken is copied as it is, and named. Exit status 1 then.
+    """
     from ..history.copy import copied
 
     if output.exists():
         raise InputError(f"{output}: it exists; allowed: a new file")
-    count = copied(history, output)
+    count, wrong = copied(history, output)
     click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=str(output)))
+    return broken_chains(wrong, here())
 
 
 @contextmanager
@@ -383,20 +391,21 @@ def _set_aside(place: str | Path) -> Iterator[Path | None]:
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("-C", "folder", type=click.Path(path_type=Path), default=Path("."), metavar="DIR", help="The cell.")
 @click.option("--history", "where", metavar="FILE|URL", help="Instead of the history of the cell.")
-def restore(source: Path, folder: Path, where: str | None) -> None:
-    """A backup becomes the history. One that is there is kept beside it; a database that is not empty is refused."""
+def restore(source: Path, folder: Path, where: str | None) -> int:
+    """A backup becomes the history. One that is there is kept beside it; a database that is not empty is refused.
+
+    A chain that was broken in it is named. Exit status 1 then.
+    """
     from ..history import opened, shown
     from ..history.copy import copied
 
     place = _place(folder, where)
-    with opened(source, create=False) as history:
-        if wrong := history.verify():
-            raise InputError(f"{source}: {printable(wrong[0], 1000)}; nothing was restored")
-        with _set_aside(place) as kept:
-            count = copied(history, place)
+    with opened(source, create=False) as history, _set_aside(place) as kept:
+        count, wrong = copied(history, place)
     if kept is not None:
         click.echo(here()("cli.history.kept_beside", file=str(kept)), err=True)
     click.echo(here()(f"cli.history.entries{'_one' if count == 1 else ''}", count=count, file=shown(place)))
+    return broken_chains(wrong, here())
 
 
 @command.command()

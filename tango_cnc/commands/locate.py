@@ -55,8 +55,10 @@ def command(
     cell's own file stays as it is: look at the numbers, then copy it.
     """
     from .. import locate
+    from ..duration import duration, spoken
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
+    from .check import positioning_feed
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     made = locate.strategy(cell, within=within)
@@ -69,7 +71,8 @@ def command(
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         if only_program:
-            click.echo(f"{programs[0].file}: run it, then 'tango locate --readings FILE'")
+            lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
+            click.echo(f"{programs[0].file}: run it ({lasts}), then 'tango locate --readings FILE'")
             return
         approach = made.strategy.approach
         notice = (

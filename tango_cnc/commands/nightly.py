@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,7 @@ def command(
     from ..nightly.night import sentence
     from ..nightly.notify import Notifier
     from ..plan import plan
-    from ._cell_nights import nights_of
+    from ._cell_nights import nights_of, twin
     from ._compensated import recorded
     from ._cut_off import keep_readings, told_of_signals
     from ._night_world import RealClock, RealControl, RealDisk, locked
@@ -99,10 +100,12 @@ def command(
             place = looked_at(place)
         with opened(place) as history:
             if dry_run:
+                control.twin = partial(twin, history, cell.machine.name, folder, where)
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
             recorded(folder, history)
             keep_readings(folder, control.planned)
             past = history.as_of(lambda: begun)
+            control.twin = partial(twin, past, cell.machine.name, folder, where)
             with told_of_signals() as ending:
                 world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending)
                 record = night(cell.machine.name, str(folder.resolve()), settings, world)

@@ -22,14 +22,14 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import drift_told, jumps_of
 from ..report.days import local_day
-from ..report.facts import Facts, Held, Nights, Paper, Wishes, effects, gather
+from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
@@ -232,7 +232,7 @@ def compensations(folder: Path) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def _in_control(folder: Path, origin: Origin, result: Estimate) -> Held | None:
+def _in_control(folder: Path, origin: Origin, result: Estimate) -> LoadedCompensation | None:
     """cell, origin of the readings, estimate → the compensation in its control, as far as the readings lack it."""
     from ..compensate import loop
 
@@ -243,14 +243,14 @@ def _in_control(folder: Path, origin: Origin, result: Estimate) -> Held | None:
 
     beside, rows = origin.known, check_values(origin.readings.read_text(encoding="utf-8-sig"))
     if (missed := loop.ignored(folder, rows, (beside.get("run") or {}).get("end_utc"))) is not None:
-        return Held(missed[0].number, missed[0].record["target"], True, None)
+        return LoadedCompensation(missed[0].number, missed[0].record["target"], True, None)
     if beside.get("origin") != "measured":  # a simulator probes with tool center point control as well
         return None
     found = in_control(folder, result.model, lambda: levers_of(result))
     if found is None:
         return None
     gone = found.gone if found.measured or found.beneath is not None else None
-    return Held(found.number, found.target, False, gone, found.event, found.beneath)
+    return LoadedCompensation(found.number, found.target, False, gone, found.event, found.beneath)
 
 
 def _place(folder: Path) -> str | Path | None:
@@ -261,7 +261,7 @@ def _place(folder: Path) -> str | Path | None:
 
 def nights(
     folder: Path, chain: Machine, u: Units, t: Texts, limit_um: float | None = None, where: str | Path | None = None
-) -> Nights | None:
+) -> NewestNight | None:
     """cell, its machine, units, texts, limit of the tool tip that is stated now, history in place of that of nightly.yaml → newest
     night and open alarms in its history; None where it has none.
     """
@@ -273,7 +273,7 @@ def nights(
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
     from ..report.age import measured_on, nights_old
-    from ..report.answer import by_limit, said_cut_off
+    from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import volumes_of
     from ..report.orders import orders
@@ -305,13 +305,13 @@ def nights(
         if (future := in_future(history, machine)) is not None:
             said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
             waits = waits or (future.night if asks(future) else "")
-        told = Nights(
+        told = NewestNight(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
             old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
-            former=said_cut_off(cut := cut_off(folder), ended(folder, cut)),
+            former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
         return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))

@@ -160,7 +160,7 @@ def command(
     return status(judgement, despite) if limits is None or conformity.all_conform(decisions) else 1
 
 
-def _decide(found: analysis.Analysis, limits: Path | None, conform: str | None) -> list[conformity.Decision]:
+def _decide(found: analysis.Analysis, limits: Path | None, conform: str | None) -> list[conformity.ConformityDecision]:
     if conform not in (None, "one run") and found.four is None:
         raise InputError(f"--conform {conform}: found a single run; allowed: one run, or readings of several cycles or days")
     if limits is None:

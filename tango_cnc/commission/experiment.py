@@ -36,6 +36,7 @@ class Seen:
     marked: bool = False  # the end mark has come, whether or not every record was believed
     obeys: bool = False  # the profile says that the feed override acts on measuring moves
     anew: bool = False  # the profile says that each program begins the file of its records anew
+    doubts: tuple[str, ...] = ()  # what the header of the program calls unverified
     unheard: bool = False  # the person has seen that the slow move up went on although the stylus was touched
 
 
@@ -47,6 +48,7 @@ class Ruling:
     found: str
     value: float | None = None
     unit: str = ""
+    do: str = ""  # what to change, where it is not what the experiment advises
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ class Experiment:
     asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
     rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
     on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, their points, port, overhead
+    raw: bool = False  # it also sees records without their decimal point, which say nothing to the others
     touches: bool = False  # it needs the table: no move in the air shows it
 
 

@@ -6,18 +6,21 @@ import importlib
 import pkgutil
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..records import Plan
 from . import experiments as folder
+from .digits import pointless
 from .experiment import Experiment, Question, Ruling, Seen, unmade_of
+from .lacking import NOT_KNOWN, lacking, ruled
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
-        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|WORKING AREA|ALARM:[12]\b"),
+        re.compile(r"OVERTRAVEL|OVER TRAVEL|LIMIT|TRAVEL RANGE|TRAVEL EXCEEDED|WORKING AREA|ALARM:[12]\b"),
         "compare travel of that axis in machine.yaml with the soft limits of the control; a rotary axis: state rollover where the "
         "post has that key, and nearer: true in machine.yaml where the control turns the nearer way and past the limit. Where a "
-        "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off",
+        "first step of 0.5 mm went up instead of down, a mirror image is on: switch it off. Where an axis went to its other end, "
+        "its direction in machine.yaml is the wrong way round",
     ),
     (
         re.compile(r"VA_IM|AA_MM|\b(12550|17020)\b"),
@@ -35,7 +38,7 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "which leaves the probe on and the port open at an alarm",
     ),
     (
-        re.compile(r"G31|SKIP|G38|MEAS"),
+        re.compile(r"G31|SKIP|G38|\bMEAS\b"),
         "the control refuses the skip move itself: is its option there, is the feed of approach in strategy.yaml one that it "
         "allows, is a modal function on that forbids it?",
     ),
@@ -45,13 +48,28 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "above 1 or the computer is busy: start it with -t 1, or build it with -DSEGMENT_BUFFER_SIZE=250. On a board look at $100 "
         "… $124 and at the drives",
     ),
+    (
+        re.compile(r"MACRO IS MISSING|NO SCRIPT|SEQUENCE NAME"),
+        "a macro or subprogram that the program calls is not there: bring every file of program/ to the control, into the folder "
+        "that docs/controls/ names",
+    ),
     (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
 )
 
+LISTED = "look it up in the list of alarms of the control"
+UNREAD = (
+    "the control does not know a word of this block, or has no file or option of that name: write the whole block that stands on "
+    "its screen behind the text (--said). Where the word comes from a key of the profile, the answer names the key"
+)
 LAST = 5  # behind every danger
 UNKNOWN = (
     ". Nothing is recorded, so nobody knows yet whether the control hears the probe: if this was at the slow move up, while "
     "you touched the stylus, look at alive first"
+)
+
+TURNED_ROUND = (
+    ". Nothing is recorded: this was at one of the first moves. If it went down where it had to go up, a mirror image of this axis "
+    "may be on: switch it off at the control (see mirror); or machine.yaml has this axis the wrong way round (see directions)"
 )
 
 
@@ -81,13 +99,20 @@ def judge(seen: Seen) -> list[Judged]:
     """
     every = experiments()
     nothing = not seen.records and not seen.refused
+    spoilt = pointless(seen)
+    legible = replace(seen, records={number: record for number, record in seen.records.items() if number not in spoilt})
     noticed = next((e for e in every if e.judge(seen).verdict == "FAIL"), None) if nothing else None
-    blamed = noticed or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
+    unknown = lacking(seen.said, seen.doubts) if noticed is None else None
+    owner = next((e for e in every if unknown and e.settles.search(unknown[1])), None)
+    blamed = noticed or owner or next((e for e in every if seen.said and e.stops.search(seen.said.upper())), None)
     judged = []
     for experiment in every:
-        verdict = experiment.judge(seen)
-        if experiment is blamed and experiment is not noticed:
-            doubt = UNKNOWN if nothing and experiment.danger > 1 else ""
+        verdict = experiment.judge(seen if experiment.raw else legible)
+        if unknown is not None and experiment is owner:
+            verdict = ruled(seen.said, *unknown)
+        elif experiment is blamed and experiment is not noticed:
+            round_ = TURNED_ROUND if experiment.belief == "frames" else ""
+            doubt = "" if not nothing else UNKNOWN if experiment.danger > 1 else round_
             verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
         elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
             verdict = Ruling("OPEN", f"the program stopped before: {seen.said}")
@@ -97,7 +122,9 @@ def judge(seen: Seen) -> list[Judged]:
 
 def stopped_by(said: str) -> str:
     """text of a stop that no experiment knows → what to look at."""
-    found = next((do for words, do in ELSEWHERE if words.search(said.upper())), "look it up in the list of alarms of the control")
+    found = next(
+        (do for words, do in ELSEWHERE if words.search(said.upper())), UNREAD if NOT_KNOWN.search(said.upper()) else LISTED
+    )
     return f"{said!r}: {found}"
 
 

@@ -54,11 +54,16 @@ class Held:
     tcp: bool = False  # whether it acts only with tool centre point control on
     coefficient: str = ""  # the coefficient of the model that v is, where it is one
     reach: float | None = None  # mm or rad, the most that a ratio is multiplied by over the volume; None: the longest travel
+    counted: bool = False  # its file has a whole number: of how many increments it is
 
     def number(self, value: float) -> float:
         """v in mm, rad, mm/mm → what the control stores, rounded to its increment."""
         steps = round((self.base + self.sign * self.factor * value) / self.increment)
         return round(steps * self.increment, 12) + 0.0
+
+    def written(self, number: float) -> float:
+        """The control's number → what its file has: the number, or how many increments that is."""
+        return float(round(number / self.increment)) if self.counted else number
 
     def value(self, number: float) -> float:
         """The control's number → v in mm, rad, mm/mm."""

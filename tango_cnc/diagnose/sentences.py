@@ -100,7 +100,11 @@ def dropped(d: Dropped) -> str:
     if d.why == "few":
         return joined("", (text, say("diagnosis_said.touches_too_few_for_name")))
     if d.why == "size":
-        return joined("", (text, say("diagnosis_said.its_size_not_known_half")))
+        s = d.finding.size
+        known = say(
+            "diagnosis_said.its_size_not_known_half", amplitude=f"{s.amplitude * 1e3:.2g}", std=f"{s.amplitude_std * 1e3:.2g}"
+        )
+        return joined("", (text, known))
     return joined("", (text, say("diagnosis_said.beside_something_larger_without_name")))
 
 

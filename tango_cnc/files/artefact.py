@@ -7,16 +7,21 @@ from pathlib import Path
 from ..judgement import TableTolerances
 from ..records import Artefact, Ball, Facet, Id, ScaleBar, Surface
 from .balls import check_bar, check_facets
-from .checked import Node, load
+from .checked import Node, load, parse
 from .gathered import gathered
 from .obstacle import read_obstacle
 from .tolerances import TABLE_TOLERANCES, read_tolerances
 
 
-def read_artefact(file: Path) -> Artefact:
-    """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere."""
+def read_artefact(file: Path, text: str | None = None) -> Artefact:
+    """artefact.yaml, its text where it is not that of the file → artefact.
+
+    Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere.
+    """
     with gathered() as read:
-        fields = read.fields(load(file), ["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"])
+        fields = read.fields(
+            load(file) if text is None else parse(file, text), ["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"]
+        )
         name = read(lambda: fields["name"].text())
         solids = read(lambda: fields["obstacles"].list()) if "obstacles" in fields else []
         obstacles = read.each(solids or (), read_obstacle)
@@ -46,7 +51,7 @@ def _facets(node: Node, balls: dict[Id, Ball]) -> dict[Id, Facet]:
 
 def _ball(key: Id, node: Node) -> Ball:
     fields = node.fields(["centre", "radius"])
-    return Ball(key, fields["centre"].vector(), fields["radius"].size())
+    return Ball(node.called(key), fields["centre"].vector(), fields["radius"].size())
 
 
 def _known_ball(node: Node, balls: dict[Id, Ball]) -> Id:
@@ -63,7 +68,8 @@ def _facet(key: Id, node: Node, balls: dict[Id, Ball]) -> Facet:
         ball = read(lambda: _known_ball(fields["ball"], balls)) if "ball" in fields else None
         uncertainty = read(fields["uncertainty"].size) if "uncertainty" in fields else None
         surface = read(lambda: _surface(fields["surface"])) if "surface" in fields else None
-    return Facet(key, point, normal, ball, uncertainty, surface)
+        name = read(lambda: node.called(key))
+    return Facet(name, point, normal, ball, uncertainty, surface)
 
 
 def _surface(node: Node) -> Surface:

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import unicodedata
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -28,6 +29,7 @@ LARGEST = 1 << 28  # bytes of a file that is read whole
 SMALL = 1 << 16  # bytes asked for of a file that does not state its size, as in /proc; what is asked for is reserved in memory
 LONGEST = 400_000  # characters of YAML: what can be read in about a second
 MOST_VALUES = 1_000_000  # that a YAML file stands for
+TURNING = frozenset(("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"))  # Unicode: which way text is written
 SHOWN = 200  # characters of a wrong value
 DIGITS = 40  # of a whole number
 FURTHEST = 100_000.0  # mm or degrees: no machine tool reaches further, and beyond it places lose their micrometres
@@ -57,6 +59,11 @@ def there(file: Path) -> bool:
         return file.exists()
     except (OSError, ValueError):
         return False
+
+
+def _unseen(character: str) -> bool:
+    """character → whether it controls a screen, or turns the way in which the text behind it is written."""
+    return (unicodedata.category(character) == "Cc" and character not in "\n\t") or unicodedata.bidirectional(character) in TURNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,16 +138,21 @@ class Node:
 
     def text(self, allowed: Collection[str] | None = None) -> str:
         """scalar → text. Raises InputError when it is empty or not among `allowed`."""
-        if not isinstance(self.raw, Scalar) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
-            raise self.wrong("a text" if allowed is None else ", ".join(allowed))
-        value = str(self.raw.value)
+        value = self._characters("a text" if allowed is None else ", ".join(allowed))
         if allowed is not None and value not in allowed:
             raise self.wrong(", ".join(allowed) + "." + suggestion(value, allowed))
+        if unseen := next((c for c in value if _unseen(c)), None):
+            raise self.wrong("characters that are seen", f"the character U+{ord(unseen):04X} in {value[:SHOWN]!r}")
         return value
+
+    def _characters(self, allowed: str) -> str:
+        if not isinstance(self.raw, Scalar) or not self.raw.value or self.raw.tag == "tag:yaml.org,2002:null":
+            raise self.wrong(allowed)
+        return str(self.raw.value)
 
     def named(self, folder: Path) -> Path:
         """scalar, folder → the file of that name, there or not. Raises InputError for a name that no file can have."""
-        file = folder / self.text()
+        file = folder / self._characters("a text")
         try:
             file.lstat()
         except (FileNotFoundError, NotADirectoryError, PermissionError):
@@ -150,8 +162,14 @@ class Node:
         return file
 
     def identifier(self) -> Id:
-        """integer or string → id as text."""
-        return self.text()
+        """integer or string → id as text. Raises InputError for one that no file of readings could hold."""
+        return self.called(self.text())
+
+    def called(self, key: str) -> Id:
+        """the key of this value → an id. Raises InputError for blanks at an end, which readings lose, and for what nobody sees."""
+        if key != key.strip() or not key or any(_unseen(c) or c in "\n\t" for c in key):
+            raise self.wrong("a name of characters that are seen, without a blank at either end", repr(key[:SHOWN]))
+        return key
 
     def number(self, low: float = -math.inf, high: float = math.inf, *, above: float = -math.inf) -> float:
         """scalar → finite float in [low, high] and > above. Raises InputError for anything else."""

@@ -35,6 +35,7 @@ class Nightly:
     volume_std_um: float = 5.0  # standard deviation over the volume beyond which the full strategy runs
     false_alarm_nights: float = 730.0  # nights between two false alarms, on average
     limits: Mapping[str, float] = field(default_factory=dict)  # volume in µm; parameters in µm, µrad, µm/m
+    limits_for: str = ""  # what the limits are for, and who has stated them
     sensor: str | None = None  # temperature column that counts; None: the mean of all
     temperature: tuple[float, float] | None = None  # °C within which a night may begin
     warm_up_minutes: float = (
@@ -79,7 +80,7 @@ def _value(folder: Path, key: str, node: Node) -> Any:
         if node.integer() != 1:
             raise node.wrong("1, the version of the format that this program reads")
         return 1
-    if key in ("history", "owner", "deputy", "sensor"):
+    if key in ("history", "owner", "deputy", "limits_for", "sensor"):
         if key == "history" and "://" not in node.text():
             node.named(folder)
         return node.text()

@@ -17,7 +17,7 @@ from ..files.checked import printable
 from ..files.environment import filled
 from ..records import InputError, LinkError
 
-HEAD = "0002"
+HEAD = "0003"
 WAIT = 30  # s that a writer waits for another one
 ALLOWED = "the name of an SQLite file, or postgresql://user:${NAME}@host/database, NAME of a variable of the environment"
 REFUSED = ("authentication", "password", "role ")  # in what PostgreSQL says when it is the user who is wrong

@@ -32,6 +32,7 @@ NIGHT = {
     "parameters?": {"*": {"value": float, "std": float, "unit?": str, "change?": float, "low?": float, "high?": float}},
     **{f"{name}?": [{}] for name in ("preflight", "limits", "behind")},
     **{f"{name}?": {} for name in ("change", "residual", "volume", "diagnosis", "plausible", "temperatures", "next", "artefacts")},
+    "sensors?": {"*": {"state": str}},
     **{f"{name}?": {} for name in ("hashes", "versions", "said", "trend", "state")},
     **dict.fromkeys(("touches?", "planned?", "duration_s?"), float),
 }

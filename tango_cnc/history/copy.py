@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
-from sqlalchemy import func, insert, select, text
+from sqlalchemy import Connection, func, insert, select, text
 from sqlalchemy.exc import DBAPIError
 
 from ..records import InputError, LinkError, TangoError
@@ -15,10 +18,18 @@ from .store import History, opened
 AT_ONCE = 500  # rows
 
 
-def copied(history: History, place: str | Path) -> int:
-    """history, file name or URL of an empty one → entries that are there now. Raises InputError where there are some already.
+class Copied(NamedTuple):
+    """Entries that are there now, and what is wrong with the chains of the history itself, by machine ('': of none)."""
 
-    The copy is verified; a file that is not what was copied is taken away again.
+    entries: int
+    broken: Mapping[str, Sequence[str]]
+
+
+def copied(history: History, place: str | Path) -> Copied:
+    """history, file name or URL of an empty one → what is there now. Raises InputError where there are some already.
+
+    The copy is verified; a file that is not what was copied is taken away again. A chain that somebody has broken is copied as it
+    is: it must not keep the other machines from their backup.
     """
     with opened(place) as target:
         ours = False
@@ -26,6 +37,7 @@ def copied(history: History, place: str | Path) -> int:
             with (
                 history.engine.connect() as source,
                 target.engine.connect().execution_options(writes=True) as sink,
+                _as_it_is(sink),
                 sink.begin(),
             ):
                 if sink.execute(select(func.count()).select_from(t.machine)).scalar():
@@ -38,10 +50,10 @@ def copied(history: History, place: str | Path) -> int:
                 if target.engine.dialect.name == "postgresql":
                     for name in ("machine", "entry"):
                         sink.execute(text(f"SELECT setval(pg_get_serial_sequence('{name}', 'id'), (SELECT max(id) FROM {name}))"))
-            wrong = target.verify()
-            if wrong:
-                raise LinkError(f"{shown(place)}: the copy is not what was copied: {wrong[0]}")
-            return sum(number for number, _ in target.newest_hashes().values())
+            wrong = target.broken()
+            if wrong and (new := _new(wrong, history.broken())):
+                raise LinkError(f"{shown(place)}: the copy is not what was copied: {new}")
+            return Copied(sum(number for number, _ in target.newest_hashes().values()), wrong)
         except (TangoError, DBAPIError) as error:
             if ours and isinstance(place, Path):
                 for ending in ("", "-wal", "-shm"):
@@ -50,3 +62,23 @@ def copied(history: History, place: str | Path) -> int:
                 why = first_line(error)
                 raise LinkError(f"history: it cannot be copied ({why}). If it is damaged, take an older backup") from None
             raise
+
+
+@contextmanager
+def _as_it_is(sink: Connection) -> Iterator[None]:
+    """connection to an empty history → within it SQLite takes rows that belong to nothing, too: their chain was broken before."""
+    if sink.dialect.name != "sqlite":
+        yield
+        return
+    cursor = sink.connection.cursor()
+    cursor.execute("PRAGMA foreign_keys=OFF")
+    try:
+        yield
+    finally:
+        cursor.execute("PRAGMA foreign_keys=ON")
+        cursor.close()
+
+
+def _new(copy: Mapping[str, Sequence[str]], own: Mapping[str, Sequence[str]]) -> str:
+    """what is wrong with a copy, with what was copied → the first sentence of the copy alone; '' where there is none."""
+    return next((text for name, texts in copy.items() for text in texts if text not in own.get(name, ())), "")

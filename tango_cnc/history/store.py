@@ -285,8 +285,19 @@ class History:
 
     def verify(self, machine: str | None = None) -> tuple[str, ...]:
         """machine (None: all) → what is wrong with the chain, as sentences; empty when all is as it was added."""
-        found = [text for name in ((machine,) if machine else self.machines()) for text in self._verified(name)]
-        return (*found, *self._loose())
+        return tuple(text for texts in self.broken(machine).values() for text in texts)
+
+    def broken(self, machine: str | None = None) -> dict[str, list[str]]:
+        """machine (None: all) → {machine: what is wrong with its chain}, '' for what belongs to none; {} when all is as it was."""
+        found = {name: self._wrong_with(name) for name in ((machine,) if machine else self.machines())}
+        return {name: texts for name, texts in {**found, "": list(self._loose())}.items() if texts}
+
+    def _wrong_with(self, name: str) -> list[str]:
+        """machine → what is wrong with its chain, as sentences; of one that cannot be read, why."""
+        try:
+            return list(self._verified(name))
+        except InputError as error:
+            return [str(error)]
 
     def newest_hashes(self) -> dict[str, tuple[int, str]]:
         """→ {machine: (number of entries, hash of the newest)}: kept elsewhere, it shows a history whose end was cut off."""

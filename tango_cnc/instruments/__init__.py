@@ -5,7 +5,7 @@ of the machine, and so is what setting it up takes out (where its ball or its re
 fit with every error motion of the topology.
 """
 
-from .measured import Agreement, Compared, Measured, compare, read_measured
+from .measured import Agreement, Compared, InstrumentReadings, compare, read_measured
 from .path import INSTRUMENTS, Path, Wanted, commanded, names_of, path_of
 from .predict import Predicted, Row, predict
 
@@ -13,7 +13,7 @@ __all__ = [
     "INSTRUMENTS",
     "Agreement",
     "Compared",
-    "Measured",
+    "InstrumentReadings",
     "Path",
     "Predicted",
     "Row",

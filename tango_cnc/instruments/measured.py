@@ -23,7 +23,7 @@ SENSES = {"+": 1.0, "1": 1.0, "+1": 1.0, "-": -1.0, "-1": -1.0, "−": -1.0}
 
 
 @dataclass(frozen=True)
-class Measured:
+class InstrumentReadings:
     """Readings of an instrument, means of the runs at a command and sense: commands mm or rad, readings µm."""
 
     command: Array  # (n,)
@@ -58,7 +58,7 @@ class Compared:
     inside: float  # share of readings within their own 95 % interval
 
 
-def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> Measured:
+def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> InstrumentReadings:
     """CSV file, channels, whether the command is an angle → what was measured.
 
     Columns: `angle_deg` or `position_mm`, `direction` (+ or −), and `<channel>_um` for each channel. Raises InputError by line.
@@ -92,7 +92,7 @@ def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> Measure
     keys = sorted(groups, key=lambda k: (-k[1], k[0]))
     reading = np.array([np.mean(groups[k], axis=0) for k in keys]).T
     command, sense = np.array(keys).T
-    return Measured(command, sense, reading, min(len(v) for v in groups.values()))
+    return InstrumentReadings(command, sense, reading, min(len(v) for v in groups.values()))
 
 
 def _number(file: File, line: int, column: str, word: str, comma: str) -> float:
@@ -105,7 +105,7 @@ def _number(file: File, line: int, column: str, word: str, comma: str) -> float:
     return value
 
 
-def compare(told: Predicted, measured: Measured, expanded: float = 0.0) -> Compared:
+def compare(told: Predicted, measured: InstrumentReadings, expanded: float = 0.0) -> Compared:
     """what was predicted at the commands of the file, what was measured, U (k = 2) of one reading (µm) → how they agree."""
     path: Path = told.path
     q, n = path.ways.shape[:2]

@@ -58,7 +58,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Known:
+class ReadSoFar:
     """A journal as far as it was read: whole entries, the bytes they take, how its lines go on, and which file it was."""
 
     entries: tuple[Entry, ...] = ()
@@ -101,11 +101,11 @@ def look_at(file: Path) -> Found:
     """file → every line of it, good or not. Raises InputError when it cannot be read."""
     data = _bytes(file)[0]
     if b"\r\n" in data:  # JSON has no CR of its own, so none of it is lost
-        return replace(_looked_at(data.replace(b"\r\n", b"\n"), Known()), returns=True)
-    return _looked_at(data, Known())
+        return replace(_looked_at(data.replace(b"\r\n", b"\n"), ReadSoFar()), returns=True)
+    return _looked_at(data, ReadSoFar())
 
 
-def _looked_at(data: bytes, known: Known) -> Found:
+def _looked_at(data: bytes, known: ReadSoFar) -> Found:
     """bytes of a journal, what was read before them → every line of these bytes."""
     *lines, rest = data.split(b"\n")
     found: list[Line] = []
@@ -142,7 +142,7 @@ def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
     return [line.entry for line in found.lines if line.entry is not None and line.number not in changed], out
 
 
-def _bytes(file: Path, known: Known | None = None) -> tuple[bytes, Known]:
+def _bytes(file: Path, known: ReadSoFar | None = None) -> tuple[bytes, ReadSoFar]:
     """file, what was read of it → the bytes after that, and what was read; from the beginning where it is another file now."""
     try:
         with file.open("rb") as opened:
@@ -156,7 +156,7 @@ def _bytes(file: Path, known: Known | None = None) -> tuple[bytes, Known]:
                 if digest_of(data[: known.last - 1]) == known.digest:
                     return data[known.last :], known
                 opened.seek(0)
-            return opened.read(state.st_size), Known(file=which)  # what is asked for is reserved in memory
+            return opened.read(state.st_size), ReadSoFar(file=which)  # what is asked for is reserved in memory
     except OSError as error:
         raise InputError(f"{file}: cannot be read ({error.strerror}); there is no run to resume") from None
 
@@ -167,7 +167,7 @@ def read_journal(file: Path) -> tuple[list[Entry], int]:
     return list(found.entries), found.size
 
 
-def read_on(file: Path, known: Known | None = None) -> Known:
+def read_on(file: Path, known: ReadSoFar | None = None) -> ReadSoFar:
     """file, what was read of it before → what it holds now; only what is new is read. Raises InputError for damage."""
     data, known = _bytes(file, known)
     found = _looked_at(data, known)
@@ -185,7 +185,7 @@ def read_on(file: Path, known: Known | None = None) -> Known:
         return known
     entries = (*known.entries, *(line.entry for line in found.lines if line.entry is not None))
     end = found.lines[-1]
-    return Known(entries, known.size + sum(line.size for line in found.lines), end.size, end.digest, end.chained, known.file)
+    return ReadSoFar(entries, known.size + sum(line.size for line in found.lines), end.size, end.digest, end.chained, known.file)
 
 
 class Journal:

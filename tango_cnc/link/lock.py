@@ -15,6 +15,7 @@ import os
 import secrets
 import socket
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -23,10 +24,14 @@ from pathlib import Path
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
+from .entries import Begun, End, Reading
 from .process import alive, born
 
 NAME = ".tango.lock"
 ME = secrets.token_hex(8)  # this process; the system gives its number to another one some day
+JOURNAL = "readings.journal"
+TAIL = 1 << 14  # bytes in which the last entry stands
+OVER = 24 * 3600.0  # s after which no program of touches is executed any more
 BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the text
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
 HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int, "born?": str}
@@ -129,6 +134,40 @@ def ended(folder: Path, stamps: Sequence[str]) -> dict[str, str]:
         elif not any(next((nights / stamp).glob(name), None) for name in left):
             found[stamp] = "unsent"
     return found
+
+
+def broken_off(folder: Path) -> float | None:
+    """folder of a cell → when its last run broke off, s since 1970, where the control may still execute the program; else None.
+
+    That is: its journal of the last day ends with a touch, the beginning, or an end that is not complete and for which the control
+    has not said that its program is over; nobody is at work there; and no night has measured since.
+    """
+    try:
+        at = (folder / JOURNAL).stat().st_mtime
+        if not 0 <= time.time() - at < OVER or not _goes_on(folder / JOURNAL) or at_work(folder):
+            return None
+        later = (f.stat().st_mtime for f in (folder / "nights").glob("*/readings*.csv"))
+        return None if any(measured > at for measured in later) else at
+    except OSError:
+        return None
+
+
+def _goes_on(journal: Path) -> bool:
+    """journal → whether by its last entry the program was begun and is not known to be over."""
+    with journal.open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL))
+        lines = file.read().split(b"\n")
+    found = []
+    for line in lines:
+        try:
+            found.append(json.loads(line.partition(b" ")[2]))
+        except ValueError:  # the first is cut where the tail begins, the last where a plug was pulled
+            continue
+    kinds = [entry.get("kind") for entry in found if isinstance(entry, dict)]
+    if not kinds or not {Begun.kind, Reading.kind} & set(kinds):
+        return False
+    last = found[-1]
+    return last.get("kind") != End.kind or not (last.get("complete") or last.get("stands"))
 
 
 def lock(handle: int) -> None:

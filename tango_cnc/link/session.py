@@ -20,7 +20,7 @@ from .journal import Journal
 from .secrets import without
 from .transport import Lost, Transport
 from .transport._line import reason
-from .trust import Distrust, Judged, Leeway, judge, next_in_order
+from .trust import Believed, Distrust, Leeway, judge, next_in_order
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
@@ -129,7 +129,7 @@ class Session:
         self._directions = last_motion(task.plan)
         self._zero: float | None = None  # clock at the time zero of the readings
         self._place = 0  # of the touch that is due, in task.numbers
-        self._accepted = 0
+        self._accepted = self._taken = 0  # touches; bytes that the line has taken
         self._doubts = 0
         self._ended = self._told = self._leaving = False
         self._first = {
@@ -169,7 +169,7 @@ class Session:
         """why → what the person has to know, after it is in the journal."""
         with contextlib.suppress(LinkError):  # a disk that takes nothing more is the reason itself
             self._journal.add(End(False, why, _stamp(self._now()), stands=self._ended))
-        quiet = self._client.sent[0] == 0 and self._zero is None
+        quiet = (self._client.sent[0] == 0 or not self._taken) and self._zero is None
         warning = "" if quiet else " The control may still execute what it has received: look at the machine."
         done, of = self._accepted, len(self._task.numbers)
         due = f", touch {self._task.original[self._place]} was due" if self._place < of else ""
@@ -197,6 +197,7 @@ class Session:
             self._transcript.add("<-", data)
             self._lost()
             waiting = waiting[taken:]
+            self._taken += taken
             moment = self._clock()
             if data:
                 self._handle(self._client.receive(data))
@@ -308,7 +309,7 @@ class Session:
             else News(self._accepted, len(self._task.numbers), self._time(), judged.deviation)
         )
 
-    def _store(self, place: int, facet: str, judged: Judged, text: str) -> Reading:
+    def _store(self, place: int, facet: str, judged: Believed, text: str) -> Reading:
         deviation = None if judged.deviation is None else round(judged.deviation, 3)
         position = tuple(float(value) for value in judged.position)
         pose = _pose(self._task.plan.machine, facet, position)
@@ -329,7 +330,7 @@ class Session:
         self._journal.add(entry)
         return entry
 
-    def _repeated(self, place: int, judged: Judged) -> None:
+    def _repeated(self, place: int, judged: Believed) -> None:
         """Raises LinkError when a facet is not where it was before the run stopped."""
         number = self._task.original[place]
         before = next(e.position for e in self._journal.entries if isinstance(e, Reading) and e.touch == number)

@@ -37,7 +37,7 @@ class Leeway:
 
 
 @dataclass(frozen=True)
-class Judged:
+class Believed:
     """A record that is believed."""
 
     status: str  # ok, miss, early
@@ -45,17 +45,17 @@ class Judged:
     deviation: float | None  # µm of an ok contact from the nominal one along the outward normal
 
 
-def judge(record: Touched, touch: Touch, machine: Machine, leeway: Leeway) -> Judged:
+def judge(record: Touched, touch: Touch, machine: Machine, leeway: Leeway) -> Believed:
     """record, what was planned, machine → status, position, deviation. Raises Distrust."""
     position = _position(record, touch, machine)
     contact = np.array(touch.contact)
     turned = np.array([axis.kind != "linear" for axis in machine.axes])
     _possible(position, machine)
     if record.flag == 2:
-        return Judged("early", position, None)
+        return Believed("early", position, None)
     if record.flag == 0:
         _missed(position, touch, turned, leeway)
-        return Judged("miss", position, None)
+        return Believed("miss", position, None)
     for i in np.flatnonzero(turned & (np.abs(position - contact) > leeway.turned)):
         said, sent = math.degrees(position[i]), math.degrees(contact[i])
         raise Distrust(f"{machine.names[i]} is {said:.4f} deg where {sent:.4f} was commanded")
@@ -70,11 +70,11 @@ def judge(record: Touched, touch: Touch, machine: Machine, leeway: Leeway) -> Ju
     if not -leeway.sideways <= way <= length + leeway.sideways:
         raise Distrust(f"{way:.3f} mm along a measuring move of {length:.3f} mm")
     if way >= length - leeway.resolution:
-        return Judged("miss", position, None)
+        return Believed("miss", position, None)
     searched = float(np.linalg.norm(end - contact[~turned]))
     if way < max(length - 2 * searched, (length - searched) / 10) - leeway.resolution:
-        return Judged("early", position, None)
-    return Judged("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
+        return Believed("early", position, None)
+    return Believed("ok", position, float((contact[~turned] - position[~turned]) @ along) * 1e3)
 
 
 def _possible(position: Array, machine: Machine) -> None:

@@ -51,7 +51,7 @@ class Account:
 
 
 @dataclass(frozen=True)
-class Settings:
+class RewriteSettings:
     """How it is done: chord error of arcs and of parts of lines, mm; digits; whether rotary words move."""
 
     chord: float = 0.001
@@ -70,7 +70,7 @@ class _State:
 
 
 def compensated(
-    lines: Iterable[str], language: ModuleType, setup: Setup, known: Known, settings: Settings, account: Account, mark: str
+    lines: Iterable[str], language: ModuleType, setup: Setup, known: Known, settings: RewriteSettings, account: Account, mark: str
 ) -> Iterator[str]:
     """lines, language, set-up, what is known of the machine → lines without their ends.
 
@@ -122,7 +122,7 @@ def _batch(
     language: ModuleType,
     setup: Setup,
     known: Known,
-    settings: Settings,
+    settings: RewriteSettings,
     account: Account,
     state: _State,
     machinery: dict[float, Machinery],
@@ -195,7 +195,7 @@ def _corrected(
     run: list[Motion],
     mach: Machinery,
     setup: Setup,
-    settings: Settings,
+    settings: RewriteSettings,
     account: Account,
     state: _State,
     written: dict[int, list[Array]],
@@ -273,7 +273,7 @@ def _judge(
     run: list[Motion],
     mach: Machinery,
     setup: Setup,
-    settings: Settings,
+    settings: RewriteSettings,
     account: Account,
 ) -> None:
     """Adds how far the tip is from where it is meant to be: as programmed, and with the words as they are written."""

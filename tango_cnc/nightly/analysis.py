@@ -37,12 +37,12 @@ from ..texts import say
 from ..touches import from_readings
 from . import again, answered, parts
 from .alarms import alarms_of
-from .before import Before
+from .before import BeforeNight
 from .behind import behind
 from .control import limited
 from .course import ALIKE
 from .dates import Since, clock_wrong, date_of, since
-from .doubt import Judged, attempted, believed, doubted
+from .doubt import NightDoubt, attempted, believed, doubted
 from .drift import Drift, as_alarm
 from .goes_on import anew, going_on
 from .lag import Lag, lagging
@@ -50,6 +50,8 @@ from .lag import sentence as lag_told
 from .lengths import with_total
 from .one_date import as_alarmed, begun
 from .ports import Measured, Past
+from .sensors import counted, how_warm, see_to_it_first, speaks, states
+from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
 from .trend import drift, looking_ahead, slopes
@@ -64,7 +66,9 @@ class Update:
     """What the readings of one night did to what was known."""
 
     recent: Sequence[Mapping[str, Any]]  # records of the nights before, newest first
-    warmth: Mapping[str, Array]  # K at every touch
+    readings: Readings  # with the temperatures that count
+    sensors: Mapping[str, Mapping[str, Any]]  # what each did (nightly/sensors.py)
+    warmth: Mapping[str, Array]  # °C at every touch
     ahead: State  # what was expected
     what: Seen
     tonight: Tonight
@@ -105,7 +109,7 @@ class Heard:
     silent: Sequence[dict[str, Any]] = ()  # of nights before, that somebody ignores
 
 
-class Nights(Before):
+class Nights(BeforeNight):
     """The analysis of one cell: readings against what was known."""
 
     def analysed(
@@ -118,6 +122,8 @@ class Nights(Before):
         result = parts.estimated(self.followed, measured.readings, u.after, u.tonight) if asked else None
         last = since(past, self.cell.machine.name, day, self.settings.every_days)
         alarms = alarms_of(self.known, last, u.ahead, u.tonight, u.named) if u.alarm else []
+        alarms = [how_warm(a, u.sensors, parts.mean(u.warmth), u.recent) for a in alarms]
+        warm = told_of_sensors(u.sensors, self.settings.sensor, date_of(day))
         judged, inner, diagnosis = self._judged(past, kind, measured, u, result, alarms)
         heard = Heard([]) if not judged.believed else Heard(alarms) if u.first else self._answered(past, day, u, alarms, last)
         place = self._place(u, judged.believed and u.quiet)
@@ -130,7 +136,9 @@ class Nights(Before):
             heard = self._drifted(past, day, u, place, moving, last, heard)
         if judged.believed and u.quiet:
             heard = self._crept(past, day, u, heard)
+        heard = replace(heard, alarms=see_to_it_first(heard.alarms, warm))
         told = self._told(u, place, judged, moving, heard, diagnosis)
+        told |= {"temperature": warm} if warm else {}
         if not judged.believed:  # what is not believed must not teach the state anything
             told = {key: value for key, value in told.items() if key not in ("parameters", "state")}
             told |= {"within": as_json(self.known, inner)} if inner is not None else {}
@@ -140,10 +148,11 @@ class Nights(Before):
 
     def _updated(self, past: Past, day: float, measured: Measured) -> Update:
         """history, day, readings → what they did to what was known."""
-        readings, before = measured.readings, self.state(past)
-        assert readings is not None
+        assert measured.readings is not None
+        before, recent = self.state(past), self._recent(past)
+        sensors, first = states(measured.readings, recent), before is None
+        readings = counted(measured.readings, sensors)
         warmth = parts.warmth(readings, self.settings.sensor)
-        recent, first = self._recent(past), before is None
         ahead = start(self.followed, day, parts.mean(warmth)) if before is None else grown(before, day)
         if ahead.reference is None and warmth:
             ahead = replace(ahead, reference=parts.mean(warmth))
@@ -169,7 +178,8 @@ class Nights(Before):
         if lag is not None:
             after = self.earlier.anew(past, lag, recent, after, what.without(tonight.outliers))
         after, learned, since_learned = self.earlier.learned(past, recent, after)
-        return Update(recent, warmth, ahead, what, tonight, named, after, first, alarm, repaired, lag, learned, since_learned)
+        which = recent, readings, sensors, warmth
+        return Update(*which, ahead, what, tonight, named, after, first, alarm, repaired, lag, learned, since_learned)
 
     def _seen(self, readings: Readings, ahead: State, at: Array) -> Seen:
         """readings, what was expected, (p,) where touches are linear → what they say."""
@@ -197,19 +207,19 @@ class Nights(Before):
 
     def _judged(
         self, past: Past, kind: str, measured: Measured, u: Update, result: Estimate | None, alarms: Sequence[dict[str, Any]]
-    ) -> tuple[Judged, Within | None, dict[str, Any]]:
+    ) -> tuple[NightDoubt, Within | None, dict[str, Any]]:
         """→ how far the readings are to be believed; a step of the machine within this run that explains them; their diagnosis."""
         readings = measured.readings
         assert readings is not None
-        judged = Judged("trustworthy")
+        judged = NightDoubt("trustworthy")
         if self.judged is not None and result is not None:
             judged = self.judged(*self._judgeable(kind, measured), result, kind, not u.first and not u.alarm)
         diagnosis, undiagnosed = dict[str, Any](), ""
         if self.diagnosed is not None and self.settings.diagnose and self._asks(kind, u.alarm, judged):
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         odd = not u.first and (u.alarm or judged.verdict != "trustworthy")
-        inner = self._within(u.ahead, readings, u.tonight) if odd else None
-        moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u.ahead, readings, u.tonight, u.named)
+        inner = self._within(u.ahead, u.readings, u.tonight) if odd else None
+        moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u.ahead, u.readings, u.tonight, u.named)
         judged = believed(judged, diagnosis, alarms, u.first, moves) if inner is None else moved_within(self.known, inner, readings)
         judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, self.cell.machine.name) else judged
         return judged, inner, {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
@@ -283,7 +293,7 @@ class Nights(Before):
         return replace(heard, alarms=alarms, ignored=ignored)
 
     def _told(
-        self, u: Update, place: Place, judged: Judged, moving: Drift | None, heard: Heard, diagnosis: Mapping[str, Any]
+        self, u: Update, place: Place, judged: NightDoubt, moving: Drift | None, heard: Heard, diagnosis: Mapping[str, Any]
     ) -> dict[str, Any]:
         """→ members of the record."""
         rate = 1 / self.settings.false_alarm_nights
@@ -312,7 +322,7 @@ class Nights(Before):
             "residual": parts.residual(u.what, u.after, u.tonight),
             "outliers": list(u.tonight.outliers),
             "plausible": {"verdict": judged.verdict, "reasons": list(judged.reasons)},
-            "temperatures": {name: parts.told(values) for name, values in u.warmth.items()},
+            "temperatures": {name: parts.told(values) for name, values in u.warmth.items() if speaks(u.sensors, name)},
             "versions": {"tango_cnc": __version__},
             "state": as_numbers(u.after) | {"learned": u.learned, "since_learned": u.since_learned},
             "carried": judged.believed,
@@ -321,6 +331,7 @@ class Nights(Before):
         more = {
             "standing": waiting,
             "unheard": heard.silent,
+            "sensors": u.sensors,
             "in_control": None if self.control is None else self.control.as_json(),
             "behind": causes,
             "ignored": heard.ignored,
@@ -335,7 +346,7 @@ class Nights(Before):
             told["trend"] = vars(moving) | {"text": moving.text}
         return told
 
-    def _asks(self, kind: str, alarm: bool, judged: Judged) -> bool:
+    def _asks(self, kind: str, alarm: bool, judged: NightDoubt) -> bool:
         """kind, whether there is an alarm, judgement → whether a diagnosis is made. Nobody waits for that of an old night that was
         good; one whose reasons say that the cause is looked for gets it.
         """

@@ -26,7 +26,7 @@ from ..state.volume import Aim, aim, levers
 from ..texts import say
 from .alarms import Known
 from .control import Given, InControl
-from .doubt import Judged
+from .doubt import NightDoubt
 from .goes_on import anew
 from .learning import READ, Earlier
 from .ports import Past
@@ -52,7 +52,7 @@ class Timed:
 
 
 @dataclass(frozen=True)
-class Before:
+class BeforeNight:
     """What is known of one cell before a night, and what that night touches; frozen, so what one night computes another may use."""
 
     cell: Cell
@@ -61,7 +61,7 @@ class Before:
     times: Timed
     read: READ  # text of readings.csv → readings
     check: Cell | None = None  # the cell with the strategy of check.yaml
-    judged: Callable[[Cell, Readings, Estimate, str, bool], Judged] | None = None  # the last: kind of night, as predicted
+    judged: Callable[[Cell, Readings, Estimate, str, bool], NightDoubt] | None = None  # the last: kind of night, as predicted
     diagnosed: Callable[[Cell, Readings], Mapping[str, Any]] | None = None
     written: Callable[[Estimate], Mapping[str, str]] | None = None
     control: InControl | None = None

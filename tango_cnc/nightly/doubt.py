@@ -19,7 +19,7 @@ NEAR = 2 * CLOSE  # of the score: it pays for three ways and a bend, and a machi
 
 
 @dataclass(frozen=True)
-class Judged:
+class NightDoubt:
     """What is said of the readings of a night."""
 
     verdict: str  # trustworthy, doubtful, implausible
@@ -44,15 +44,15 @@ def attempted(
         return {}, str(error) or type(error).__name__
 
 
-def doubted(judged: Judged, reason: str) -> Judged:
+def doubted(judged: NightDoubt, reason: str) -> NightDoubt:
     """judgement, a reason beside the touches → the same, in doubt for this reason first. It teaches what it taught before."""
     verdict = "doubtful" if judged.verdict == "trustworthy" else judged.verdict
     return replace(judged, verdict=verdict, reasons=(reason, *judged.reasons))
 
 
 def believed(
-    judged: Judged, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool, moves: float = -math.inf
-) -> Judged:
+    judged: NightDoubt, diagnosis: Mapping[str, Any], alarms: Sequence[dict[str, Any]], first: bool, moves: float = -math.inf
+) -> NightDoubt:
     """judgement, diagnosis ({} where none was made), alarms of the touches, whether nothing was known, by how much a machine that
     moves on while it is measured explains the touches better than what the alarms name (state/warming.py) → the judgement of the
     night.

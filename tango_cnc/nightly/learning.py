@@ -16,6 +16,7 @@ from ..state.filter import matched, restored, sigma_of
 from . import parts
 from .lag import Lag, followed_anew
 from .ports import Past
+from .sensors import counted
 
 LEARNED_FROM = 60  # nights
 LEARNED_EVERY = 10  # measured nights between two times that the rates are learned
@@ -64,7 +65,7 @@ class Earlier:
         noise, opened = [], []
         for place, night in enumerate(nights[1:]):
             record = records[night.entry]
-            what = self._then(readings[night.entry], after)
+            what = self._then(readings[night.entry], record, after)
             seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
             rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
             noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
@@ -85,18 +86,19 @@ class Earlier:
             return after
         if (begin := self.restored(known, recent[lag.back])) is None:
             return after
-        back = [(r, self._then(readings[entry], after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
+        back = [(r, self._then(readings[entry], r, after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
         nights = [(float(r["state"]["day"]), then.without(r.get("outliers", ()))) for r, then in reversed(back)]
         return followed_anew(begin, lag, [*nights, (after.day, what)], after)
 
-    def _then(self, readings: str, after: State) -> Seen:
-        """text of the readings of an earlier night, state of tonight → what those touches say.
+    def _then(self, readings: str, record: Mapping[str, Any], after: State) -> Seen:
+        """text of the readings of an earlier night, its record, state of tonight → what those touches say.
 
         Their rows are those of a machine near this one (`NEAR`), so many nights in one process linearise each of them once.
         """
         kept = self._kept.get(readings)
         if kept is None or kept[1] != after.reference or np.any(np.abs(kept[0] - after.mean) > self._near):
-            what = seen(self.followed, self.read(readings), after.mean, after.reference, self.sensor)
+            then = counted(self.read(readings), record.get("sensors"))
+            what = seen(self.followed, then, after.mean, after.reference, self.sensor)
             self.keep(readings, after, what)
             return what
         return kept[2]

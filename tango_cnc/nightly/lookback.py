@@ -26,6 +26,7 @@ from ..records import Array, InputError
 from ..state.filter import restored
 from ..state.smooth import Filtered, smoothed
 from ..terms import SCALES
+from .sensors import TEMPERATURE, celsius_of
 from .standing import own_of
 
 NIGHTS = 400  # looked back over
@@ -151,6 +152,15 @@ def drifting(records: Sequence[Mapping[str, Any]], name: str, rates: Mapping[str
     return float(special.chdtrc(1, max(2 * gain, 0.0)))
 
 
+def warmth(history: History, machine: str) -> Trend:
+    """history, machine → °C that counted in each night that has one. Raises InputError where none has."""
+    found = [(r, c) for r in reversed(history.records(machine)) if (c := celsius_of(r)) is not None]
+    if not found:
+        raise InputError(f"history: no night of {machine} has a temperature; allowed: nights with sensors.yaml (docs/link.md)")
+    start, night = (tuple(str(r[key]) for r, _ in found) for key in ("start_utc", "night"))
+    return Trend(machine, TEMPERATURE, "°C", (), start, night, np.array([c for _, c in found]), np.zeros(len(found)))
+
+
 def smooth(history: History, machine: str, name: str) -> Trend:
     """history, machine, parameter → what is known today of its past nights. Nothing is carried back over an alarm.
 
@@ -200,9 +210,9 @@ def _rates(history: History, machine: str, last: Mapping[str, Any]) -> dict[str,
 
 
 def _temperature(records: Sequence[Mapping[str, Any]]) -> Array | None:
-    """records → (n,) °C of each night, mean of its sensors; None where a night has none."""
-    values = [[float(t["mean"]) for t in (r.get("temperatures") or {}).values()] for r in records]
-    return np.array([np.mean(v) for v in values]) if all(values) else None
+    """records → (n,) °C of each night: that which counted; None where a night has none."""
+    values = [celsius_of(r) for r in records]
+    return None if None in values else np.array(values)
 
 
 def _at(some: Array, day: Array, warmth: Array | None) -> Array | None:

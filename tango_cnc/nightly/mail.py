@@ -19,7 +19,13 @@ from .first import owner_of, parts_first
 from .words import beside, value, what_of
 
 SHOWN = 3  # alarms that wait, in full
-OWN = ("night.drift_do", "night.comes_back.repaired_do", "night.edited.do")  # what to do that a full measurement does not take back
+OWN = (
+    "night.drift_do",
+    "night.drift_plain_do",
+    "night.sensors.do",
+    "night.comes_back.repaired_do",
+    "night.edited.do",
+)  # what to do that a full measurement does not take back
 
 
 def message(
@@ -138,6 +144,7 @@ def _not_good(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
 def _besides(record: Mapping[str, Any], t: Texts) -> list[str]:
     """record, texts → a compensation, touches set apart, how sure the night is, what comes next, what was edited."""
     lines = [f"* {line}"] if (line := held(record, t)) else []
+    lines += [f"* {t.of(warm['text'])}"] if (warm := record.get("temperature")) else []
     if apart := record.get("outliers") or ():
         numbers = ", ".join(str(n) for n in apart)
         lines.append(f"* {t('night.set_apart' if len(apart) == 1 else 'night.set_apart_many', numbers=numbers)}")

@@ -65,6 +65,7 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         **{"preflight": [], "touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
         "owner": settings.owner or None,
         **({"deputy": settings.deputy} if settings.deputy else {}),
+        **({"limits_for": settings.limits_for} if settings.limits_for else {}),
         "artefacts": {"folder": f"nights/{stamp}"},
     }
     left: list[str] = []

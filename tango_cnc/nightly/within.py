@@ -11,10 +11,10 @@ from ..state import Within
 from ..texts import say
 from .alarms import Known, others, said_of
 from .dates import Since
-from .doubt import Judged
+from .doubt import NightDoubt
 
 
-def moved_within(k: Known, found: Within, readings: Readings) -> Judged:
+def moved_within(k: Known, found: Within, readings: Readings) -> NightDoubt:
     """what is known, the step, readings → the judgement of a night whose touches are of two machines: it teaches nothing."""
     minutes = float(readings.time[np.flatnonzero(readings.touch == found.after)[0]] - readings.time.min()) / 60
     since = say("night.within.since", touch=str(found.before), minutes=f"{minutes:.1f}")
@@ -22,7 +22,7 @@ def moved_within(k: Known, found: Within, readings: Readings) -> Judged:
     names = others(k, found.named.hypothesis.parameter, found.named.instead)
     also = say("night.within.or", names=", ".join(names)) if names else ""
     reason = say("night.within.step", text=text, also=also, before=str(found.before), after=str(found.after))
-    return Judged("doubtful", (reason,), believed=False)
+    return NightDoubt("doubtful", (reason,), believed=False)
 
 
 def as_json(k: Known, found: Within) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from .. import check
+from ..check.solid import rim
 from ..records import Array, Axis, Machine, Vector
 
 PIECE = math.radians(10)  # of an arc for each corner of its polygon: that is 0.4 % wider than the arc
@@ -49,10 +50,7 @@ def _span(axis: Axis, start: float, end: float) -> tuple[float, float]:
 def probe(machine: Machine) -> Balls:
     """machine → (n, 3), (n,) mm: balls, machine frame at the zero pose, whose hull holds the probe and what carries it."""
     own, up = machine.probe, np.array(machine.spindle.direction)
-    across = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
-    across /= np.linalg.norm(across)
-    angle = 2 * np.pi * np.arange(RIM) / RIM
-    rim = (np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * np.cross(up, across)) / np.cos(np.pi / RIM)
+    around = rim(up, RIM)
     tip = np.array(machine.spindle.point) - own.length * up
     nose = max(own.nose_radius, own.body_radius)
     rims = (
@@ -60,7 +58,7 @@ def probe(machine: Machine) -> Balls:
         (own.length, nose),
         (own.length + BEHIND, nose),
     )
-    balls = np.vstack([tip, *(tip + height * up + radius * rim for height, radius in rims)])
+    balls = np.vstack([tip, *(tip + height * up + radius * around for height, radius in rims)])
     size = np.zeros(len(balls))
     size[0] = max(own.tip_radius, own.stylus_radius)
     return balls, size

@@ -9,7 +9,7 @@ from ..records import Machine
 from ..texts import Said, instead
 from .days import day, days_between, local_day
 from .plain import office, plain, shop
-from .reach import or_else
+from .reach import of_two, or_else
 from .texts import Texts, texts
 from .units import Units
 from .words import named
@@ -56,7 +56,7 @@ def alarm(
         "office": office(_todo(a, u, t), t),
         "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
-        "nobody": not owner and decision is None,
+        "nobody": not owner and not record.get("deputy") and decision is None,
         "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, str(record.get("deputy") or "")),
         "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
         "decision": decision,
@@ -76,8 +76,10 @@ def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: st
         told += t("morning.has_since", date=day(local_day(decision.utc), t)) if decision.utc else ""
         return f"{told} {t('morning.has_until', date=day(decision.until, t))}" if decision.until else told
     if not owner:
-        return t("morning.nobody")
+        return t("morning.nobody_but", other=deputy) if deputy else t("morning.nobody")
     days = days_between(asked, today) if asked else 0
+    if deputy and or_else(str(owner), days, deputy, t):  # the same first person as in what to do
+        return of_two(str(owner), days, deputy, asked, t)
     key = "call" if not asked else "asked" if days < 1 else "asked_yesterday" if days == 1 else "asked_since"
     told = t(f"morning.{key}", owner=owner, date=day(asked, t), days=days)
     return " ".join(x for x in (told, or_else(str(owner), days, deputy, t)) if x)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from typing import Any, Literal
 
 from ..records import Machine
@@ -21,6 +22,7 @@ CLOCK = "history.clock."  # keys of the sentences of history/clock.py, with whic
 
 CUT_OFF = "web.cut_off"  # key of the sentence about a night that was cut off
 UNSENT = "web.unsent"  # of one that ended before anything was sent to the control
+RUN_OFF = "web.run_off"  # of a run outside the nights that broke off
 WAITING = "web.waiting"  # of one that has ended and that the history has not taken
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
@@ -170,9 +172,18 @@ def said_cut_off(stamps: Sequence[str], ended: Mapping[str, str] | None = None) 
     return tuple(say(keys.get((ended or {}).get(stamp, ""), CUT_OFF), date=night_of_stamp(stamp)) for stamp in stamps)
 
 
+def said_broken_off(at: float | None) -> tuple[Said, ...]:
+    """when the last run of a cell broke off while its program may go on (s since 1970; None: it did not) → what pages say of it."""
+    return (
+        ()
+        if at is None
+        else (say(RUN_OFF, date=f"{datetime.fromtimestamp(at):%Y-%m-%d}", time=f"{datetime.fromtimestamp(at):%H:%M}"),)
+    )
+
+
 def is_cut_off(former: Sequence[str]) -> bool:
-    """what pages say of a cell beside its nights → whether a night of it was cut off."""
-    return any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
+    """what pages say of a cell beside its nights → whether a night of it was cut off, or a run broke off."""
+    return any(isinstance(text, Said) and text.key in (CUT_OFF, RUN_OFF) for text in former)
 
 
 def is_unsent(former: Sequence[str]) -> bool:
@@ -207,7 +218,8 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     if dates_cut_off(former) or is_waiting(former):
         found = _dated(found, t)
     if is_cut_off(former):
-        return _machine_first(found, "cut_off", "cut_off", t)
+        night = any(isinstance(text, Said) and text.key == CUT_OFF for text in former)
+        return _machine_first(found, "cut_off" if night else "run_off", "cut_off", t)
     if is_unsent(former) and found.may == "yes":
         return replace(found, may="but", word=t("may.but"), state="not_measured", why=t("may.unsent"))
     if is_waiting(former) and found.may == "yes":

@@ -69,7 +69,7 @@ class Wishes:
 
 
 @dataclass(frozen=True)
-class Nights:
+class NewestNight:
     """What the history of the machine says of its newest night, and of alarms that nobody has decided about."""
 
     date: str
@@ -123,7 +123,7 @@ class Nights:
 
 
 @dataclass(frozen=True)
-class Held:
+class LoadedCompensation:
     """A compensation that is in the control: readings older than it do not contain it, and probing may not see all of it."""
 
     number: int
@@ -158,8 +158,8 @@ class Facts:
     judgement: Judgement
     trend: Mapping[str, Any] | None
     compensations: tuple[Mapping[str, Any], ...]
-    nights: Nights | None = None
-    control: Held | None = None
+    nights: NewestNight | None = None
+    control: LoadedCompensation | None = None
 
     @property
     def used(self) -> int:
@@ -200,8 +200,8 @@ def gather(
     sheet: Sheet | str,
     trend: Mapping[str, Any] | None = None,
     compensations: Sequence[Mapping[str, Any]] = (),
-    nights: Nights | None = None,
-    control: Held | None = None,
+    nights: NewestNight | None = None,
+    control: LoadedCompensation | None = None,
 ) -> Facts:
     """cell, readings, wishes, what is on record, estimate and what is thought of it, ISO figures or why none → facts."""
     have = result if control is None or control.gone is None else replace(result, values=result.values - control.gone)

@@ -16,6 +16,7 @@ from .alarm import alarm, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
+from .reach import instead_of
 from .texts import Texts
 from .together import CLOSED, SAME, closed, together
 from .tonight import LENGTHS, by_tonight
@@ -92,6 +93,9 @@ def faults(
             for x in found
         ]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
+    other = instead_of(record, found)
+    whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
+    found = [x | (whom if x["nobody"] else {}) for x in found]
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 
 

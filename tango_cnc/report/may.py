@@ -5,7 +5,7 @@ Readings that are newer than the night count as well: of the two answers the wor
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -172,3 +172,15 @@ def _most(f: Facts, own: Answer, t: Texts) -> str:
     factor, unit = shown(f.result.parameters[name].unit)
     size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
     return t("may.most", what=spoken(name, f.cell.machine, t), size=size)
+
+
+def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
+    """answer, what to do, texts → the same; under a No it begins with it, and nothing in it lets parts be made meanwhile.
+
+    To look at a machine that may still move stays before that.
+    """
+    if told.may != "no" or told.word == t("may.not_yet"):
+        return list(do)
+    none, moving = t("may.brief_no"), {t("morning.cut_off_todo")}
+    rest = [x for x in do if x not in (none, t("morning.parts_first"), t("may.brief_probe"))]
+    return [*(x for x in rest if x in moving), none, *(x for x in rest if x not in moving)]

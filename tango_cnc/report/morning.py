@@ -155,7 +155,10 @@ def context(
         ),
         "who": who_of(told, asked, found, t),
         "count": len(still_open(found)),
-        "nobody": found[0]["nobody"] if found else not asked["owner"],
+        "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
+        "has": bool(found and found[0]["decision"]),
+        "next_kind": _next_kind(told, coming_night, t),
+        "limit_for": _limit_for(told, record, before, t),
         "busy": busy,
         "old": stale,
         "measured": (before or record).get("night") or "",
@@ -212,6 +215,7 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
             for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
         ],
         "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
+        "warm": whole_sentence(sentence(plain(t.of((record.get("temperature") or {}).get("text") or ""), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
@@ -230,6 +234,26 @@ def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapp
         return record.get("next") or {}
     last = max(repaired, key=lambda d: str(d.utc))
     return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=last.note or last.alarm)}
+
+
+def _next_kind(told: Answer, coming: Mapping[str, Any], t: Texts) -> str:
+    """answer, next night, texts → what it measures, beside what is asked for now; '' where somebody has to see to the machine or
+    the computer before any night can measure.
+    """
+    kind = str(coming.get("kind") or "")
+    if not kind or told.old or told.state in ("cut_off", "moved", "not_measured"):
+        return ""
+    key = f"morning.next_{kind}" if told.may in ("no", "but") and f"morning.next_{kind}" in t else f"morning.kind_{kind}"
+    return t(key) if key in t else kind
+
+
+def _limit_for(told: Answer, record: Mapping[str, Any], before: Mapping[str, Any] | None, t: Texts) -> str:
+    """answer, record, last night that measured, texts → what the limit is for and who has stated it; '' without a number."""
+    known = before or record
+    if not told.numbers or not any(x.get("limit") for x in known.get("limits") or ()):
+        return ""
+    stated = str(record.get("limits_for") or known.get("limits_for") or "").rstrip(".")
+    return t("may.limit_for", text=stated) if stated else ""
 
 
 def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> str:
@@ -324,7 +348,8 @@ def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mappi
     if told is not None and told.may in ("yes", "wait") and record.get("verdict") == "good" and not told.soon:
         return ""
     if not record["owner"]:
-        return t("morning.nobody")
+        deputy = str(record.get("deputy") or "")
+        return t("morning.nobody_but", other=deputy) if deputy else t("morning.nobody")
     return " ".join(
         x for x in (t("morning.call", owner=record["owner"]), or_else(record["owner"], 0, str(record.get("deputy") or ""), t)) if x
     )

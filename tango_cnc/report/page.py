@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from ..diagnose.sentences import advice, cause_name, covariate, dropped, meaning
 from ..records import Array, Machine
 from ..verify.summary import pose_text
 from . import charts, slices
+from .answer import dates_cut_off
 from .audit import audit, made_of, source
 from .checks import verdict
 from .course import course
@@ -20,7 +21,7 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, uncertainty
-from .may import Told, grown, may
+from .may import Told, grown, may, parts_first
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -53,6 +54,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
     do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
+    do = parts_first(told, do, t)
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -65,14 +67,14 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "source": source(f, t),
         "made_of": made_of(f, t),
         "verdict": found,
-        "sentence": sentence(found, t),
+        "sentence": sentence(found, t, f.judgement.untrusted),
         "may": told,
         "state": told.short(t),
         "basis": said.basis,
         "cause": said.cause,
         "run": said.run,
         "trust": trust,
-        "trusted": sentence(trust, t),
+        "trusted": sentence(trust, t, f.judgement.untrusted),
         "since_then": since_then(f, t),
         "todo": list(dict.fromkeys(shop(text, t) for text in do)),
         "office": list(dict.fromkeys(office(text, t) for text in do if office(text, t))),
@@ -129,15 +131,18 @@ def _safe(svg: str) -> Markup:
     return Markup(svg)
 
 
-def sentence(found: Verdict, t: Texts) -> str:
-    """verdict, texts → what the top of the page says."""
+def sentence(found: Verdict, t: Texts, untrusted: Sequence[str] = ()) -> str:
+    """verdict, texts, parameters that must not be used → what the top of the page says."""
+    names = ", ".join(untrusted)
     if found.worst is None:
-        return t("verdict.good")
+        return t("verdict.good_but", names=names) if names else t("verdict.good")
+    why = found.worst.text
     if found.worst.said:
-        return t(found.worst.said, why=found.worst.text)
+        return t(found.worst.said, why=why)
     if not found.worst.trust:
-        return t("verdict.limit", why=found.worst.text)
-    return t(f"verdict.{found.level}", why=found.worst.text)
+        return t("verdict.limit", why=why)
+    said = t(f"verdict.{found.level}", why=why)
+    return f"{said.rstrip('.')}. {t('verdict.not_these', names=names)}" if names and found.level == "look" else said
 
 
 def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, Any]]:
@@ -381,13 +386,13 @@ def as_json(f: Facts) -> dict[str, Any]:
     return {
         "format": "tango-report/1",
         "overall": found.level,
-        "sentence": sentence(found, texts()),
+        "sentence": sentence(found, texts(), f.judgement.untrusted),
         "checks": [{"name": c.name, "level": c.level, "value": c.value, "text": c.text, "todo": c.todo} for c in found.checks],
         "effects_um": effects(f.result),
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
-        "cut_off": [str(said.values["date"]) for said in (f.nights.former if f.nights is not None else ())],
+        "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,

@@ -27,22 +27,33 @@ def or_else(owner: str, days: int, deputy: str, t: Texts) -> str:
     )
 
 
+def instead_of(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]] = ()) -> str:
+    """record with deputy, what is wrong → who is asked where no owner is named: the deputy, else who has or is asked about
+    something else of this machine; '' where nobody is named at all.
+    """
+    return str(record.get("deputy") or next((a["owner"] for a in found if a.get("owner")), ""))
+
+
 def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
     """record with owner and deputy, what is wrong, texts → whom to call, as an order; '' where somebody has it already."""
     first = found[0] if found else {}
     if first.get("decision") is not None:
         return ""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")
+    silent, asked = int(first.get("silent") or 0), str(first.get("night") or "")
     if not owner:
-        return t("morning.nobody_todo")
-    if not or_else(owner, int(first.get("silent") or 0), deputy, t):
+        other = instead_of(record, found)
+        return t("morning.nobody_but", other=other) if other else t("morning.nobody_todo")
+    if not or_else(owner, silent, deputy, t):
         return t("morning.call", owner=owner)
-    if not deputy:
-        return t("morning.call_or_shift", owner=owner)
-    # Who can be reached comes before who cannot, or who has not answered.
+    return of_two(owner, silent, deputy, asked, t) if deputy else t("morning.call_or_shift", owner=owner)
+
+
+def of_two(owner: str, silent: int, deputy: str, asked: str, t: Texts) -> str:
+    """owner, who has not answered or has no number, days since the first question, deputy, its date, texts → whom to call first:
+    who can be reached comes before who cannot, or who has not answered.
+    """
     ask, other = (deputy, owner) if REACHED.search(deputy) else (owner, deputy)
-    if int(first.get("silent") or 0) < SILENT or not first.get("night"):
+    if silent < SILENT or not asked:
         return t("morning.call_or", owner=ask, deputy=other)
-    return t(
-        "morning.call_next" if ask == deputy else "morning.call_again", owner=owner, deputy=deputy, date=day(first["night"], t)
-    )
+    return t("morning.call_next" if ask == deputy else "morning.call_again", owner=owner, deputy=deputy, date=day(asked, t))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Change:
+class ChangeKind:
     """A kind of change that an alarm names."""
 
     of_the_probe: bool = False  # no error of a part: the probe, its stylus or the artefact
@@ -16,18 +16,18 @@ class Change:
 
 
 CHANGES = {
-    "axis_location": Change(entered=True, family=("location", "angle")),
-    "scale": Change(entered=True, family=("gain",)),
-    "scales": Change(entered=True, blurred=True),
-    "backlash": Change(entered=True, family=("backlash",)),
-    "stylus": Change(of_the_probe=True),
-    "pretravel": Change(of_the_probe=True),
-    "facet": Change(of_the_probe=True),
-    "ball": Change(),
-    "table": Change(),
-    "temperature": Change(),
-    "noise_level": Change(of_the_probe=True, blurred=True),
-    "unknown": Change(blurred=True),
+    "axis_location": ChangeKind(entered=True, family=("location", "angle")),
+    "scale": ChangeKind(entered=True, family=("gain",)),
+    "scales": ChangeKind(entered=True, blurred=True),
+    "backlash": ChangeKind(entered=True, family=("backlash",)),
+    "stylus": ChangeKind(of_the_probe=True),
+    "pretravel": ChangeKind(of_the_probe=True),
+    "facet": ChangeKind(of_the_probe=True),
+    "ball": ChangeKind(),
+    "table": ChangeKind(),
+    "temperature": ChangeKind(),
+    "noise_level": ChangeKind(of_the_probe=True, blurred=True),
+    "unknown": ChangeKind(blurred=True),
 }
 OF_FAMILY = {family: name for name, change in CHANGES.items() for family in change.family}
 
@@ -37,6 +37,6 @@ def change_of(parameter: str, family: str) -> str:
     return OF_FAMILY["backlash" if parameter.endswith("b") else family]
 
 
-def change(name: object) -> Change:
+def change(name: object) -> ChangeKind:
     """cause of an alarm on record → what is special about it; nothing for one that this version does not know."""
-    return CHANGES.get(str(name).replace(" ", "_"), Change())
+    return CHANGES.get(str(name).replace(" ", "_"), ChangeKind())

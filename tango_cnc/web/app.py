@@ -13,6 +13,7 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from importlib import resources
 from typing import Any
 from urllib.parse import parse_qsl, quote
@@ -27,8 +28,8 @@ from starlette.routing import BaseRoute, Route
 
 from ..records import TangoError
 from ..report.alarm import sentence, since_told
-from ..report.answer import dates_cut_off, is_unsent
-from ..report.days import at, day, spoken_days
+from ..report.answer import dates_cut_off, is_cut_off, is_unsent
+from ..report.days import at, clock, day, local_day, spoken_days
 from ..report.template import environment
 from ..report.texts import Texts, texts_of
 from ..report.units import Units
@@ -44,7 +45,7 @@ LOG = logging.getLogger("tango.serve")
 
 
 @dataclass
-class State:
+class PagesState:
     """What the pages share."""
 
     settings: Settings
@@ -72,7 +73,7 @@ def create(settings: Settings) -> Starlette:
     env = environment(settings.templates)
     assert isinstance(env.loader, jinja2.ChoiceLoader)
     env.loader = jinja2.ChoiceLoader([*env.loader.loaders, jinja2.PackageLoader("tango_cnc.web", "templates")])
-    state = State(
+    state = PagesState(
         settings,
         Places(settings),
         SignIns(),
@@ -194,10 +195,10 @@ def _static() -> list[Route]:
     return [Route("/static/app.css", css), Route("/static/live.js", js)]
 
 
-def state_of(request: Request) -> State:
+def state_of(request: Request) -> PagesState:
     """request → what the pages share."""
     found = request.app.state.tango
-    assert isinstance(found, State)
+    assert isinstance(found, PagesState)
     return found
 
 
@@ -253,6 +254,8 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         "moment": lambda text: at(text, state.texts),
         "since_of": lambda a: since_told(a, state.texts),
         "is_unsent": is_unsent,
+        "is_cut_off": is_cut_off,
+        "made": made(state.texts),
         "newest_of": lambda machine: _newest(state, machine),
         "here": request.url.path,
         "signed_in": signed,
@@ -265,7 +268,13 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     return HTMLResponse(state.templates.get_template(template).render(**context), status)
 
 
-def _newest(state: State, machine: Served) -> str:
+def made(t: Texts) -> str:
+    """texts → when the page is made, as all pages say it: 06:02 CET, Sun 29 Nov."""
+    now = datetime.now(UTC)
+    return f"{clock(now)}, {day(local_day(now.isoformat()), t, False)}"
+
+
+def _newest(state: PagesState, machine: Served) -> str:
     """what pages share, machine → date of its newest night, also where that one was cut off; '' where it has none."""
     nights = state.places.nights(machine, STRIP)
     return max((*dates_cut_off(machine.former), *(n.night for n in nights[:1])), default="")

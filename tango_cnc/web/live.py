@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from starlette.concurrency import run_in_threadpool
 
 from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
-from ..link.journal import Known, read_on
+from ..link.journal import ReadSoFar, read_on
 from ..records import Cell
 from ..report.days import at
 from ..report.texts import Texts
@@ -46,7 +46,7 @@ class LiveRun:
 class Journals:
     """Journals that were read, by file: one that has not grown is not read again, of one that has only what is new."""
 
-    _read: dict[Path, tuple[tuple[int, int], Known, LiveRun]] = field(default_factory=dict)
+    _read: dict[Path, tuple[tuple[int, int], ReadSoFar, LiveRun]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def run(self, file: Path, cell: Cell | None) -> LiveRun | None:

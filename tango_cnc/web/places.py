@@ -19,10 +19,10 @@ from ..history import History, Night, Standing, opened
 from ..history.clock import in_future
 from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
-from ..link.lock import cut_off, ended
+from ..link.lock import broken_off, cut_off, ended
 from ..records import Cell, Machine, TangoError
 from ..report.age import nights_old
-from ..report.answer import said_cut_off
+from ..report.answer import said_broken_off, said_cut_off
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
@@ -131,6 +131,8 @@ class Places:
                 m = found[slug] = replace(m, former=(told_of(future),))
             if m.folder is not None and (cut := cut_off(m.folder)):
                 m = found[slug] = replace(m, former=(*m.former, *said_cut_off(cut, ended(m.folder, cut))))
+            if m.folder is not None and (off := said_broken_off(broken_off(m.folder))):
+                m = found[slug] = replace(m, former=(*m.former, *off))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
             new = m.name not in m.history.machines()
@@ -174,6 +176,10 @@ class Places:
     def deputy(self, machine: Served) -> str:
         """machine → who is asked where its owner does not answer, by nightly.yaml of its cell; empty where nobody is stated."""
         return self._stated(machine).deputy
+
+    def limits_for(self, machine: Served) -> str:
+        """machine → what its limits are for and who has stated them, by nightly.yaml of its cell; '' where that is not stated."""
+        return self._stated(machine).limits_for
 
     def old(self, machine: Served, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""

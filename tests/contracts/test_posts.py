@@ -220,6 +220,19 @@ def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, 
     )
 
 
+def test_each_word_that_switches_the_probe_stands_at_its_own_end_also_alone(made: Plan) -> None:
+    """On is said before the first touch, off behind the last. A program that is sent without them asks for a hand."""
+    mark, by_hand = plan_hash(made), "SWITCH IT BY HAND"
+    for post in map(load, names()):
+        keys = {option.name for option in post.options} & {"probe_on", "probe_off"}
+        for key in keys:
+            text = "\n".join(program(post, made, {key: "M80"}, mark)[2]())
+            touch = re.search(rf"\bTOUCH {made.touches[0].number}\b", text)
+            assert touch is not None and "M80" in (text[: touch.start()] if key == "probe_on" else text[touch.end() :]), post.title
+            assert (by_hand in text) == (post.link == "grbl"), post.title
+        assert not keys or by_hand not in "\n".join(program(post, made, {}, mark)[2]()), post.title
+
+
 @pytest.mark.few(5)
 def test_its_program_is_read_back(post: Post, made: Plan) -> None:
     lines = text_of(post, made).splitlines()
@@ -255,9 +268,9 @@ def test_the_header_lists_what_is_unverified_by_danger_and_says_what_a_dry_run_d
     dangers = {doubt: experiment.danger if experiment else 9 for experiment, doubts in listed for doubt in doubts}
     assert [dangers[doubt] for doubt in sorted(place, key=lambda doubt: place[doubt])] == sorted(dangers.values())
     acts = settings(post, {})["feed_override"] == "acts"
-    assert ("DRY RUN OFF - IT ACTS" if acts else "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES") in head[
-        : min(place.values())
-    ]
+    before = head[: min(place.values())]
+    assert ("KEEP THE FEED OVERRIDE AT 100 PERCENT" if acts else "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES") in before
+    assert ("DRY RUN OFF - IT ACTS" in before) == (post.language == "siemens")  # LinuxCNC has no dry run
     bare = text_of(post, made, {"gate": "none"}).splitlines() if post.gate is not None else []
     assert all("NOTHING PROVES THE PROBE ALIVE" in line for line in [line for line in bare if "UNVERIFIED" in line][:1])
 

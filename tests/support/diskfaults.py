@@ -125,6 +125,11 @@ class Net:
             raise ConnectionResetError(104, "Connection reset by peer")
         disk.program = data[: disk.chance.randrange(len(data))] if disk.happens("put short") else data  # its disk is full
 
+    def remove(self, path: str) -> None:
+        self._way()
+        assert path == PROGRAM
+        self._disk.program = b""
+
     def close(self) -> None:
         pass
 

@@ -50,17 +50,20 @@ def ran(
     truly: Machine | None = None,
     brake: int | None = None,
     really: Artefact | None = None,
+    lacks: str = "",
     **who: Any,
 ) -> Ran:
     """dialect, plan, options of its profile, who is there and how the probe is wired → what came of the program.
 
     `habits`: of the control, beside its usual ones; `truly`: the machine that really moves; `really`: the artefact on it;
-    `brake`: M code that opens it.
+    `brake`: M code that opens it; `lacks`: a word that this control does not know, as its alarm says.
     """
     spoken, found = EVERY[name], Ran()
     family = language(spoken.family)
     lines = written(name, made, options or {})
     lines = lines[spoken.frame : len(lines) - spoken.frame]
+    if lacks:
+        lines = [line.replace(lacks, _unknown(lacks)) for line in lines]
     library = [line for file, text in companions(load(name), made, options or {}).items() for line in (file, *text)]
     machine = truly or made.machine
     motion = Motion(rig(machine, really or made.artefact, World()), lambda event, **data: found.events.append((event, data)), **who)
@@ -108,5 +111,11 @@ def ran(
     try:
         control.run(lines, False)
     except Alarm as alarm:
-        found.alarm = alarm
+        shown = vars(alarm).values()
+        found.alarm = Alarm(*(str(part).replace(_unknown(lacks), lacks) for part in shown)) if lacks else alarm
     return found
+
+
+def _unknown(word: str) -> str:
+    """word → another one in its place, which no control knows."""
+    return re.sub(r"(?<=[A-Z#])(\d+)$", r"\g<1>9", word) if word[-1].isdigit() else f"{word[:-1]}XQ"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from tango_cnc.commands._again import again
-from tango_cnc.commands._cell_nights import as_of, nights_of
+from tango_cnc.commands._again import again, files_of
+from tango_cnc.commands._cell_nights import as_of, nights_of, twin
 from tango_cnc.commands._cut_off import (
     JOURNAL,
     KEPT,
@@ -33,6 +33,7 @@ __all__ = [
     "again",
     "as_of",
     "executed_until",
+    "files_of",
     "followed",
     "keep_readings",
     "machine_of",
@@ -42,5 +43,6 @@ __all__ = [
     "note_planned",
     "settings_of",
     "told_of_signals",
+    "twin",
     "warm",
 ]

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from tango_cnc.commands._proofs import keys_here, keys_of
+from tango_cnc.commands._proofs import keys_here, keys_of, remedy_here
 
-__all__ = ["keys_here", "keys_of"]
+__all__ = ["keys_here", "keys_of", "remedy_here"]

@@ -95,6 +95,11 @@ def comma(text: bytes) -> bytes:
     return re.sub(rb"(?<=\d)\.(?=\d)", b",", text)
 
 
+def pointless(text: bytes) -> bytes:
+    """records → without their decimal points, as a control prints increments."""
+    return b"\n".join(re.sub(rb"(?<=\d)\.", b"", line) if b"H" in line else line for line in text.split(b"\n"))
+
+
 def narrow(text: bytes) -> bytes:
     """records → of coordinates and sum, only two digits are left before the point."""
 
@@ -192,6 +197,7 @@ def cases(name: str) -> dict[str, Case]:
         found["feed"] = Case("feed", {"skip_obeys": True}, {"feed_override": "ignored"}, {"feed_override": "acts"}, "feed_override")
         found["frames"] = Case("frames", {"habits": {"transformation": True}}, {"trafoof": False}, {"trafoof": True}, "trafoof")
     if spoken == "rs274":
+        found["feed"] = Case("feed", {"skip_obeys": True}, {"feed_override": "ignored"}, {"feed_override": "acts"}, "feed_override")
         found["frames"] = Case("frames", {"habits": {"rotation": {"R": 3.0}}}, names="rotation")
         found["rotary"] = Case("rotary", {"slack": {"B": 1.0}, "brake": 64}, {}, {"unclamp": {"B": "M64 P3"}}, "unclamp")
     if spoken == "centroid":  # whose M codes are macros of the builder

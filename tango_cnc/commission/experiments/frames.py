@@ -31,7 +31,9 @@ EXPERIMENT = Experiment(
     1,
     "recorded positions are machine coordinates in mm, whatever offset, tool length and unit is active",
     "compare a record with the machine position on the display",
-    "look first whether the probe signal is on while nobody touches the stylus: then turn its polarity round. Else state "
+    "look first whether the probe signal is on while nobody touches the stylus: then turn its polarity round. Where an axis went "
+    "the other way than it was sent, a mirror image of it is on: switch it off at the control, and state the words that do it in "
+    "reset; or machine.yaml has its direction the wrong way round. Else state "
     "axis_numbers; cancel scaling, rotation, mirror image, tool length and a dynamic work offset (G54.2, G254), and state the "
     "words that do it (reset, trafoof, cycle800, off); check the names of the position variables (contact and contact_frame, "
     "position, machine_position). A control that says contact where nothing was met may show the same text: state met. So does one "
@@ -40,7 +42,7 @@ EXPERIMENT = Experiment(
     judge,
     re.compile(
         r"OFFSET|UNITS|INCHES|POSITIONS ARE IN MM|FRAME|MACHINE COORDINATES|MET SOMETHING|MISFIT|DOES NOT FIT|LATCHED|OLD ONE|"
-        r"TRIPPED ON THE WAY|CANCEL(?! G51| IT)|ROTATED|G68 IS ON"
+        r"TRIPPED ON THE WAY|CANCEL (TOOL|G(?!51))|UNEXPECTED PROBE CONTACT|ROTATED|G68 IS ON"
     ),
     re.compile(
         r"^(reset|length_check|off|trafoof|cycle800|plane_reset|tcpm_reset|positioning_feed|axis_numbers|machine_position|"

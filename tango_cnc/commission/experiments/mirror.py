@@ -43,7 +43,7 @@ EXPERIMENT = Experiment(
     "send an axis by 1 mm and look at its machine position",
     "switch the mirror image or scaling off at the control, and state the words that do it in reset, e.g. G50 and G50.1",
     judge,
-    re.compile(rf"{MIRRORED}|MIRROR|SCALING|CANCEL G51|G51 IS ON"),
+    re.compile(rf"{MIRRORED}|MIRROR|SCALING(?!_)|CANCEL G51|G51 IS ON"),
     re.compile(r"^scaling_check ="),  # what somebody may have left on before a run, no experiment proves for ever
     rests=("reset", "must_be_off", "scaling_check"),
 )

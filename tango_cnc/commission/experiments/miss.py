@@ -24,7 +24,7 @@ EXPERIMENT = Experiment(
     "look at the flag H of the records in the air: 0",
     "where the control makes an alarm of a miss, its parameter has to allow one; check contact and met",
     judge,
-    re.compile(r"INACCESSIBLE|NOT TRIGGERED|SKIP NOT REACHED|\(NO CONTACT\)|SAYS CONTACT"),
+    re.compile(r"DID NOT DETECT|INACCESSIBLE|NOT TRIGGERED|SKIP NOT REACHED|\(NO CONTACT\)|SAYS CONTACT"),
     re.compile(r"meets nothing|text of TCH PROBE 4|nothing is met|goes on when nothing|^met ="),
     rests=("skip", "probe_input", "met", "contact", "distance"),
 )

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from ..digits import lost
+from ..digits import lost, pointless
 from ..experiment import Experiment, Ruling, Seen
 
 COARSE = 0.004  # mm: steps of positions from here on are useless; 0.0001 inch is none of them
@@ -22,6 +22,8 @@ def judge(seen: Seen) -> Ruling:
         return Ruling("FAIL", f"not a record: {seen.refused[0]!r}", float(len(seen.refused)), "lines")
     if not seen.records:
         return Ruling("OPEN", "nothing was recorded")
+    if found := pointless(seen):
+        return Ruling("FAIL", f"{next(iter(found.values()))}: the decimal point is lost", float(len(found)), "records")
     if step := coarse(seen):
         return Ruling("FAIL", f"positions come in steps of {step:.5g} mm; allowed: 0.001 mm or finer", step, "mm")
     return Ruling("PASS", f"{len(seen.records)} records read", float(len(seen.records)), "records")
@@ -75,4 +77,5 @@ EXPERIMENT = Experiment(
     settles=re.compile(r"DPRNT|SPRINT|^print_format|^places|^conversion|^output|PUT of a number|decimal point|mask|#WRITE"),
     rests=("print_format", "places", "conversion", "output", "mask", "readings", "log"),
     on=("port",),
+    raw=True,
 )

@@ -4,7 +4,8 @@ A target is a module with `TEXT` (one line), `FACTS` (what it is built on, each 
 manual or in source code, or is somebody's memory that has to be confirmed), `OPTIONS` and
 
     held(request)                 → every number that the target can store, as `Held`
-    files(request, held, numbers) → {file name: text}; numbers by place, in the control's units
+    files(request, held, numbers) → {file name: text}; numbers by place, in the control's units. A file that counts increments has
+        `Held.counted`, and `Held.written` says what stands in it
     steps(request)                → what a person does, in order; `SIGN_TRIAL` among them where no source states a sign
     check(request)                → nothing; raises InputError for a machine that does not fit. `check = any_machine` where all do
     derived(request, held, numbers) → {name of a number in the files: `Derived`}, of those that it calculates from the held ones, as

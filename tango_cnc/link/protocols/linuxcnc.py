@@ -53,6 +53,7 @@ class Client(Dialogue):
         self._task, self._options = task, options
         self._begun = self._running = self._finished = False
         self._place = self._told = 0
+        self.advice = "the program is at the control and is started from here: press nothing"
         super().__init__(task.start_patience)
 
     @classmethod

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import struct
 from collections.abc import Generator, Mapping
 from urllib.parse import unquote
 
@@ -41,7 +42,8 @@ WORD, END = 1 << 16, 0xFFFF  # records count modulo WORD; point of the end mark
 READS = 5  # times that a record is read until two readings agree
 WRITES = 3  # times that `taken` is written until it stands there
 HELLO = b"ask\nget\n"
-SUM = 0.0002  # mm by which the sum of places with four decimals may be off, for each of them
+EXACT = 1e-6  # mm: the sum is that of the very numbers in the variables, nothing is rounded for print
+SINGLE = 23  # binary places of a REAL of 32 bits
 Values = dict[str, float]
 
 
@@ -144,7 +146,7 @@ class Client(Dialogue):
             self._allowed = self._task.patience[min(self._count - 1, len(self._task.patience) - 1)]
             if self._left:  # the person may have to start the program yet
                 self._allowed, self._left = max(self._allowed, self._task.start_patience), False
-            yield from self._take(number)  # goes out when what the record said is on disk
+            yield from self._take(number, taken)  # goes out when what the record said is on disk
             if ended is not None:
                 self._events.append(Ended(ended, self._task.mark))
                 return
@@ -201,12 +203,14 @@ class Client(Dialogue):
         """values → whether it is a start mark, and no touch has come since the one before: nothing has moved."""
         return values["point"] == 0 and self._count <= 1 and self._ours(values)
 
-    def _take(self, number: int) -> Generator[str, str, None]:
-        """Writes that a record has been taken, until it stands there."""
+    def _take(self, number: int, before: int) -> Generator[str, str, None]:
+        """number of a record, what stands in taken → it is written until it stands there. Raises Stop for a third number."""
         for _ in range(WRITES):
             yield from self._ask(f"take {number}", "TAKE")
-            if int((yield from self._look())["taken"]) == number:
+            values = yield from self._look()
+            if int(values["taken"]) == number:
                 return
+            self._untaken(values, before)
         raise Stop("what is written as taken does not stand there afterwards: do the nodes fit the control?")
 
     def _ours(self, values: Values) -> bool:
@@ -240,9 +244,10 @@ class Client(Dialogue):
         text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())
         if flag not in (0, 1, 2):
             return Refused(f"flag {flag}; it is 0 (no contact), 1 (contact) or 2 (early contact)", text)
-        off = values["sum"] - sum(place.values()) if self._task.summed and self._nodes.sum else 0.0
-        if abs(off) > SUM * (len(place) + 1):
-            return Refused(f"the places add up to {sum(place.values()):.4f}, and sum is {values['sum']:.4f}", text)
+        if self._task.summed and self._nodes.sum:
+            said, found = values["sum"], sum(place.values())
+            if abs(said - found) > _most_off(said, list(place.values())):
+                return Refused(f"the places add up to {found:.6f}, and sum is {said:.6f}", text)
         return Touched(point, flag, place, text)
 
 
@@ -261,6 +266,20 @@ def _values(line: str, nodes: Nodes) -> Values:
         if whole and (value != int(value) or (name in ("record", "taken", "point") and not 0 <= value < WORD)):
             raise ValueError(f"{name}: found {value:g}; allowed: a whole number{' of 0 … 65535' if name != 'state' else ''}")
     return found
+
+
+def _most_off(said: float, places: list[float]) -> float:
+    """sum and places → mm by which they may differ: nothing, but REALs of 32 bits are rounded once each, their sum at each step."""
+    numbers, whole = [said, *places], sum(map(abs, places))
+    if whole > 1e30 or any(struct.unpack("f", struct.pack("f", x))[0] != x for x in numbers):
+        return EXACT
+    rounded = sum(map(_half_unit, places)) + len(places) * _half_unit(whole)
+    return max(EXACT, rounded)
+
+
+def _half_unit(number: float) -> float:
+    """number → half of the last place that a REAL of 32 bits has of it."""
+    return float(2.0 ** (math.frexp(number)[1] - 1 - SINGLE) / 2) if number else 0.0
 
 
 def _mark(values: Values, nodes: Nodes) -> str:

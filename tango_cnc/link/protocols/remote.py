@@ -42,12 +42,12 @@ class Client(file.Client):
             self.brought = False
             self.advice = "the program is at the control, compared by reading it back: start it there"
             self._put = b"put %s\n" % task.program.encode().hex().encode()
-        self._all = len(self._put)
+        self._all, self._there = len(self._put), False
 
     @property
     def sent(self) -> tuple[int, int]:
-        """→ (bytes sent, bytes in all) of the program."""
-        return self._all - len(self._put), self._all
+        """→ (bytes of the program that stand at the control and were compared, bytes in all)."""
+        return self._all * self._there, self._all
 
     def bytes_to_send(self, limit: int) -> bytes:
         """most bytes wanted → the next piece of the program."""
@@ -59,5 +59,6 @@ class Client(file.Client):
             return super()._complete(text)
         self._silence = 0.0
         if text == f"PUT {self._hash}":
+            self._there = True
             return []
         return self._fail("the program that was read back from the control is not the one that was put there: start nothing")

@@ -83,7 +83,7 @@ class File:
         except OSError as error:
             raise Lost(f"{self._file} cannot be read: {reason(error)}") from None
         added = data[len(self._before) :].partition(b"\0")[0]
-        whole = added[: added.rfind(b"\n") + 1]
+        whole = whole_lines(added)
         first, self._at = self._at == 0, self._at + len(whole)
         self._before = (self._before + whole)[-REMEMBERED:]
         return whole.removeprefix(BOM) if first else whole
@@ -127,6 +127,11 @@ def aged(address: Address) -> str:
     seconds = max(0.0, time.time() - file.stat().st_mtime)
     days = f"{seconds / 86400:.0f} days" if seconds >= 2 * 86400 else spoken(seconds)
     return f"from=last reads what is in {file.name} already, from its last start mark on; it was last written {days} ago"
+
+
+def whole_lines(added: bytes) -> bytes:
+    """what a file has more → as far as its last whole line; a Haas ends them with CR alone, others with LF or both."""
+    return added[: max(added.rfind(b"\n"), added.rfind(b"\r")) + 1]
 
 
 def foreign(head: bytes, tail: bytes) -> bool:

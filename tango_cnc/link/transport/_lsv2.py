@@ -21,7 +21,7 @@ from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._remote import HEAD, START, Remote, foreseen
+from ._remote import HEAD, LIES, START, Remote, foreseen
 from ._stores import needed
 
 PATIENCE = 10.0  # s for one telegram
@@ -280,7 +280,7 @@ class AtRest(Remote):
 
     def _tried(self, verb: bytes, value: bytes) -> bytes:
         """what to do → the answer, over a new connection each time."""
-        why = ""
+        why, self._writing = "", False
         for left in reversed(range(TRIES)):
             try:
                 return self._done(verb, value)
@@ -292,6 +292,7 @@ class AtRest(Remote):
                 break
             if left:
                 time.sleep(BETWEEN)
+        why += LIES if verb == b"put" and self._writing else ""
         return ANSWER + f"! {quote(why[:LONGEST])}".encode()
 
     def _done(self, verb: bytes, value: bytes) -> bytes:

@@ -155,7 +155,7 @@ class OpcUa:
         names = list(self._nodes.looked_at)
         words = []
         for name, value in zip(names, self._values(names), strict=True):
-            if not isinstance(value, int | float):
+            if isinstance(value, bool) or not isinstance(value, int | float):
                 raise LinkError(f"{name} ({self._ids[name].to_string()}): found {value!r:.40}; allowed: a number")
             words.append(f"{name}={float(value)!r}" if isinstance(value, float) else f"{name}={int(value)}")
         return f"GET {' '.join(words)}"

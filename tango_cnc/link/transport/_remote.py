@@ -12,9 +12,9 @@ from urllib.parse import unquote, urlsplit
 from ...records import InputError, LinkError
 from ..address import Address
 from ..ways import Way
-from ._file import FOREIGN, foreign
+from ._file import FOREIGN, foreign, whole_lines
 from ._line import Lost, reason
-from ._stores import PORTS, RefusedError, Store, needed, store
+from ._stores import PORTS, Held, RefusedError, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -26,6 +26,7 @@ START = b"TANGO START"
 OURS = re.compile(rb"PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}")
 HEAD = 4000  # bytes within which a program of ours names itself
 NAMES = {rb"^DEF INT TG_": "TANGO.MPF", rb"^OTNGO\b": "TANGO.MIN"}  # of programs for Siemens and Okuma in a folder
+LIES = "; a part of it may lie there: delete it, and start nothing"
 BROKEN = (OSError, EOFError, LinkError)
 
 
@@ -33,9 +34,27 @@ def foreseen(address: Address) -> None:
     """port → nothing. Raises InputError where the library is missing, or the key is no file."""
     if address.scheme in ("sftp", "smb"):
         needed({"sftp": "paramiko", "smb": "smbclient"}[address.scheme], address.scheme)
+    _paths(address)
     key = Path(address.options.get("key") or __file__)
     if not key.is_file():
         raise InputError(f"port {address.url}: key: found {key}; allowed: the file of a private key")
+
+
+def _paths(address: Address) -> None:
+    """port → nothing. Raises InputError for a share without a file, and for one file of program and records."""
+    path, program = unquote(urlsplit(f"//{address.target}").path), address.options.get("program", "")
+    if address.scheme == "smb":
+        for key, name in (("path", path), ("program", program)):
+            if name and len(name.strip("/").split("/")) < 2 and not (key == "program" and name.strip("/") and name.endswith("/")):
+                raise InputError(
+                    f"port {address.url}: {key}: found {name}; allowed: the share, then a file on it, e.g. /SHARE/TANGO.TXT"
+                )
+    if program and _same(program, path):
+        raise InputError(f"port {address.url}: program: found {program}, which is the file of the records; allowed: another file")
+
+
+def _same(one: str, other: str) -> bool:
+    return posixpath.normpath(one).upper() == posixpath.normpath(other).upper()
 
 
 class Remote:
@@ -49,15 +68,23 @@ class Remote:
         self._program = address.options.get("program", "")
         self._rest, self._answers, self._due = b"", b"", 0.0
         self._store: Store | None = None
+        self._failed: Lost | None = None  # of a program of which a part lies at the control
+        self._writing = False  # a program goes there, or has gone
         self._at, self._before = 0, b""
         self._begin()
 
     def _begin(self) -> None:
         """Notes where the record file ends now, or where its last start mark is."""
         there = self._open()
-        size, folder = there.size(self._path), posixpath.dirname(self._path)
+        try:
+            size, folder = there.size(self._path), posixpath.dirname(self._path)
+        except IsADirectoryError:
+            raise InputError(
+                f"port {self._address.url}: {self._path} is a folder at the control; allowed: the file of the records. "
+                "Nothing was put at the control"
+            ) from None
         if size is None and folder.strip("/") and there.lacks(folder):
-            raise LinkError(
+            raise InputError(
                 f"port {self._address.url}: there is no folder {folder} at the control; no program can write its records there. "
                 "Correct the path. Nothing was put at the control"
             )
@@ -77,6 +104,8 @@ class Remote:
 
     def read(self, timeout: float) -> bytes:
         """s → the whole lines that have been added. Raises Lost when the control cannot be reached for a minute."""
+        if self._failed is not None:
+            raise self._failed
         answers, self._answers = self._answers, b""
         if answers:
             return answers
@@ -98,7 +127,7 @@ class Remote:
                     raise Lost(f"the control cannot be reached any more: {_why(error)}") from None
                 time.sleep(BETWEEN)
 
-    def _new(self, there: Store) -> bytes:
+    def _new(self, there: Held) -> bytes:
         data = there.read(self._path, self._at - len(self._before), MOST)
         if not data.startswith(self._before):
             if not data and there.size(self._path) is None:
@@ -106,7 +135,7 @@ class Remote:
             self._at, self._before = 0, b""
             data = there.read(self._path, 0, MOST)
         added = data[len(self._before) :].partition(b"\0")[0]
-        whole = added[: added.rfind(b"\n") + 1]
+        whole = whole_lines(added)
         first, self._at = self._at == 0, self._at + len(whole)
         self._before = (self._before + whole)[-REMEMBERED:]
         return whole.removeprefix(BOM) if first else whole
@@ -119,20 +148,52 @@ class Remote:
         return len(data)
 
     def _put(self, program: bytes) -> bytes:
-        """program → what was read back, by its hash."""
+        """program → what was read back, by its hash; nothing where it was cut off and a part of it lies there. Raises Lost."""
+        name = self._place(program)
         try:
             return self._put_at(self._store or self._open(), program)
-        except (OSError, EOFError) as error:
-            raise Lost(f"the program cannot be put at the control: {_why(error)}") from None
+        except (OSError, EOFError, LinkError) as error:
+            if isinstance(error, Lost | RefusedError):
+                raise Lost(str(error)) from None
+            lost = Lost(f"the program cannot be put at the control as {name}: {_why(error)}{self._left(name, program)}")
+            if self._failed is None:
+                raise lost from None
+            self._failed = lost
+            return b""
 
-    def _put_at(self, there: Store, program: bytes) -> bytes:
+    def _left(self, name: str, program: bytes) -> str:
+        """place of a program that was cut off, the program → what became of the part of it, as the end of a sentence."""
+        if not self._writing:
+            return ""
+        part = True
+        self._hang_up()  # what is still to come over it belongs to the program
+        try:
+            there = self._open()
+            back = there.read(name, 0, len(program) + 1)
+            part = (bool(back) or there.size(name) is not None) and len(back) < len(program) and program.startswith(back)
+            if part:
+                there.remove(name)
+                return "; the part of it that lay there was taken away"
+        except (OSError, EOFError, LinkError):
+            pass
+        if not part:  # nothing lies there, or the file of before
+            return ""
+        self._failed = Lost("")
+        return LIES
+
+    def _place(self, program: bytes) -> str:
+        """program → where it goes."""
+        return self._program + (_name(program) if self._program.endswith("/") else "")
+
+    def _put_at(self, there: Held, program: bytes) -> bytes:
         """open store, program → what was read back, by its hash. Raises Lost for a place where it may not go."""
-        name = self._program + (_name(program) if self._program.endswith("/") else "")
-        if posixpath.normpath(name).upper() == posixpath.normpath(self._path).upper():
+        name = self._place(program)
+        if _same(name, self._path):
             raise Lost(f"program and records are one file, {name}; state two names")
         before = there.read(name, 0, HEAD)
         if before and not OURS.search(before):
             raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
+        self._writing = True
         there.write(name, program)
         back = there.read(name, 0, len(program) + 1)
         return b"PUT %s\n" % hashlib.sha256(back).hexdigest().encode()

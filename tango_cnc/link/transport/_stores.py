@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import ftplib
 import logging
+import os
+import re
 import ssl
+import stat
 import threading
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -17,14 +21,26 @@ from ...records import InputError, LinkError
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
 NO_LOGIN = "530"  # RFC 959: not logged in
-REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException", "BadHostKeyException")  # of paramiko
+REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException")  # of paramiko
 
 
-class Store(Protocol):
+STATUS = {  # of SMB, where the system has no number for it
+    "OBJECT_NAME_INVALID": "the control takes no such name",
+    "DISK_FULL": "no room is left at the control",
+    "QUOTA_EXCEEDED": "no room is left at the control for this user",
+    "SHARING_VIOLATION": "another program has it open at the control",
+    "FILE_LOCK_CONFLICT": "another program has it open at the control",
+    "BAD_NETWORK_NAME": "there is no such share at the control",
+    "NETWORK_NAME_DELETED": "the share is there no more",
+    "USER_SESSION_DELETED": "the control has ended the session",
+}
+
+
+class Held(Protocol):
     """Files of another computer. Every error of the way there is an OSError or EOFError."""
 
     def size(self, path: str) -> int | None:
-        """path → bytes of the file, None when there is none."""
+        """path → bytes of the file, None when there is none. Raises IsADirectoryError for a folder."""
 
     def lacks(self, folder: str) -> bool:
         """folder → whether it is certain that it does not exist there."""
@@ -37,6 +53,13 @@ class Store(Protocol):
 
     def close(self) -> None:
         """Hangs up."""
+
+
+class Store(Held, Protocol):
+    """The same where a file can be taken away."""
+
+    def remove(self, path: str) -> None:
+        """path → the file is there no more."""
 
 
 class RefusedError(LinkError):
@@ -71,9 +94,11 @@ class Ftp:
         try:
             return self._ftp.size(path)
         except ftplib.error_perm as error:
-            if str(error).startswith("550"):
-                return None
-            return len(self._whole(path) or b"")
+            if not str(error).startswith("550"):
+                return len(self._whole(path) or b"")
+        if self._is_folder(path):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        return None
 
     def lacks(self, folder: str) -> bool:
         """folder → whether it is certain that it does not exist there."""
@@ -84,6 +109,15 @@ class Ftp:
             except ftplib.error_perm as error:
                 return str(error).startswith("550")
             self._ftp.cwd(before)
+        return False
+
+    def _is_folder(self, path: str) -> bool:
+        """path → whether it can be gone into."""
+        with contextlib.suppress(ftplib.Error):
+            before = self._ftp.pwd()
+            self._ftp.cwd(path)
+            self._ftp.cwd(before)
+            return True
         return False
 
     def _whole(self, path: str, offset: int = 0, most: int = 1 << 28) -> bytes | None:
@@ -112,7 +146,20 @@ class Ftp:
         try:
             self._ftp.storbinary(f"STOR {path}", BytesIO(data))
         except ftplib.Error as error:
-            raise LinkError(f"{path} cannot be written at the control: {str(error).rstrip('.')}") from None
+            raise LinkError(str(error).rstrip(".")) from None
+        except OSError:  # the server has closed the data connection, and says why on the other one
+            try:
+                self._ftp.voidresp()
+            except ftplib.Error as why:
+                raise LinkError(str(why).rstrip(".")) from None
+            raise
+
+    def remove(self, path: str) -> None:
+        """path → the file is there no more."""
+        try:
+            self._ftp.delete(path)
+        except ftplib.Error as error:
+            raise LinkError(str(error).rstrip(".")) from None
 
     def close(self) -> None:
         """Hangs up."""
@@ -135,17 +182,24 @@ class Sftp:
         logging.getLogger("paramiko").setLevel(logging.CRITICAL + 1)  # it prints a traceback of what it then raises
         self._client = paramiko.SSHClient()
         self._client.load_system_host_keys()
-        hash_ = options.get("hostkey", "")
+        hash_, port = options.get("hostkey", ""), parts.port or PORTS["sftp"]
+        self._named = f"{parts.hostname}" if port == PORTS["sftp"] else f"[{parts.hostname}]:{port}"
 
         class Known(paramiko.MissingHostKeyPolicy):  # type: ignore[misc, name-defined, unused-ignore]
             """A key that is not in known_hosts: taken when its hash was stated, never otherwise."""
 
             def missing_host_key(self, client: Any, hostname: str, key: Any) -> None:
-                if key.fingerprint.rstrip("=") != hash_.rstrip("="):
-                    raise LinkError(
-                        f"the key of {hostname} is not known: {key.fingerprint}. Compare it at the control, then state "
-                        f"hostkey={key.fingerprint} in the port's URL, or add it to known_hosts"
-                    )
+                own, stated = key.fingerprint, hash_.rstrip("=")
+                if own.rstrip("=") == stated:
+                    return
+                if known := (client._system_host_keys.lookup(hostname) or {}):
+                    raise changed(hostname, own, f"known_hosts has {' and '.join(k.fingerprint for k in known.values())}")
+                if stated:
+                    raise changed(hostname, own, f"hostkey in the port's URL is {hash_}")
+                raise RefusedError(
+                    f"the key of {hostname} is not known: {own}. Compare it at the control, then state "
+                    f"hostkey={own} in the port's URL, or add it to known_hosts"
+                )
 
         self._client.set_missing_host_key_policy(Known())
         self._errors = paramiko.SSHException
@@ -153,7 +207,7 @@ class Sftp:
             with watched(self._client.close), self._asked():  # opening a channel waits for an hour by itself
                 self._client.connect(
                     parts.hostname or "",
-                    parts.port or PORTS["sftp"],
+                    port,
                     unquote(parts.username or "") or None,
                     options.get("password") or None,
                     key_filename=options.get("key") or None,
@@ -177,6 +231,9 @@ class Sftp:
         try:
             yield
         except self._errors as error:
+            if type(error).__name__ == "BadHostKeyException":
+                known = f"known_hosts has {error.expected_key.fingerprint}"
+                raise changed(self._named, error.key.fingerprint, known) from None
             if type(error).__name__ in REFUSALS:
                 raise refused(error) from None
             raise OSError(str(error) or type(error).__name__) from None
@@ -185,7 +242,7 @@ class Sftp:
         """path → bytes of the file, None when there is none."""
         try:
             with self._asked():
-                return int(self._sftp.stat(path).st_size)
+                return _size(self._sftp.stat(path))
         except FileNotFoundError:
             return None
 
@@ -211,6 +268,11 @@ class Sftp:
         """path, bytes → the file has them."""
         with self._asked(), self._sftp.open(path, "wb") as file:
             file.write(data)
+
+    def remove(self, path: str) -> None:
+        """path → the file is there no more."""
+        with self._asked():
+            self._sftp.remove(path)
 
     def close(self) -> None:
         """Hangs up."""
@@ -241,14 +303,14 @@ class Smb:
             with watched(self._cut):
                 yield
         except self._errors.SMBOSError as error:  # made anew, a missing file is a FileNotFoundError
-            raise OSError(error.errno, error.strerror) from None
+            raise _as_error(error.errno, str(error.strerror)) from None
         except self._errors.LogonFailure as error:
             raise refused("user or password is wrong") from error
         except self._errors.AccessDenied:
             raise LinkError("the control refuses: this user may not do that there") from None
         except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
             why = error.__cause__
-            raise why if isinstance(why, OSError) else OSError(str(error)) from None
+            raise why if isinstance(why, OSError) else _as_error(0, str(error), type(error).__name__) from None
 
     def _cut(self) -> None:
         for connection in list(self._connections.values()):
@@ -262,7 +324,7 @@ class Smb:
         """path → bytes of the file, None when there is none."""
         try:
             with self._asked():
-                return int(self._smb.stat(self._path(path), **self._to).st_size)
+                return _size(self._smb.stat(self._path(path), **self._to))
         except FileNotFoundError:
             return None
 
@@ -290,10 +352,41 @@ class Smb:
         with self._asked(), self._smb.open_file(self._path(path), "wb", share_access="rwd", **self._to) as file:
             file.write(data)
 
+    def remove(self, path: str) -> None:
+        """path → the file is there no more."""
+        with self._asked():
+            self._smb.remove(self._path(path), **self._to)
+
     def close(self) -> None:
         """Hangs up."""
         with contextlib.suppress(Exception):
             self._smb.reset_connection_cache(connection_cache=self._connections)
+
+
+def changed(host: str, key: str, known: str) -> RefusedError:
+    """host, hash of its key, which key it had → the error that ends the connection: somebody else may answer in its place."""
+    return RefusedError(
+        f"the key of {host} has changed: it is {key}, and {known}. The control was set up anew, or another computer answers in its "
+        "place; nothing was sent to it. Compare the key at the control. Where it is the control's, take the old one out (of "
+        f"known_hosts: ssh-keygen -R '{host}') and state hostkey={key} in the port's URL"
+    )
+
+
+def _size(found: Any) -> int:
+    """what the server says of a path → bytes of the file. Raises IsADirectoryError for a folder."""
+    if stat.S_ISDIR(found.st_mode or 0):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    return int(found.st_size)
+
+
+def _as_error(number: int, text: str, kind: str = "") -> OSError:
+    """number of an error of the system or 0, what the library says, its class → the error, in words of this program."""
+    if number > 0:
+        return OSError(number, os.strerror(number))  # of a missing file it is a FileNotFoundError
+    name = re.search(r"STATUS_(\w+)", text)
+    if name is None:
+        return OSError("the connection was closed" if "Closed" in kind else f"the share does not answer as one ({kind})")
+    return OSError(STATUS.get(name[1], f"the control refuses ({name[1].replace('_', ' ').lower()})"))
 
 
 @contextlib.contextmanager

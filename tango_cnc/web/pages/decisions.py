@@ -21,7 +21,7 @@ from ...report.faults import earlier, still_open
 from ...report.morning import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
-from ..app import State, machine_of, needs, page, proven, state_of
+from ..app import PagesState, machine_of, needs, page, proven, state_of
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of
 
 NOTE = 500  # characters
@@ -43,7 +43,7 @@ def _values(request: Request) -> Mapping[str, Any]:
     return state.places.kept("alarms", lambda: _read(state))
 
 
-def _read(state: State) -> dict[str, Any]:
+def _read(state: PagesState) -> dict[str, Any]:
     waiting: list[dict[str, Any]] = []
     past: list[dict[str, Any]] = []
     for row in state.places.fleet():
@@ -143,7 +143,7 @@ def _incomplete(action: str, until: str | None) -> str:
     return "decision.until_needed" if until is None else "decision.date_over" if until < today else ""
 
 
-def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, state: State) -> str:
+def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, state: PagesState) -> str:
     """values of the page, machine, alarms of a form, what is wrong → the sentence that says so; it names an open alarm."""
     asked = set(alarms.split())
     cards = (c for c in values["waiting"] if c["machine"].slug == slug)
@@ -151,7 +151,7 @@ def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, s
     return state.texts("decision.wrong_about", what=what, why=why) if what else state.texts("decision.wrong", why=why)
 
 
-def _still_as_seen(decisions: Sequence[Decision], alarms: Sequence[str], seen: str | None, state: State) -> None:
+def _still_as_seen(decisions: Sequence[Decision], alarms: Sequence[str], seen: str | None, state: PagesState) -> None:
     """decisions so far, alarms of a form, how many decisions its page showed of them → nothing.
 
     Raises InputError where somebody has decided since: who filled the form has not read that.

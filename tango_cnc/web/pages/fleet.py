@@ -25,7 +25,7 @@ from ...report.reach import to_ask
 from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
-from ..app import State, needs, page, state_of
+from ..app import PagesState, needs, page, state_of
 from ..places import Row
 from ..places import told as verdict_of
 from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
@@ -97,7 +97,9 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "soon": "" if told is None else told.soon,
         "headline": whole_sentence(said),
         "who": who_of(told, {"owner": owner, "deputy": asked["deputy"], **_named(row.record)}, found, t),
-        "nobody": found[0]["nobody"] if found else not owner and "owner" not in _named(row.record),
+        "nobody": found[0]["nobody"] if found else not (owner or asked["deputy"]) and "owner" not in _named(row.record),
+        "has": bool(found and found[0]["decision"]),
+        "limit_for": "" if told is None or not allowed else _limit_for(row, state),
         "call": to_ask(asked, found, t) if told is not None and told.may in ("no", "but", "unknown") else "",
         "fault": found[0]["text"] if found else "",
         "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
@@ -108,6 +110,12 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "late": bool(s and s.late and s.nights),
         "strip": drawn if signs else "",
     }
+
+
+def _limit_for(row: Row, state: PagesState) -> str:
+    """row, state → what the limits of the machine are for and who has stated them, or that nobody has written it down."""
+    stated = state.places.limits_for(row.machine) or str((row.record or {}).get("limits_for") or "")
+    return state.texts("may.limit_for", text=stated.rstrip(".")) if stated else state.texts("may.limit_for_unsaid")
 
 
 def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, limits: Mapping[str, float]) -> str:
@@ -145,7 +153,8 @@ def brief(
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
-        return t("may.brief_look"), dated(t("may.brief_moving"))
+        words = t("may.brief_moving_of", date=day(since, t, since[:4] != _today()[:4])) if since else t("may.brief_moving")
+        return t("may.brief_look"), whole_sentence(words)
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
     if told.old and not parts:
@@ -166,7 +175,7 @@ def _age(row: Row, t: Texts) -> str:
     return t("web.measured_ago", ago=ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC)))
 
 
-def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Answer | None:
+def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -> Answer | None:
     """row, what is wrong and not closed, state → whether parts may be made; None where nothing was measured."""
     if row.record is None:
         return None
@@ -190,7 +199,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: State) -> Ans
     return renamed(told, row.machine.former, state.texts)
 
 
-def asked_of(row: Row, state: State) -> dict[str, Any]:
+def asked_of(row: Row, state: PagesState) -> dict[str, Any]:
     """row, state → record of its last night, with whoever is asked about the machine today."""
     record, places = row.record or {}, state.places
     return {
@@ -200,7 +209,7 @@ def asked_of(row: Row, state: State) -> dict[str, Any]:
     }
 
 
-def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: State) -> list[str]:
+def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state: PagesState) -> list[str]:
     """row, answer, what is wrong, state → what to do, in the sentences of the page of the machine."""
     record, axes = asked_of(row, state), state.places.geometry(row.machine)
     return orders(
@@ -208,7 +217,7 @@ def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state:
     )
 
 
-def _ahead(row: Row, state: State) -> Ahead | None:
+def _ahead(row: Row, state: PagesState) -> Ahead | None:
     known = row.before or row.record or {}
     return state.places.kept(f"ahead {_stamp(row)}", lambda: ahead(known, volumes_of(row.nights), _today()), LONG)
 
@@ -229,7 +238,7 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, bool, float, str]:
     return GROUPS.get(r["group"], 0), not r["soon"], -r["moved"], r["name"]
 
 
-def faults_of(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
+def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
     return state.places.kept(f"faults {_stamp(row)}", lambda: _faults(row, state), STAY)
 
@@ -244,7 +253,7 @@ def _today() -> str:
     return datetime.now().astimezone().strftime("%Y-%m-%d")
 
 
-def _faults(row: Row, state: State) -> Sequence[Mapping[str, Any]]:
+def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     history, name, record = row.machine.history, row.machine.name, row.record or {}
     s, known = row.standing, row.before or record
     told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))

@@ -27,7 +27,7 @@ from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
-from ..app import State, machine_of, needs, page, state_of
+from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, journals, minutes_left, quiet, title
 from ..places import STRIP, Served, measured_before, told
 from .report import file_of_cell
@@ -50,7 +50,8 @@ def machine(request: Request) -> Response:
     values["busy"] = busy_of(request, found)
     owner = state.places.owner(found)
     values["cut"] = dates_cut_off(found.former)
-    values |= {"who": who_of(None, {"owner": owner}, (), state.texts), "nobody": not owner}
+    deputy = state.places.deputy(found)
+    values |= {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy)}
     values["simulated"] = run is not None and run.simulated and not nights
     values["ran"] = "" if nights else ran_of(request, found)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
@@ -90,6 +91,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     alarms, decisions = _unclosed(request, machine)
     known = state.places.nights(machine, ANOTHER)
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
+    record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
     every = [(n.night, told(n, allowed)) for n in known]
     return context(
         record,
@@ -146,12 +148,12 @@ def _unclosed(request: Request, machine: Served) -> tuple[Any, Any]:
     return state_of(request).places.kept(f"unclosed {machine.slug}", read)
 
 
-def events_of(state: State, machine: Served) -> Mapping[str, str]:
+def events_of(state: PagesState, machine: Served) -> Mapping[str, str]:
     """what pages share, machine → {date: what happened to its compensations}, in the words of the page."""
     return marked(happened_to(state, machine), state.texts)
 
 
-def happened_to(state: State, machine: Served) -> Sequence[Compensation]:
+def happened_to(state: PagesState, machine: Served) -> Sequence[Compensation]:
     """what pages share, machine → what happened to its compensations, newest first."""
     history, name = machine.history, machine.name
 
@@ -184,7 +186,7 @@ def ran_of(request: Request, machine: Served) -> str:
     return ""
 
 
-def unmeasured(ran: str, busy: str, machine: Served, state: State) -> str:
+def unmeasured(ran: str, busy: str, machine: Served, state: PagesState) -> str:
     """complete run or '', minutes left or '', machine, state → what is known of a machine that no night has measured."""
     t = state.texts
     if busy:

@@ -7,6 +7,7 @@ import math
 import time
 from collections import Counter
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -21,7 +22,7 @@ from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
-from ..app import machine_of, needs, page, state_of
+from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, journals, quiet, title
 from ..places import Served
 
@@ -39,7 +40,7 @@ def run(request: Request) -> Response:
     for i, file in enumerate(journals(found.folder) if found.folder else ()):
         listed.append((i, file.name))
     step = _step(request, found, chosen, cell) if chosen else ""
-    owner = state.places.owner(found)
+    owner, deputy = state.places.owner(found), state.places.deputy(found)
     return page(
         request,
         "run.html",
@@ -51,8 +52,8 @@ def run(request: Request) -> Response:
         follow=_follow(request, found, chosen),
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
-        who=who_of(None, {"owner": owner}, (), state.texts),
-        nobody=not owner,
+        who=who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts),
+        nobody=not (owner or deputy),
         texts=state.texts,
     )
 
@@ -62,10 +63,11 @@ async def step(request: Request) -> Response:
     needs(request, "view")
     asked = (request.path_params["slug"], request.query_params.get("run", "0"))
     tag, state, mark, text = await state_of(request).looks.at(asked, lambda: _seen(request))
+    clock = quote(state_of(request).texts("web.made", time=made(state_of(request).texts)))
     if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache"})
+        return Response(status_code=304, headers={"etag": tag, "cache-control": "no-cache", "x-made": clock})
     kept = "no-store" if state == "none" else "no-cache"
-    headers = {"etag": tag, "cache-control": kept, "x-run-state": state, "x-run": mark}
+    headers = {"etag": tag, "cache-control": kept, "x-run-state": state, "x-run": mark, "x-made": clock}
     return Response(text, media_type="text/html; charset=utf-8", headers=headers)
 
 

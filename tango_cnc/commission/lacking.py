@@ -1,0 +1,45 @@
+"""A control that does not know a word of the program says so: which of the doubts in its header that word belongs to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from .experiment import Ruling
+
+NOT_KNOWN = re.compile(  # alarms of controls that cannot read a block, or have no variable, file or option of that name
+    r"IMPROPER G|\bPS0?(010|076|115)\b|VARIABLE NO|\b12550\b|NOT DEFINED|NOT AVAILABLE|FAULTY|NO SUCH|NOT THERE|NOT FOUND|"
+    r"DOES NOT EXIST|INVALID (G|M)|UNKNOWN|UNSUPPORTED|SYNTAX|IS NO VARIABLE"
+)
+WORD = re.compile(r"[$#]?[A-Z][A-Z0-9_.]*[A-Z0-9_]|#\d+")
+AXIS = re.compile(r"[.]?[XYZABC]\d?")  # what a post adds to the name of a variable
+
+
+def lacking(said: str, doubts: Iterable[str]) -> tuple[str, str] | None:
+    """text of a stop, doubts of the header → the word that the control does not know, and the doubt that has most of the words.
+
+    None where the text says nothing of the kind, or no word of it stands in a doubt. `O8832` is the program that P8832 calls.
+    """
+    text = said.upper()
+    if not NOT_KNOWN.search(text):
+        return None
+    words = {*WORD.findall(text), *(f"P{number}" for number in re.findall(r"\bO(\d+)", text))}
+    shared = [(sorted(w for w in words if any(_is(w, d) for d in WORD.findall(doubt))), doubt) for doubt in doubts]
+    most, doubt = max(shared, key=lambda each: len(each[0]), default=([], ""))
+    return (max(most, key=len), doubt) if most else None
+
+
+def _is(word: str, doubted: str) -> bool:
+    word = word.removeprefix("#") if word[1:2].isalpha() else word  # `#TLC OFF` is written of TLC
+    return word == doubted or (word.startswith(doubted) and AXIS.fullmatch(word[len(doubted) :]) is not None)
+
+
+def ruled(said: str, word: str, doubt: str) -> Ruling:
+    """text of a stop, word, doubt → FAIL with what the header says of it."""
+    key = doubt.partition(" = ")[0]
+    do = (
+        f"this comes from {key} under controller: in tango.yaml ({doubt}). State it otherwise, or give the control what it lacks"
+        if re.fullmatch(r"[a-z_0-9]+", key)
+        else f"the program relies on this: {doubt}. Look it up in the manual of the control (docs/controls/)"
+    )
+    return Ruling("FAIL", f"the program stopped: {said}. The control does not know {word}", do=do)

@@ -1,0 +1,144 @@
+"""What a tired reader of the pages has misread: which night a date is of, how old the page is, whom to ask, what a limit is for."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights import night
+from support.server import PASSWORD, cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+from test_first_thing import M, dated, records, seen
+
+from tango_cnc.files.artefact import read_artefact
+from tango_cnc.files.nightly import read_nightly
+from tango_cnc.records import InputError
+from tango_cnc.report.may import parts_first
+from tango_cnc.report.morning import context, who_of
+from tango_cnc.report.reach import to_ask
+from tango_cnc.report.texts import texts
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+from tango_cnc.web.users import add_user
+
+PATHS = (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights")
+
+
+def html(place: Path, path: str) -> str:
+    """cell, path → its page."""
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        return str(site.get(path).text)
+
+
+def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) -> None:
+    """A date beside 'night of' was read as the evening, and 10 h ago as the time of day."""
+    place = cell(tmp_path / "one", records=records("changed"))
+    for path in (*PATHS, "/", "/alarms"):
+        text = seen(place, path)
+        assert re.search(r"This page: \d\d:\d\d \S+, \w{3} \d", text), path
+        assert not re.search(r"[Nn]ight of \w{3} \d", text), path
+    assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", seen(place, PATHS[0]))
+
+
+@pytest.mark.parametrize("kind", ["changed", "moving"])
+def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: Path, kind: str) -> None:
+    place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in records(kind)])
+    for path in PATHS:
+        text = html(place, path)
+        box = re.search(r'<section class="(?:verdict|progress).*?</section>', text, re.DOTALL)
+        assert box is not None and text.count("SIMULATED") == 1, path
+        assert 0 < box[0].index("May I make parts?") < box[0].index("SIMULATED"), path
+
+
+def test_what_is_said_beside_a_night_that_was_cut_off_is_red_and_below_the_answer(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=records("changed"))
+    (place / "nights" / "begun").mkdir(parents=True)
+    (place / "nights" / "begun" / "2026-11-23T020000Z").write_text("", encoding="utf-8")
+    (place / "nights" / "2026-11-23T020000Z").mkdir()
+    (place / "nights" / "2026-11-23T020000Z" / "planned.json").write_text("{}", encoding="utf-8")
+    for path in PATHS:
+        text = html(place, path)
+        assert text.index("Not yet") < text.index('<p class="told stop" role="alert">') and "was cut off" in text, path
+
+
+@pytest.mark.parametrize(
+    ("kind", "wanted"), [("changed", "A full measurement, by itself."), ("moving", ""), ("nothing", ""), ("good", "Short check.")]
+)
+def test_the_next_night_and_what_to_do_are_one_order(kind: str, wanted: str) -> None:
+    record, now = records("changed" if kind == "good" else kind)[1], {"kind": "full" if kind == "changed" else "check", "why": ""}
+    record = night(M, 1, "good", **dated(0)) if kind == "good" else record
+    found = context({**record, "next": now}, (), None, texts(), before=records(kind)[0] if kind in ("moving", "nothing") else None)
+    told = found["next_kind"]
+    assert (wanted.lower().startswith(told.partition(".")[0].lower().rstrip(".")) and bool(told)) if wanted else told == ""
+    if kind == "changed":
+        only = context({**record, "next": {"kind": "check", "why": ""}}, (), None, texts())["next_kind"]
+        assert "stands in for no full measurement" in only
+
+
+def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> None:
+    t = texts()
+    assert to_ask({"owner": "", "deputy": "Bob, 4712"}, (), t) == "Call Bob, 4712. No owner is named for this machine."
+    other: list[dict[str, Any]] = [{"owner": "", "decision": None}, {"owner": "Ann, 4711", "decision": None}]
+    assert to_ask({"owner": ""}, other, t).startswith("Call Ann, 4711.")
+    assert to_ask({"owner": ""}, (), t).startswith("Whoever leads the shift decides: NOBODY")
+    assert who_of(None, {"owner": "", "deputy": "Bob, 4712"}, (), t).startswith("Call Bob, 4712.")
+    made = [{**r, "owner": None, "alarms": [{**a, "owner": None} for a in r["alarms"]]} for r in records("changed")]
+    place = cell(tmp_path / "one", records=made)
+    (place / "nightly.yaml").write_text("nightly: 1\ndeputy: Bob, 4712\n", encoding="utf-8")
+    for path in (*PATHS, "/", "/alarms", f"/machine/{M}/run"):
+        assert "NOBODY" not in seen(place, path), path
+        assert path.endswith("/run") or "Call Bob, 4712." in seen(place, path), path
+
+
+def test_a_limit_says_what_it_is_for_and_who_has_stated_it(tmp_path: Path) -> None:
+    place = cell(tmp_path / "one", records=records("beyond"))
+    assert "Nobody has written what this limit is for" in seen(place, "/")
+    stated = "nightly: 1\nlimits: {volume: 45}\nlimits_for: housings of gearbox 4711, K. Blum\n"
+    (place / "nightly.yaml").write_text(stated, encoding="utf-8")
+    assert read_nightly(place).limits_for == "housings of gearbox 4711, K. Blum"
+    for path in (*PATHS, "/"):
+        assert "The limit: housings of gearbox 4711, K. Blum." in seen(place, path), path
+
+
+def test_a_report_under_a_no_lets_no_part_be_made() -> None:
+    """The box said No, and what to do began with the first part."""
+    t = texts()
+    told = context(records("beyond")[1], (), None, t)["answer"]
+    do = ["Look first for what has moved.", t("morning.parts_first"), t("morning.call", owner="Ann")]
+    assert parts_first(told, do, t) == [t("may.brief_no"), do[0], do[2]]
+    assert parts_first(told, [t("morning.cut_off_todo"), *do], t)[:2] == [t("morning.cut_off_todo"), t("may.brief_no")]
+    changed = context(records("changed")[1], (), None, t)["answer"]
+    assert parts_first(changed, do, t) == do
+
+
+@pytest.mark.parametrize(("name", "allowed"), [("'f1 '", "without a blank"), ("' f1'", "without a blank")])
+def test_a_facet_that_no_table_of_readings_can_name_is_refused(tmp_path: Path, name: str, allowed: str) -> None:
+    file = tmp_path / "artefact.yaml"
+    file.write_text(f"name: x\nfacets:\n  {name}: {{point: [0, 0, 0], normal: [0, 0, 1]}}\n", encoding="utf-8")
+    with pytest.raises(InputError, match=allowed):
+        read_artefact(file)
+
+
+def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None:
+    """A telephone number behind it was shown backwards."""
+    (tmp_path / "nightly.yaml").write_text('nightly: 1\nowner: "Ann \\u202e4711"\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"U\+202E"):
+        read_nightly(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("proxied", "headers", "status"), [(False, {}, 200), (True, {}, 403), (True, {"x-forwarded-for": "127.0.0.1"}, 200)]
+)
+def test_behind_a_proxy_that_names_nobody_no_request_counts_as_one_of_this_computer(
+    tmp_path: Path, proxied: bool, headers: dict[str, str], status: int
+) -> None:
+    """Names, alarms and verdicts of every machine were open to everybody behind such a proxy."""
+    users = tmp_path / "users.json"
+    add_user(users, "ann", PASSWORD, "view")
+    settings = Settings((cell(tmp_path / "one", records=records("changed")),), users=users, behind_proxy=proxied)
+    with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        assert site.get("/metrics", headers=headers).status_code == status
