@@ -36,7 +36,8 @@ LOSS = 0.03  # of the standard uncertainty of the whole plan
 WHOLE = (1.5, 4.0)  # times ln φ of the whole plan counts, beside that of each part: both are tried
 DEAR = 2.0  # part of ln φ that goes by the logarithm of the time
 ROUNDS = 3
-STARTS = 3
+STARTS = 3  # orders at random, besides that of the plan
+FEW = 12  # visits; with more of them the order of the plan alone is made better
 TRIMS = 4
 
 
@@ -143,7 +144,8 @@ class Parts:
             return float(np.log(phi[:-1]).sum()) + weight * (lost + 10 * max(0.0, lost - 1.5 * LOSS) + more)
 
         rng = np.random.default_rng(len(begin))
-        starts = [begin, *(rng.permutation(len(begin)).tolist() for _ in range(STARTS))]
+        more_starts = STARTS if len(begin) <= FEW else 0
+        starts = [begin, *(rng.permutation(len(begin)).tolist() for _ in range(more_starts))]
         found = [order.improved(start, cost, ROUNDS) for start in starts if np.isfinite(cost(start))]
         return min(found, key=cost) if found else begin
 
@@ -176,6 +178,7 @@ def worth_when_broken_off(found: Chosen, again: float, loss: float = LOSS) -> Ch
     problem = found.problem
     if problem.criterion.determinant or problem.choice.twice or problem.senses is None or len(visits_of(found)) < 3:
         return found
+    problem.say(f"a plan of {problem.seconds / 60:.1f} min: which indexations come first")
     parts, best, tried = Parts.of(found), found, {tuple(range(len(visits_of(found))))}
     for weight in WHOLE:
         way = _way(parts, weight)
