@@ -666,3 +666,11 @@ def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
     """It ended with 'No first item' and wrote nothing."""
     values = page.context(facts) | {"todo": []}
     assert texts()("todo.nothing") in page.render(facts, None, values)
+
+
+def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts) -> None:
+    """'The numbers can be used' stood above a row that said 'Do not use'."""
+    (name,) = [row["name"] for row in page.parameters(facts, texts(), most=1)]
+    doubted = replace(facts, judgement=replace(facts.judgement, untrusted=(name,)))
+    assert f"Do not use: {name}" in page.context(doubted)["trusted"] and "Do not use" not in page.context(facts)["trusted"]
+    assert f"Do not use: {name}" in summary(doubted, 100) and "Do not use:" not in summary(facts, 100)

@@ -599,6 +599,7 @@ def test_metrics_and_health(site: TestClient) -> None:
     [
         (["--host", "0.0.0.0"], "no --users"),
         (["--host", "0.0.0.0", "--users", "u.json"], "without TLS"),
+        (["--host", "0.0.0.0", "--users", "u.json", "--behind-proxy"], "without TLS"),
         (["--certificate", "c.pem"], "--certificate and --key"),
         (["-C", "nowhere"], "found no cell"),
         (["--add-user", "ann"], "found no --users"),

@@ -22,14 +22,17 @@ from ..compensate import turned as turn
 from ..compensate.loads import files_of
 from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
+from ..compensate.seen import WITHIN
 from ..compensate.shares import Before
-from ..compensate.short import FEW, WHOLE, Short, by_part, not_all, short_outcome
+from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
 from ..compensate.space import Held
 from ..duration import spoken
 from ..estimate import Estimate, estimate
 from ..files import read_cell, read_readings, strategy_text, write_text
 from ..files.checked import read_text
+from ..files.nightly import read_nightly
 from ..files.origin import look_up
+from ..files.then import at_that_time, machine_and_artefact, moved, with_texts
 from ..files.write import dump
 from ..judgement import Judgement
 from ..loaded import BACK, HELPS
@@ -69,28 +72,68 @@ def _check_of(cell: Cell, kept: loop.Kept, readings: Readings) -> Path | None:
     return None
 
 
-def made_from(text: str, terms: tuple[Any, ...], degree: int, *, tcp: bool) -> dict[str, Any]:
-    """text of the readings, terms, degree, whether with tool center point control → what a short check will rest on."""
+def made_from(folder: Path, text: str, terms: tuple[Any, ...], degree: int, *, tcp: bool) -> dict[str, Any]:
+    """folder of the cell, text of the readings, terms, degree, whether with tool center point control → what a short check will
+    rest on."""
     plain = [dict(term) if isinstance(term, Mapping) else term for term in terms]
-    return {"readings": text, "terms": plain, "degree": degree, "tcp": tcp}
+    return {"readings": text, "terms": plain, "degree": degree, "tcp": tcp, **machine_and_artefact(folder)}
 
 
-def _asked(cell: Cell, kept: loop.Kept, days: float, tcp: bool | None, *, same_stylus: bool = False) -> Short:
-    """cell, compensation, days since the run it was made from, --tcp, --same-stylus → short check made ready. Raises InputError."""
+def _asked(cell: Cell, kept: loop.Kept, days: float, options: Mapping[str, Any]) -> Short:
+    """cell, compensation, days since the run it was made from, options → short check made ready. Raises InputError."""
     known = kept.record.get("made_from")
     if known is None:
         raise InputError(
             f"--short-check: found compensation {kept.number}, which an older version proposed: it does not have the readings "
             "that it was made from; allowed: the whole strategy ('tango run'), or propose anew"
         )
-    readings = read_readings(kept.folder / loop.MADE_FROM, cell.machine, cell.artefact)
-    result = honest(estimate(cell.machine, cell.artefact, readings, tuple(known["terms"]), known["degree"]))
-    module, request, held = _target_of(cell, kept, result.model.coefficients)
+    then = as_then(cell, kept)
+    if options.get("same_stylus") and then.machine.probe != cell.machine.probe:
+        raise InputError(
+            "--same-stylus: found another stylus in machine.yaml than in the run that compensation "
+            f"{kept.number} was made from ({_probe(then)}, now {_probe(cell)}); allowed: without it, or that stylus in machine.yaml"
+        )
+    readings = read_readings(kept.folder / loop.MADE_FROM, then.machine, then.artefact)
+    result = honest(estimate(then.machine, then.artefact, readings, tuple(known["terms"]), known["degree"]))
+    module, request, held = _target_of(then, kept, result.model.coefficients)
     numbers = {h.place: h.base for h in held}
     present, new = (numbers | {v["place"]: float(v[key]) for v in kept.record["values"]} for key in ("present", "new"))
     files = files_of(module, request, held, present, new)
-    before = Before(result, days, same_stylus=same_stylus)
-    return Short(kept, before, held, bool(tcp), bool(known["tcp"]), files)
+    before = Before(result, days, same_stylus=bool(options.get("same_stylus")))
+    sensor = read_nightly(cell.folder).sensor
+    return Short(kept, before, held, bool(options["tcp"]), bool(known["tcp"]), files, options.get("warmer"), sensor)
+
+
+def as_then(cell: Cell, kept: loop.Kept) -> Cell:
+    """cell, compensation → the cell with machine and artefact of the run that it was made from; another stylus is nothing to it.
+
+    Raises InputError where what errors are counted from has changed: then nothing of both runs can be compared.
+    """
+    texts = {role: text for role, text in kept.record.get("made_from", {}).items() if role in ("machine", "artefact")}
+    then = with_texts(cell, texts, kept.folder / loop.MADE_FROM)
+    of_machine(kept, cell.machine.name)
+    if changed := moved(then, cell):
+        listed = ", ".join(changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
+        raise InputError(
+            f"{cell.folder}: found {listed}, which has changed since the run that compensation {kept.number} was made from: errors "
+            "are counted from it, and its change would look like help or harm; allowed: machine.yaml and artefact.yaml as they "
+            f"were then (made_from in {kept.folder / loop.RECORD}). A stylus, travels and feeds may change"
+        )
+    return then
+
+
+def of_machine(kept: loop.Kept, name: str) -> None:
+    """compensation, name of the machine of a cell → nothing. Raises InputError where it was made for another machine."""
+    if (own := kept.record.get("machine", name)) != name:
+        raise InputError(
+            f"{kept.folder}: found a compensation for the machine {own!r}, and the cell is of {name!r}; allowed: one that was "
+            f"proposed for {name!r}. Where its files are in the control of {name!r}, load there what it had before"
+        )
+
+
+def _probe(cell: Cell) -> str:
+    probe = cell.machine.probe
+    return f"length {probe.length:g}, tip radius {probe.tip_radius:g}"
 
 
 def held_of(cell: Cell, kept: loop.Kept, coefficients: tuple[Any, ...]) -> list[Held]:
@@ -113,15 +156,16 @@ def _days(kept: loop.Kept, until: str | None) -> float:
     return (end - begin).total_seconds() / DAY
 
 
-def judged(cell: Cell, kept: loop.Kept, file: Path, tcp: bool | None, *, same_stylus: bool = False) -> tuple[Outcome, list[str]]:
-    """cell, compensation, readings of a short check, --tcp, --same-stylus → outcome, places that act with TCP only."""
+def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) -> tuple[Outcome, list[str]]:
+    """cell, compensation, readings of a short check, options → outcome, places that act with TCP only."""
+    cell = at_that_time(cell, file)
     few = read_readings(file, cell.machine, cell.artefact)
     own = _check_of(cell, kept, few) or (file.parent if (file.parent / loop.CELL).exists() else cell.folder)
     for line in told(traced(Judgement("trustworthy"), look_up(file), own)):
         click.echo(line, err=True)
-    asked = _asked(cell, kept, _days(kept, ended(file)), tcp, same_stylus=same_stylus)
+    asked = _asked(cell, kept, _days(kept, ended(file)), options)
     places = switched(kept.record, asked.held)
-    if places and tcp is None:
+    if places and options["tcp"] is None:
         raise InputError(neither(kept.number, places))
     touches = from_readings(cell.machine, cell.artefact, few)
     found = short_outcome(asked, touches)
@@ -142,33 +186,35 @@ def _mend(cell: Cell, asked: Short, touches: Touches, found: Outcome) -> str:
         )
     whole = "with the whole strategy, which says more ('tango run')"
     minutes, stated = _minutes(cell, asked, found.unsure), ""
+    if minutes is not None and minutes[1] <= len(touches):
+        return f"Clean the facets and make these touches once more, or measure {whole}"
     if minutes is None and not asked.before.same_stylus:
         minutes, stated = _minutes(cell, same, found.unsure), ", with the stylus of the full run, and state --same-stylus"
     if minutes is None:
         return f"Measure {whole}: no short check of an hour decides it"
     return (
         f"Make the touches that 'tango compensate -C {shlex.quote(str(cell.folder))} --short-check {asked.kept.number} --minutes "
-        f"{minutes:g}' chooses{stated}, or measure {whole}"
+        f"{minutes[0]:g}' chooses{stated}, or measure {whole}"
     )
 
 
-def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> float | None:
-    """cell, short check, names of what is to be decided → minutes at most of a check that does; None: not in an hour."""
+def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> tuple[float, int] | None:
+    """cell, short check, names of what is to be decided → minutes of a check that does, its touches; None: over an hour."""
     before, _ = promises(asked.kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), HOUR, DECIDES)
-    std = dict(zip(found.names, found.std, strict=True))
-    if any(std.get(name, 0.0) > DECIDES for name in (*names, WHOLE)):
+    std = dict.fromkeys(found.small, np.inf) | dict(zip(found.names, found.std, strict=True))
+    if any(std.get(name, 0.0) > (DECIDES if name == WHOLE else 1 / WITHIN) for name in (*names, WHOLE)):
         return None
-    return float(np.ceil(found.seconds / 60))
+    return float(np.ceil(found.seconds / 60)), len(found.plan.touches)
 
 
-def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, *, tcp: bool, same_stylus: bool) -> Outcome:
-    """outcome of a run that determines everything, cell, compensation, readings, --tcp, --same-stylus → the same, unless a
-    part does not act, or may not."""
-    if found.verdict not in HELPS or "made_from" not in kept.record:
+def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, options: Mapping[str, Any]) -> Outcome:
+    """outcome of a run that determines everything, cell, compensation, readings, options → the same, unless a part does not act,
+    or may not, or the machine was warmer."""
+    if found.verdict == "undecided" or "made_from" not in kept.record:
         return found
-    asked = _asked(cell, kept, _days(kept, None), tcp, same_stylus=same_stylus)
-    return not_all(found, by_part(asked, from_readings(cell.machine, cell.artefact, readings)), kept)
+    asked = _asked(cell, kept, _days(kept, None), options)
+    return whole_outcome(found, asked, from_readings(cell.machine, cell.artefact, readings))
 
 
 def neither(number: int, places: list[str]) -> str:
@@ -191,7 +237,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
             f"--short-check: found compensation {number}, which is noted as {state}; allowed: one that is in the control. "
             "Propose it anew, where it is to come back"
         )
-    asked = _asked(cell, kept, _days(kept, None), options["tcp"], same_stylus=options["same_stylus"])
+    asked = _asked(cell, kept, _days(kept, None), options)
     before, _ = promises(kept.record)
     found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"])
     place = options["out"] or _free(cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}")
@@ -217,7 +263,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
 
 def turned(cell: Cell, kept: loop.Kept, text: str) -> tuple[Outcome, list[str]]:
     """cell, compensation, --turned → outcome, places that act with tool center point control only. Raises InputError."""
-    asked = _asked(cell, kept, _days(kept, None), tcp=True)
+    asked = _asked(cell, kept, _days(kept, None), {"tcp": True})
     if not turn.alone(asked):
         raise InputError(
             f"--turned: found compensation {kept.number}, which changes tables as well; allowed: one of kinematics alone. For the "
@@ -309,9 +355,15 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
         f"predicted time {spoken(found.seconds)}",
         f"by these it will be known how much of each part acts: {known} (95 %)",
     ]
+    if found.grown is None:
+        lines.append(
+            "no touch of this cell tells what all axes have grown alike, as those of a warmer machine: state --warmer then"
+        )
+    else:
+        lines.append(f"by how much warmer than its table the machine has become since the full run: to ± {2 * found.grown:.1f} K")
     if found.undecided:
         minutes = _minutes(cell, asked, found.names)
-        more = "the whole strategy says more" if minutes is None else f"--minutes {minutes:g} would tell all of it"
+        more = "the whole strategy says more" if minutes is None else f"--minutes {minutes[0]:g} would tell all of it"
         lines.append(f"of these it will hardly tell whether they act: {', '.join(found.undecided)}; {more}")
         if not asked.before.same_stylus:
             lines.append("a stylus that stays in its holder since the full run makes it better known: state --same-stylus")

@@ -6,13 +6,12 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..compensate import as_json, capped, loop, propose, targets, trial
+from ..compensate import as_json, capped, loop, propose, targets
 from ..compensate.contradicted import contradicted
 from ..compensate.outcome import Outcome, asked_otherwise, outcome, ran, switched
 from ..compensate.proposal import CAP_DEG, CAP_MM, Proposal
@@ -20,12 +19,12 @@ from ..compensate.trusted import as_far_as_trusted, worth_acting
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..files.then import at_that_time
 from ..judgement import Judgement
 from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
-from ..touches import from_readings
 from ..verify.apart import apart
-from . import _compensate, _program, _scales, _short_check
+from . import _compensate, _program, _scales, _short_check, _sign_trial
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
 from ._present import contained, ended, present, rows
@@ -80,6 +79,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
 @click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
 @click.option("--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder.")
+@click.option("--warmer", type=float, metavar="K", help="With --measured: than in the full run; where no readings say it.")
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -107,7 +107,8 @@ def command(**options: Any) -> int:
     if options["checked"] is not None:
         record = loop.check(options["checked"])
         if not write_json(options["json_file"], {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
-            click.echo(f"{options['checked']}: every file of {record['target']} is as it was written")
+            of = f"{record['target']} for the machine {record.get('machine')!r}"
+            click.echo(f"{options['checked']}: every file of {of} is as it was written")
         return 0
     if options["events"]:
         return _history(folder, options["json_file"])
@@ -121,7 +122,7 @@ def command(**options: Any) -> int:
     if options["short"] is not None:
         return _short_check.choose(cell, options["short"], options)
     if options["sign_of"] is not None:
-        return _sign_of(cell, options)
+        return _sign_trial.judged(cell, options)
     if options["source"] is not None:
         contained(cell.folder, options)
         options["of_no_machine"] = _consented(cell.folder, options)
@@ -150,7 +151,7 @@ def command(**options: Any) -> int:
         untrusted = [name for name in judgement.untrusted if name not in judgement.stand]
         worth_acting(proposal.fit, result, untrusted, options["despite"])
     if options["trial_of"] is not None:
-        return _sign_trial(cell, proposal, result, options, simulated=simulated)
+        return _sign_trial.written(cell, proposal, result, options, _now(), simulated=simulated)
     if last and not options["despite"]:
         kept = loop.Kept(0, options["present"], dict(last))
         if why := contradicted(kept, result, proposal.held, tcp=options["tcp"] is not False):
@@ -166,7 +167,8 @@ def command(**options: Any) -> int:
         return 0
     source = current(folder, options["file"])
     terms = cell.terms if options["terms"] is None else read_terms(options["terms"], folder)
-    known = _short_check.made_from(source.read_text(encoding="utf-8-sig"), terms, options["degree"], tcp=options["tcp"] is True)
+    text = source.read_text(encoding="utf-8-sig")
+    known = _short_check.made_from(folder, text, terms, options["degree"], tcp=options["tcp"] is True)
     by_hand = _short_check.by_hand(cell, proposal, result, tcp=options["tcp"] is True)
     kept = loop.store(folder, proposal, _now(), options["out"], rows(source), simulated=simulated, made_from=known, by_hand=by_hand)
     if options["out"] is None:
@@ -231,6 +233,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
 def _written(folder: Path, number: int) -> int:
     kept = loop.one(folder, number)
     loop.check(kept.folder)
+    _short_check.of_machine(kept, read_cell(folder, strategy=False).machine.name)
     if (state := loop.state(folder, number)) != "proposed":
         anew = f" ({_again(folder, kept)})" if state == BACK else ""
         raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed{anew}")
@@ -333,7 +336,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")
     if file.exists() and _short_check.is_short(cell, kept, file):
-        found, places = _short_check.judged(cell, kept, file, options["tcp"], same_stylus=options["same_stylus"])
+        found, places = _short_check.judged(cell, kept, file, options)
     else:
         found, places = _by_itself(cell, kept, options)
     return _noted(cell, kept, found, places, tcp=bool(options["tcp"]), json_file=options["json_file"])
@@ -359,6 +362,8 @@ def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tc
 
 def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Outcome, list[str]]:
     """cell, compensation, options → outcome of a run that determines everything by itself, places that act with TCP only."""
+    cell = at_that_time(cell, options["file"])
+    _short_check.as_then(cell, kept)
     result, judgement = _estimate(cell, options)
     held = _short_check.held_of(cell, kept, result.model.coefficients)
     places = switched(kept.record, held)
@@ -372,55 +377,7 @@ def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Ou
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
-    return _short_check.by_place(found, cell, kept, readings, tcp=tcp, same_stylus=options["same_stylus"]), places
-
-
-def _sign_trial(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str, Any], *, simulated: bool) -> int:
-    changed, changes = trial.trial(proposal, options["trial_of"])
-    touches = result.model.touches
-    number, size = trial.best(proposal.held, changes, touches)
-    first = cell.folder / loop.FOLDER / f"sign-trial-{options['target']}"
-    free = (place for i in count(1) if not (place := first if i == 1 else first.with_name(f"{first.name}-{i}")).exists())
-    folder = options["out"] or next(free)
-    loop.store(cell.folder, changed, _now(), folder, simulated=simulated, trial=True)
-    facet = touches.facet[list(touches.number).index(number)]
-    tcp = any(h.tcp for h in proposal.held if h.place in changes)
-    click.echo(
-        f"→ {folder}: {len(changes)} numbers of {options['trial_of']} changed, everything else as it is now; undo/ takes it back\n"
-        f"1. Load its files as steps.txt says.\n"
-        f"2. Touch again what was touched{', with tool center point control on, as before' if tcp else ''}; touch {number} (facet "
-        f"{facet}) alone is enough: it changes by {1e3 * abs(size):.1f} µm, and by its sign the sign of the table is known.\n"
-        f"3. tango compensate -C {cell.folder} --sign-of {folder} --readings BEFORE --after AFTER\n4. Load undo/."
-    )
-    return 0
-
-
-def _sign_of(cell: Cell, options: dict[str, Any]) -> int:
-    record = loop.check(options["sign_of"])
-    if options["file"] is None or options["after"] is None:
-        raise InputError("--sign-of: found no --readings or no --after; allowed: readings before the trial, and with it")
-    if rows(options["file"]) == rows(options["after"]):
-        raise InputError(f"--after: found the touches of {options['file']} once more; allowed: readings made during the trial")
-    written = str(record["created_utc"])
-    if (when := ended(options["after"])) is not None and when[:19] < written[:19]:
-        raise InputError(
-            f"--after: found {options['after']}, which ended at {when}, before the trial was written ({written}); allowed: "
-            "readings made with the trial in the control. Before and after may have been given the wrong way round"
-        )
-    module = targets.load(record["target"])
-    before, after = (
-        from_readings(cell.machine, cell.artefact, read_readings(file, cell.machine, cell.artefact))
-        for file in (options["file"], options["after"])
-    )
-    settings = targets.options(module, _compensate.settings_of(record))
-    request = targets.Request(cell.machine, _compensate.volume_of(_compensate.volume_text(record), cell.machine), settings)
-    changes = {v["place"]: v["new"] - v["present"] for v in record["values"] if v["new"] != v["present"]}
-    found = trial.judge(tuple(module.held(request)), changes, before, after)
-    flips = trial.flips(module, request, changes) if found.word == "turned round" else []
-    data = {"format": "tango-sign-trial/1", "verdict": found.word, "ratio": round(found.ratio, 4), "touches": found.touches}
-    if not write_json(options["json_file"], data):
-        click.echo(_compensate.sign(found, flips))
-    return 0 if found.word == "as assumed" else TangoError.exit_code
+    return _short_check.by_place(found, cell, kept, readings, options), places
 
 
 def _history(folder: Path, json_file: str | None) -> int:

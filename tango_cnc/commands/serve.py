@@ -84,7 +84,7 @@ def command(
         raise InputError(
             f"--host: found {host}, which others can reach, and no --users; allowed: with users, or 127.0.0.1 (docs/serve.md)"
         )
-    if not local and not tls:
+    if not local and certificate is None:
         raise InputError(
             f"--host: found {host} without TLS: passwords would go over the network in clear. State --certificate and --key, or "
             "leave --host at 127.0.0.1 and use --behind-proxy (docs/serve.md)"
@@ -104,7 +104,7 @@ def command(
             f"{', '.join(map(str, folders)) or '.'}: found no cell; allowed: a folder with tango.yaml, or one of such folders"
         )
     called = tuple(dict.fromkeys((*LOOPBACK, *(() if host in ("0.0.0.0", "::") else (host,)), *names)))
-    settings = Settings(cells, history, users, called, tls, late_hours, templates, find)
+    settings = Settings(cells, history, users, called, tls, late_hours, templates, find, behind_proxy=behind_proxy)
     app = create(settings)
     if unit == "inch":
         from ..report.units import Units

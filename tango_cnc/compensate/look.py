@@ -23,6 +23,7 @@ from .seen import WITHIN, asked_for
 from .shares import Part, System, apart, foreseen, system
 from .short import WHOLE, Short, levers_of
 from .space import Poses
+from .warmth import MAYBE
 
 GOAL = 0.2  # standard deviation of a share
 TELLS = 0.25  # standard deviation by the whole strategy: a file that this tells less of is not asked for
@@ -57,11 +58,13 @@ class Look:
     names: tuple[str, ...]  # of the files that the strategy can tell, of the parts that matter, and `WHOLE`
     std: tuple[float, ...]  # of the share of each
     small: tuple[str, ...]  # files, and parts of files, that it does not ask for
+    grown: float | None = None  # K, standard deviation to which it tells what all axes have grown alike; None: no touch tells it
 
     @property
     def open(self) -> float:
         """→ how much it leaves open: the sum of what is to be known, each not better than it has to be."""
-        return sum(max(std, GOAL) for std in self.std)
+        warm = () if self.grown is None else (self.grown / MAYBE,)
+        return sum(max(std, GOAL) for std in (*warm, *self.std))
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -91,8 +94,12 @@ def look(
     where = np.array([touch.indexation for touch in made.touches])
     touch, turns = _costs(made, where, feed)
     costs = Costs(touch, min(again(cell, feed), touch), turns)
+    warm = _warm(asked, touches, parts)
+    if warm is not None:
+        asked = replace(asked, before=replace(asked.before, grown=MAYBE))
     aims = _aims(asked, touches, parts, at, before)
-    job = _Job(cell, made, feed, proof(made, gate, feed), tuple(aim for aim, _, _ in aims), where, costs)
+    every = (*(() if warm is None else (warm,)), *(aim for aim, _, _ in aims))
+    job = _Job(cell, made, feed, proof(made, gate, feed), every, where, costs, warm is not None)
     words = tuple(name for _, names, _ in aims for name in names), tuple(name for _, _, small in aims for name in small)
     if minutes:  # whoever states a time wants to know as much as that allows
         return job.made_of(60 * minutes, goal, *words)
@@ -103,7 +110,8 @@ def look(
         found = job.made_of(60 * USUAL, GOAL, *words)
     except InputError:  # turns take too long for it
         return longer
-    return longer if max(found.std) > DECIDES and longer.open < BETTER * found.open else found
+    poor = max(found.std) > DECIDES or (found.grown or 0.0) > MAYBE * DECIDES
+    return longer if poor and longer.open < BETTER * found.open else found
 
 
 @dataclass(frozen=True)
@@ -119,6 +127,18 @@ class _Aim:
         return cls(ready.rows @ ready.root / sigma, wanted @ ready.root)
 
 
+def _warm(asked: Short, touches: Touches, parts: Sequence[Part]) -> _Aim | None:
+    """short check, touches to choose from, parts → what all axes have grown alike, as an aim; None where no touch tells it.
+
+    To 1 K it is as well known as a share to `GOAL`.
+    """
+    ready = system(replace(asked.before, grown=MAYBE), touches, parts)
+    wanted = np.zeros((1, len(ready.root)))
+    wanted[0, ready.places] = 1 / MAYBE
+    aim = _Aim.of(ready, asked.before.sigma, wanted)
+    return aim if _after(aim, aim.rows)[0] <= TELLS else None
+
+
 def _aims(
     asked: Short, touches: Touches, parts: Sequence[Part], at: Poses, before: Figure
 ) -> list[tuple[_Aim, tuple[str, ...], tuple[str, ...]]]:
@@ -130,8 +150,7 @@ def _aims(
     found, known = [], set[frozenset[str]]()
     if question.loads:
         ready = system(asked.before, touches, question.loads)
-        std = np.sqrt(np.diag(foreseen(asked.before, touches, question.loads)))
-        tells = std <= TELLS
+        tells = np.array(told_by(asked, touches, question.loads, question.sizes(question.loads), before))
         wanted = _shares_of(ready, tells)
         names = np.array([part.name for part in question.loads])
         found.append((_Aim.of(ready, sigma, wanted), tuple(names[tells].tolist()), tuple(names[~tells].tolist())))
@@ -148,6 +167,16 @@ def _aims(
     dim = np.array([not {question.held_in.get(h.place) for h in part.held} <= unasked for part in parts])  # else the file says it
     named = (*names[matter & ~alone].tolist(), WHOLE), tuple(names[~matter & ~alone & dim].tolist())
     return [*found, (_Aim.of(ready, sigma, wanted), *named)]
+
+
+def told_by(asked: Short, touches: Touches, loads: Sequence[Part], sizes: Sequence[float], before: Figure) -> list[bool]:
+    """short check, touches to choose from, files, µm rms that each takes away, µm before → of each whether it is asked for.
+
+    Those that all touches tell well, and of what takes much away also those that they decide.
+    """
+    std = np.sqrt(np.diag(foreseen(asked.before, touches, loads)))
+    limit = [1 / WITHIN if asked_for(size, before, asked.before.sigma) else TELLS for size in sizes]
+    return [bool(s <= most) for s, most in zip(std, limit, strict=True)]
 
 
 def _shares_of(ready: System, which: NDArray[np.bool_]) -> Array:
@@ -168,6 +197,7 @@ class _Job:
     aims: tuple[_Aim, ...]
     where: Count
     costs: Costs
+    warm: bool  # whether the first aim is what all axes have grown
 
     def made_of(self, seconds: float, goal: float, names: tuple[str, ...], small: tuple[str, ...]) -> Look:
         """s at most, standard deviation that does, names of what is to be known and of what is not → the touches."""
@@ -188,9 +218,11 @@ class _Job:
                 most = max(LESS * most * seconds / takes, (least + most) / 2 if best else 0.0)
                 continue
             std = _std(self.aims, chosen)
-            made = Look(found, planned, takes, names, tuple(std.tolist()), small)
+            grown, std = (MAYBE * float(std[0]), std[1:]) if self.warm else (None, std)
+            made = Look(found, planned, takes, names, tuple(std.tolist()), small, grown)
             best = made if best is None or made.open < best.open else best
-            if max(made.std) <= goal or takes > FULL * seconds or not np.isfinite(longest):
+            known = max(made.std) <= goal and (made.grown or 0.0) <= max(goal, GOAL) * MAYBE
+            if known or takes > FULL * seconds or not np.isfinite(longest):
                 break
             least, most = most, (most + longest) / 2
         if best is None:
@@ -289,6 +321,12 @@ class _Draft:
             if best is None or total / price > best[0]:
                 best = total / price, draft, price
         return best
+
+
+def _after(aim: _Aim, rows: Array) -> Array:
+    """what is to be known, rows of touches → (k,) standard deviations after them."""
+    covariance = np.linalg.inv(np.eye(rows.shape[1]) + rows.T @ rows)
+    return np.asarray(np.sqrt(np.einsum("kq,qr,kr->k", aim.wanted, covariance, aim.wanted)))
 
 
 def _std(aims: Sequence[_Aim], chosen: Count) -> Array:

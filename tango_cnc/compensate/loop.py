@@ -56,7 +56,7 @@ SHAPE = {
     "on_paper?": [str],
     "simulated?": str,
     "readings_rows?": [str],
-    "made_from?": {"readings": str, "terms": list, "degree": int, "tcp": bool},
+    "made_from?": {"readings": str, "terms": list, "degree": int, "tcp": bool, "machine?": str, "artefact?": str},
 }
 
 

@@ -57,7 +57,8 @@ class Outcome:
         within = "within" if self.left_if_none <= p.high else "more than"
         return (
             f"this run does not see whether the control uses {listed(self.not_seen)}. If {it}, {self.left_if_none:.2f} µm would "
-            f"be left, {within} the {p.low:.2f} to {p.high:.2f} µm that were promised. {self.text[0].upper()}{self.text[1:]}"
+            f"be left, {within} the {p.low:.2f} to {p.high:.2f} µm that were promised; more where a sign is wrong. "
+            f"{self.text[0].upper()}{self.text[1:]}"
         )
 
 
@@ -108,6 +109,8 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
     before, promised = promises(kept.record)
     helped = _helped(run.moved, run.levers, run.error[:, None] + run.levers @ run.now.draws(DRAWS))
     verdict = judged(before, promised, measured, helped)
+    if verdict == "no help":  # nothing of it acts: then the kinematics do not, either
+        measured = run.left(kinematics=False)
     left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
     undo = f"load the files of {kept.folder / 'undo'}"
     calculated = ""
@@ -127,8 +130,7 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
         text = f"{left}; {share}{calculated}. The gain is too small for these touches. {again}, or with more touches"
     elif verdict == "no help":
         text = (
-            f"{left}: it has not helped; {share}{calculated}. Now {undo}, and note it: "
-            f"{rolled_back(kept)}. "
+            f"{no_help(before, promised, measured)}; {share}. Now {undo}, and note it: {rolled_back(kept)}. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a sign trial"
         )
     elif verdict == "kept":
@@ -152,6 +154,14 @@ def listed(names: Sequence[str]) -> str:
     """names → the same in a sentence; with semicolons where names have commas."""
     between = "; " if any("," in name for name in names) else ", "
     return names[0] if len(names) == 1 else f"{between.join(names[:-1])} and {names[-1]}"
+
+
+def no_help(before: Figure, promised: Figure, found: Figure) -> str:
+    """what was there before, promised, found to be left → that it has not helped, with the three of them."""
+    return (
+        f"it has not helped. Before it {before.value:.2f} µm of error were there (rms over the volume), {promised.low:.2f} to "
+        f"{promised.high:.2f} µm were promised to be left, and {found.value:.2f} µm ({found.low:.2f} to {found.high:.2f}) are left"
+    )
 
 
 def rolled_back(kept: Kept) -> str:

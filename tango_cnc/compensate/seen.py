@@ -42,21 +42,25 @@ class Sorted:
     how: dict[str, str]  # of those that are missing: how much of each acts, where that is known
 
     @classmethod
-    def of(cls, found: Shares, sizes: Sequence[float], before: Figure, sigma: float, faint: float = FAINT) -> Sorted:
+    def of(
+        cls, found: Shares, sizes: Sequence[float], before: Figure, sigma: float, faint: float = FAINT, *, files: bool = False
+    ) -> Sorted:
         """shares, µm rms that each part takes away, µm before, mm of a touch → the parts, sorted.
 
-        `faint`: standard deviations from all of it by which a part that hardly matters is missing.
+        `faint`: standard deviations from all of it by which a part that hardly matters is missing. `files`: parts are files; each
+        is loaded whole or not at all, so those that hardly matter are told by their states, too.
         """
         result = cls([], [], [], [], {})
         asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]
         acts = dict(zip(asked, acting(found.share[asked], found.covariance[np.ix_(asked, asked)], WITHIN**2), strict=True))
+        loaded = acting(found.share, found.covariance, WITHIN**2) if files else [None] * len(sizes)
         for i, (name, share, std, size) in enumerate(zip(found.names, found.share, found.std, sizes, strict=True)):
             small = i not in acts
             lacks = abs(share - 1)
             if lacks > max((faint if small else MISSING) * std, NEAR) and lacks * size > TOLD * 1e3 * sigma:
                 result.missing.append(name)
                 result.how[name] = f"{name} ({_how(share, std)})"
-            elif acts.get(i, share > max(WITHIN * std, HELPED)):
+            elif acts.get(i, share > max(WITHIN * std, HELPED) or loaded[i]):
                 result.within.append(name)
             elif acts.get(i) is False:
                 result.missing.append(name)
@@ -67,9 +71,10 @@ class Sorted:
 
 def _how(share: float, std: float) -> str:
     """share of a part, its standard deviation → how it acts, for people."""
-    if share + FAINT * std < 0:
+    if share + WITHIN * std < 0:
         return f"it acts the wrong way round, by {-100 * share:.0f} ± {200 * std:.0f} %: do a sign trial"
-    return f"{max(100 * share, 0.0):.0f} ± {200 * std:.0f} % of it acts"
+    most = 100 * share + 200 * std
+    return f"{100 * share:.0f} ± {200 * std:.0f} % of it acts" if share > 0 else f"at most {max(most, 0.0):.0f} % of it acts"
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,7 @@ class Question:
         files = None
         if self.loads:
             loaded = shares(self.before, touches, self.loads, shifted)
-            files = Sorted.of(loaded, self.sizes(self.loads), self.figure, self.before.sigma, faint)
+            files = Sorted.of(loaded, self.sizes(self.loads), self.figure, self.before.sigma, faint, files=True)
             if loaded.p_value < MISFIT:  # no file acts as a whole, or not at all: then each table speaks for itself
                 files = Sorted([], [], [], list(loaded.names), {})
         return seen(tables, self.parts, files, self.held_in, (*self.beyond(self.parts), *self.beyond(self.loads)))

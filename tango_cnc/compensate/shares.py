@@ -3,11 +3,12 @@
 A short check has fewer touches than its machine has errors. It need not determine those: the full run that the compensation was
 made from has done so. What is unknown besides is what may have changed since, and how much of every table is in the control:
 
-    gap = J (x − x₀) + X e − M s + ε,   x ~ N(x₀, P₀ + Q),   e wide,   s ~ N(½, 1)
+    gap = J (x − x₀) + h g + X e − M s + ε,   x ~ N(x₀, P₀ + Q),   g ~ N(0, K),   e wide,   s ~ N(½, 1)
 
 x₀, P₀: estimate of the full run with its covariance. Q: what a machine moves in the days between, as the nights take it, and where
-the stylus is, which may be another one. e: where the table stands, and the radius of the tip. M: what each part does to the gaps.
-A table that is not loaded has s = 0, one with the wrong sign −1, one that was entered twice 2.
+the stylus is, which may be another one. g: by how many K all linear axes have grown alike, K: how much warmer the machine may be
+than in the full run; 0: it is as warm as then. h: what that does to the gaps. e: where the table stands, and the radius of the tip.
+M: what each part does to the gaps. A table that is not loaded has s = 0, one with the wrong sign −1, one that was entered twice 2.
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ import numpy as np
 from scipy import linalg, special
 
 from ..estimate import Estimate
-from ..model import PLACEMENT, Model, linearise
+from ..model import PLACEMENT, Model, linearise, setup_coefficient
 from ..records import Array
-from ..state.frame import WANDER, family
+from ..state.frame import WANDER, WARM, family
+from ..terms import SCALES, Coefficient
+from ..terms.error_motion import scales
 from ..touches import Touches
 from .fit import posed
 from .space import Held, Poses
@@ -31,12 +34,17 @@ TOGETHER = 8  # parts whose states are compared together, the least known ones
 CERTAIN = 0.01  # standard deviation of a share that is taken for known
 SHARE, SPREAD = 0.5, 1.0  # of what is in the control, before a touch: not at all and whole are as likely
 LEAST_DAYS, MOST_DAYS = 4.0, 30.0  # that a machine wanders: as far as in four at least, as warmth moves it within one
-STYLUS, TABLE, TURN, RADIUS, RUN = 0.2, 1.0, 2e-3, 0.05, 5e-3  # mm, mm, rad, mm, mm: anew in every run
+STYLUS, TABLE, TURN, RADIUS, RUN = 2.0, 5.0, 2e-2, 0.05, 5e-3  # mm, mm, rad, mm, mm: anew in every run
 SAME, LONGER = 2e-3, 0.02  # mm: a stylus that stayed in its holder, across and along it, which warmth makes longer
 CALM = 1e-4  # mm at a touch by which a gain or an error motion, the shape of a guideway, wanders in a day at most
 WIDELY = 30.0  # standard deviations of a touch: a direction that was as uncertain takes a touch, and says nothing of the fit
 FACET = 2e-4  # mm: a facet that is cleaned before each run
+GROWTH = "growth"  # no coefficient has this name
 ALONG = "EZt"  # coefficient: where the stylus is along the spindle
+GROWS = 11.5e-6  # mm/mm per K: of steel and cast iron, by which all axes become longer alike
+APART = 2e-6  # mm/mm per K, by which one axis grows otherwise than all of them: nobody knows an expansion better
+BENDS = 3e-4  # mm at a touch per K, by which warmth changes the shape of a guideway
+STEPS, LINEAR = 6, 0.02  # steps at most; mm at a touch that is no longer a step
 NEW = 1.0  # mm: a facet or ball that the full run has not touched
 
 
@@ -61,6 +69,8 @@ class Before:
     days: float
     moves: float = 1.0  # times what it wanders in these days; 0: it is what it was
     same_stylus: bool = False  # it is that of the full run, and has not been out of its holder since
+    warmer: float = 0.0  # K by which it may be warmer or colder than in the full run: what that moves is unknown
+    grown: float = 0.0  # K that all its linear axes may have grown as by, alike
 
     @property
     def sigma(self) -> float:
@@ -96,11 +106,12 @@ class Shares:
     """What touches say beside what was known: how the unknowns of the full run and the share of each part are distributed."""
 
     names: tuple[str, ...]  # of the parts
-    mean: Array  # (p + g,) deviations of the unknowns from the full run, shares
-    root: Array  # (p + g, k) of their covariance
+    mean: Array  # (p + 1 + g,) deviations of the unknowns from the full run, K that all axes have grown as by, shares
+    root: Array  # (p + 1 + g, k) of their covariance
     coefficients: int
     p_value: float  # of the touches' differences from what any share and any such machine predict
     off: tuple[tuple[int, float], ...]  # numbers of touches that fit least, standard deviations
+    evidence: float  # twice the logarithm of how likely these touches are, but for what every fit of them has in common
 
     @property
     def share(self) -> Array:
@@ -118,8 +129,14 @@ class Shares:
         own = self.root[-len(self.names) :]
         return np.asarray(own @ own.T)
 
+    @property
+    def grown(self) -> tuple[float, float]:
+        """→ K that all axes have grown as by, its standard deviation."""
+        at = self.coefficients
+        return float(self.mean[at]), float(np.sqrt(np.sum(self.root[at] ** 2)))
+
     def draws(self, count: int, seed: int = 1) -> tuple[Array, Array]:
-        """n → (p, n) deviations of the unknowns, (g, n) shares."""
+        """n → (p + 1, n) deviations of the unknowns and K that all axes have grown as by, (g, n) shares."""
         normal = np.random.default_rng(seed).normal(size=(self.root.shape[1], count))
         drawn = self.mean[:, None] + self.root @ normal
         return drawn[: -len(self.names)], drawn[-len(self.names) :]
@@ -133,7 +150,7 @@ class System:
     root: Array  # (q, q)
     mean: Array  # (q,)
     gaps: Array  # (n,) mm at the estimate of the full run
-    places: int  # (p) unknowns of the full run, the first ones
+    places: int  # (p) unknowns of the full run, the first ones; then come K that all axes have grown as by
     parts: int  # (g), the last ones
 
 
@@ -144,33 +161,39 @@ def system(
     shifted: Array | None = None,
     certain: Collection[str] = (),
     absent: Collection[str] = (),
+    start: Array | None = None,
 ) -> System:
     """what was known, touches of a check, parts of the compensation, (n,) mm that gaps differ by for certain → system.
 
-    `certain`, `absent`: names of parts that are taken to be in the control, and not to be in it.
+    `certain`, `absent`: names of parts that are taken to be in the control, and not to be in it. `start`: deviations of what no
+    share is, where gaps are linear over what is left; None: none.
     """
     model = before.result.model
-    own = Model(touches, model.coefficients)
+    own = Model(touches, (*model.coefficients, *_placed(model)))
     place = {name: j for j, name in enumerate(model.names)}
     new = [name for name in own.names if name not in place]
-    at = np.array([before.result.values[place[name]] if name in place else 0.0 for name in own.names])
+    p = len(place)
+    columns = {name: j for j, name in enumerate((*model.names, GROWTH, *new))}
+    mine = [columns[name] for name in own.names]
+    off = np.zeros(len(mine)) if start is None else start[mine]
+    at = np.array([before.result.values[place[name]] if name in place else 0.0 for name in own.names]) + off
     gaps, jacobian = linearise(own, at)
-    p, more = len(place), _anew(own)
+    gaps = gaps - jacobian @ off
     acts = [np.sum(part.moved(Poses(touches)) * touches.normal, axis=1) for part in parts]
-    columns = {name: j for j, name in enumerate((*model.names, *new))}
     rows = np.zeros((len(touches), len(columns)))
-    rows[:, [columns[name] for name in own.names]] = jacobian
-    rows = np.hstack([rows, more, -np.array(acts).reshape(len(parts), -1).T])
+    rows[:, mine] = jacobian
+    rows[:, p] = np.sum(growth(Poses(touches)) * touches.normal, axis=1)
+    rows = np.hstack([rows, -np.ones((len(touches), 1)), -np.array(acts).reshape(len(parts), -1).T])
     covariance = np.zeros((rows.shape[1],) * 2)
     covariance[:p, :p] = before.result.covariance
     wander = _wander(before)
     covariance[np.arange(p), np.arange(p)] += wander**2
     q = len(columns)
-    covariance[np.arange(p, q), np.arange(p, q)] = NEW**2
-    tip = SAME if before.same_stylus else RADIUS
-    wide = np.array([TABLE, TABLE, TABLE, TURN, TURN, TURN, tip])[-more.shape[1] :]
-    covariance[np.arange(q, q + len(wide)), np.arange(q, q + len(wide))] = wide**2
-    last = np.arange(q + len(wide), rows.shape[1])
+    covariance[p, p] = before.grown**2
+    units = {name: TABLE if name[1] in "XYZ" else TURN for name in PLACEMENT}
+    covariance[np.arange(p + 1, q), np.arange(p + 1, q)] = np.array([units.get(name, NEW) for name in new]) ** 2
+    covariance[q, q] = (SAME if before.same_stylus else RADIUS) ** 2
+    last = np.arange(q + 1, rows.shape[1])
     there, away = (np.array([part.name in names for part in parts], dtype=np.bool_) for names in (certain, absent))
     covariance[last, last] = np.where(there | away, CERTAIN, SPREAD) ** 2
     mean = np.zeros(rows.shape[1])
@@ -178,13 +201,16 @@ def system(
     return System(rows, _root(covariance), mean, gaps if shifted is None else gaps - shifted, p, len(parts))
 
 
-def _anew(own: Model) -> Array:
-    """model of a check → (n, 7) what the table does that was set up anew, and another tip; (n, 1) where it has a placement."""
-    touches = own.touches
-    radius = -np.ones((len(touches), 1))
-    if any(c.name in PLACEMENT for c in own.coefficients):
-        return radius
-    return np.hstack([-touches.normal, -np.cross(touches.point, touches.normal), radius])
+def growth(at: Poses) -> Array:
+    """poses → (n, 3) mm of tip error of a machine whose linear axes have all grown as by 1 K."""
+    parts = [at.slots[c.slot] * c.regressor(at.touches)[:, None] for c in scales(at.machine)]
+    return np.asarray(GROWS * sum(parts, np.zeros((len(at), 3))))
+
+
+def _placed(model: Model) -> list[Coefficient]:
+    """model of the full run → where the table stands that was set up anew; nothing where the model has it."""
+    known = {c.name for c in model.coefficients}
+    return [setup_coefficient(name) for name in PLACEMENT if name not in known]
 
 
 def _wander(before: Before) -> Array:
@@ -204,8 +230,12 @@ def _wander(before: Before) -> Array:
         elif not posed(c, model.touches):
             found[j] = RUN / max(size[j], 1e-9)
         else:
-            wanders = days * WANDER[family(c.slot.axis, c.name, c.unit)]
-            found[j] = min(wanders, CALM * days / max(size[j], 1e-9)) if c.unit not in ("mm", "rad") else wanders
+            kind = family(c.slot.axis, c.name, c.unit)
+            wanders = days * WANDER[kind]
+            wanders = min(wanders, CALM * days / max(size[j], 1e-9)) if c.unit not in ("mm", "rad") else wanders
+            warms = {"location": WARM["mm"], "angle": WARM["rad"], "gain": APART}.get(kind, 0.0)
+            warms = min(warms, BENDS / max(size[j], 1e-9)) if kind == "gain" and c.name not in SCALES else warms
+            found[j] = np.hypot(wanders, before.warmer * warms)
     return found
 
 
@@ -231,14 +261,25 @@ def shares(
     certain: Collection[str] = (),
     absent: Collection[str] = (),
 ) -> Shares:
-    """as `system` → the shares."""
-    ready = system(before, touches, parts, shifted, certain, absent)
-    white = ready.rows @ ready.root / before.sigma
-    value = -(ready.gaps + ready.rows @ ready.mean) / before.sigma
-    inner = linalg.cholesky(np.eye(white.shape[1]) + white.T @ white, lower=True)
-    change = linalg.cho_solve((inner, True), white.T @ value)
+    """as `system` → the shares.
+
+    A ball is round: with a stylus or table that is elsewhere by a millimeter it is touched at another place, so what is far from
+    the full run is found in several steps.
+    """
+    start: Array | None = None
+    for _ in range(STEPS):
+        ready = system(before, touches, parts, shifted, certain, absent, start)
+        white = ready.rows @ ready.root / before.sigma
+        value = -(ready.gaps + ready.rows @ ready.mean) / before.sigma
+        inner = linalg.cholesky(np.eye(white.shape[1]) + white.T @ white, lower=True)
+        change = linalg.cho_solve((inner, True), white.T @ value)
+        mean = ready.mean + ready.root @ change
+        found = mean[: len(mean) - ready.parts - 1]
+        step = found if start is None else found - start
+        if np.abs(ready.rows[:, : len(step)] @ step).max() < LINEAR:
+            break
+        start = found
     root = ready.root @ linalg.solve_triangular(inner, np.eye(len(inner)), lower=True).T
-    mean = ready.mean + ready.root @ change
     left = value - white @ change
     statistic = float(left @ left + change @ change)
     size = np.linalg.svd(white, compute_uv=False)
@@ -247,9 +288,10 @@ def shares(
     lever = np.sum(linalg.solve_triangular(inner, white.T, lower=True) ** 2, axis=0)
     off = np.abs(left) / np.sqrt(np.clip(1 - lever, 1e-3, None))
     worst = np.argsort(-off)[:3]
-    keep = np.r_[0 : ready.places, len(mean) - ready.parts : len(mean)]
+    evidence = -statistic - 2 * float(np.sum(np.log(np.diag(inner))))
+    keep = np.r_[0 : ready.places + 1, len(mean) - ready.parts : len(mean)]
     numbers = tuple((int(touches.number[i]), float(off[i])) for i in worst)
-    return Shares(tuple(part.name for part in parts), mean[keep], root[keep], ready.places, chance, numbers)
+    return Shares(tuple(part.name for part in parts), mean[keep], root[keep], ready.places, chance, numbers, evidence)
 
 
 def acting(share: Array, covariance: Array, margin: float) -> list[bool | None]:

@@ -14,11 +14,25 @@ from ..touches import Touches
 from .fit import posed, rms
 from .hidden import of_record, unseen
 from .loop import Kept
-from .outcome import HELPED, KINEMATICS, TRY_KINEMATICS, Outcome, judged, less, listed, promises, rolled_back, said_share, spans
+from .outcome import (
+    HELPED,
+    KINEMATICS,
+    TRY_KINEMATICS,
+    Outcome,
+    judged,
+    less,
+    listed,
+    no_help,
+    promises,
+    rolled_back,
+    said_share,
+    spans,
+)
 from .promise import DRAWS, Figure
 from .seen import MISFIT, MISSING, Question, Seen
-from .shares import Before, Part, Shares, parts_of, shares
+from .shares import Before, Part, Shares, growth, parts_of, shares
 from .space import Held, Poses, sample
+from .warmth import MOVES, Warmth, as_warm, stated, warmth, whole_as_warm
 
 FEW = 0.6  # of the touches that a compensation was made from: with fewer it is a short check
 WHOLE = "all of it together"
@@ -34,6 +48,8 @@ class Short:
     tcp: bool  # whether the check was made with tool center point control
     first_tcp: bool  # whether the full run was
     files: Mapping[str, str] = field(default_factory=dict)  # {place that changed: its file}, where that is known
+    warmer: float | None = None  # K by which a person states that the machine is warmer than in the full run
+    sensor: str | None = None  # temperature that counts; None: the mean of all
 
     @property
     def poses(self) -> Poses:
@@ -51,6 +67,18 @@ class Short:
         """parts → what is asked."""
         loads = parts_of(self.held, changes(self.kept), tcp=self.tcp, files=self.files) if self.files else []
         return Question(self.before, parts, loads, self.files, self.poses, promises(self.kept.record)[0])
+
+    def as_warm(self, touches: Touches) -> tuple[Short, Warmth]:
+        """touches → the same resting on a machine that may be as much warmer as they and the temperatures say, and that."""
+        parts, shifted = self.parts, self.shifted(touches)
+        kelvin = stated(self.before.result.model.touches, touches, self.sensor, self.warmer)
+        found = warmth(self.before, lambda before: shares(before, touches, parts, shifted), kelvin)
+        return replace(self, before=found.taken(self.before)), found
+
+    @property
+    def calm(self) -> Before:
+        """→ what was known, of a machine that is what it was."""
+        return replace(self.before, moves=0.0, warmer=0.0, grown=0.0)
 
     def kinematics(self, at: Poses, *, new: bool) -> Array:
         """poses → (n, 3) mm that the control's kinematics take away, with the new numbers or with those before."""
@@ -81,6 +109,7 @@ class _Over:
     error: Array  # (3n,) mm by the full run, `told` taken off
     told: Array  # (3n,) mm that is taken off by calculation
     hidden: Array  # (3n,) mm of what was changed that the touches could not see
+    grown: Array  # (3n, 1) mm per K that all axes have grown as by
 
     @classmethod
     def of(cls, asked: Short, parts: Sequence[Part]) -> _Over:
@@ -92,16 +121,21 @@ class _Over:
         by_run = {(True, True): np.zeros_like(now), (True, False): then, (False, False): now, (False, True): hidden}
         told = by_run[asked.tcp, asked.first_tcp]
         levers, moved = at.free(levers_of(model, own, at)), at.free(np.stack([p.moved(at).ravel() for p in parts], axis=1))
-        told, hidden = at.free(np.stack([told, hidden], axis=1)).T
-        return cls(own, levers, moved, levers @ asked.before.result.values[own] - told, told, hidden)
+        told, hidden, grown = at.free(np.stack([told, hidden, growth(at).ravel()], axis=1)).T
+        return cls(own, levers, moved, levers @ asked.before.result.values[own] - told, told, hidden, grown[:, None])
 
-    def drawn(self, told_by: Shares, *, kinematics: bool = True) -> tuple[Array, Array]:
-        """shares → (m,) draws of what is gone of all, (m,) draws of what is left, µm rms; without `kinematics`: of those hidden."""
+    def drawn(self, told_by: Shares, *, kinematics: bool = True, grown: float = 0.0) -> tuple[Array, Array]:
+        """shares → (m,) draws of what is gone of all, (m,) draws of what is left, µm rms; without `kinematics`: of those hidden.
+
+        `grown`: K that all axes may have grown as by, of which touches and temperatures say nothing.
+        """
         change, share = told_by.draws(DRAWS)
         left = (self.error + (0 if kinematics else self.hidden))[:, None] + self.levers @ change[self.own] - self.moved @ share
+        left += self.grown * change[-1]
         whole = self.moved.sum(axis=1)
-        size = np.sqrt(np.sum(left**2, axis=0) / (len(left) / 3)) * 1e3
-        return 1.0 - whole @ left / float(whole @ whole), size
+        gone = 1.0 - whole @ left / float(whole @ whole)
+        left += self.grown * grown * np.random.default_rng(3).normal(size=DRAWS)
+        return gone, np.sqrt(np.sum(left**2, axis=0) / (len(left) / 3)) * 1e3
 
 
 def short_outcome(asked: Short, touches: Touches) -> Outcome:
@@ -114,18 +148,21 @@ def short_outcome(asked: Short, touches: Touches) -> Outcome:
             "on, and state --tcp, or by hand, as steps.txt says (--turned)"
         )
         return Outcome(before, promised, before, "undecided", text)
+    asked, warm = asked.as_warm(touches)
     shifted = asked.shifted(touches)
     found = shares(asked.before, touches, parts, shifted)
     over = _Over.of(asked, parts)
     known = asked.question(parts).answer(found, touches, shifted)
-    calm = replace(asked.before, moves=0.0)
-    gone, size = over.drawn(found)
+    calm = asked.calm
+    gone, size = over.drawn(found, grown=MOVES if warm.open else 0.0)
     helped, most = _interval(gone), _interval(size)
     least = _interval(over.drawn(shares(calm, touches, parts, shifted, (*known.acting, *known.hidden)))[1])
     # What might have moved, and what might be missing unseen, make an error look larger than it is: the lower end is without.
-    measured = Figure((most.value + least.value) / 2, min(least.low, most.low), most.high)
+    low, high = min(least.low, most.low), most.high
+    measured = Figure(min(max((most.value + least.value) / 2, low), high), low, high)
     none = _none(calm, over, touches, parts, shifted, known)
-    return _said(asked, found, known, before, promised, measured, helped, over, none)
+    said = _said(asked, found, known, before, promised, measured, helped, over, none)
+    return as_warm(said, warm, missing=found.p_value >= MISFIT and (bool(known.missing) or said.verdict == "no help"))
 
 
 def _none(calm: Before, over: _Over, touches: Touches, parts: Sequence[Part], shifted: Array, known: Seen) -> float:
@@ -163,11 +200,24 @@ def by_part(asked: Short, touches: Touches) -> tuple[Seen, float] | None:
             return None
         known = asked.question(parts).answer(found, touches, shifted, MISSING)
         if result is None or known.missing:
-            calm = replace(asked.before, moves=0.0)
-            result = known, _none(calm, _Over.of(asked, parts), touches, parts, shifted, known)
+            result = known, _none(asked.calm, _Over.of(asked, parts), touches, parts, shifted, known)
         if known.missing:
             break
     return result
+
+
+def whole_outcome(found: Outcome, asked: Short, touches: Touches) -> Outcome:
+    """outcome of a run that determines everything, the same run made ready, all its touches → the same; not as promised where a
+    part does not act, kept as far as seen where that is not known of one, undecided where the machine was warmer.
+    """
+    ready, warm = asked.as_warm(touches) if asked.parts else (asked, Warmth(0.0))
+    asked = ready if warm.another or warm.kelvin is not None else asked
+    parts = by_part(asked, touches) if found.verdict in HELPS or warm.another else None
+    found = not_all(found, parts, asked.kept)
+    model = asked.before.result.model
+    if model.bar is not None or model.calibrated:  # such a run finds its scales anew
+        warm = replace(warm, sees=0.0)
+    return whole_as_warm(found, warm, missing=parts is not None and bool(parts[0].missing))
 
 
 def not_all(found: Outcome, parts: tuple[Seen, float] | None, kept: Kept) -> Outcome:
@@ -205,11 +255,13 @@ def _said(
 ) -> Outcome:
     """short check, shares, what is known of the parts, figures, over the volume, µm if nothing unseen acts → the verdict."""
     verdict = _verdict(parts, before, promised, measured, helped)
+    if verdict == "no help":  # nothing of it acts: then the kinematics do not, either
+        measured = _interval(over.drawn(found, kinematics=False)[1])
     undo = f"load the files of {asked.kept.folder / 'undo'}"
     left = f"{measured.value:.2f} µm ({measured.low:.2f} to {measured.high:.2f}) are left of {before.value:.2f} µm"
     gone = f"{said_share(helped)}. A short check, which rests on the run that the compensation was made from"
     calculated = not asked.tcp and rms(over.told) > 0
-    if calculated:
+    if calculated and verdict != "no help":
         gone += f"; what the kinematics hold ({rms(over.told):.2f} µm) is taken off by calculation, this run could not see it"
     if found.p_value < MISFIT:
         number, off = found.off[0]
@@ -221,7 +273,8 @@ def _said(
         return Outcome(before, promised, measured, "undecided", text)
     if verdict == "no help":
         text = (
-            f"{left}: it has not helped; {gone}. Now {undo}, and note it: {rolled_back(asked.kept)}. "
+            f"{no_help(before, promised, measured)}; {gone}. Now {undo}, and note it: "
+            f"{rolled_back(asked.kept)}. "
             "The files were not loaded, or a sign is wrong, or the control does not use what was written: do a "
             "sign trial"
         )

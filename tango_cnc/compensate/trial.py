@@ -18,6 +18,7 @@ from .targets import Request
 
 SIZE = 0.010  # mm, or what an angle does at 300 mm
 REACH = 300.0
+ENOUGH, APART = 14, 3.0  # touches that tell a table that was moved; times their scatter, by which something else has moved
 LEAST = 0.003  # mm that the best touch has to change by for a sign to be told
 
 
@@ -91,6 +92,20 @@ def flips(module: ModuleType, request: Request, places: Mapping[str, float]) -> 
     return found
 
 
+def _beside(before: Touches, rows: Array, want: Array, got: Array, least: float) -> tuple[float, float]:
+    """touches before, which of them, (n,) mm that each is to change by, does change by, mm of two touches → share of the change
+    and its standard deviation, where the table stands and the tip of the stylus let free.
+    """
+    point, normal, spindle = before.point[rows], before.normal[rows], before.spindle_normal[rows]
+    columns = np.column_stack([want, normal, np.cross(point, normal) / REACH, spindle, np.ones(len(rows))])
+    u, s, vt = np.linalg.svd(columns, full_matrices=False)
+    keep = s > 1e-9 * s[0]
+    found = vt[keep].T @ ((u[:, keep].T @ got) / s[keep])
+    left = got - columns @ found
+    scatter = max(least, float(np.sqrt(left @ left / max(len(rows) - int(keep.sum()), 1))))
+    return float(found[0]), scatter * float(np.sqrt(np.sum((vt[keep, 0] / s[keep]) ** 2)))
+
+
 def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches, after: Touches) -> Sign:
     """what a target stores, changes, touches before and with the change → verdict. Raises InputError without common touches."""
     first = {int(number): i for i, number in enumerate(before.number)}
@@ -105,10 +120,12 @@ def judge(held: tuple[Held, ...], changes: Mapping[str, float], before: Touches,
     if power < LEAST**2:
         return Sign(0.0, np.inf, "undecided", len(rows))
     ratio = float(want @ got) / power
-    scatter = before.machine.probe.repeatability * 2**0.5
+    scatter = least = before.machine.probe.repeatability * 2**0.5
     if len(rows) > 3:
         scatter = max(scatter, float(np.std(got - ratio * want, ddof=1)))
     std = scatter / power**0.5
+    if len(rows) >= ENOUGH and scatter > APART * least:  # the table was moved, or another stylus is in the spindle
+        ratio, std = _beside(before, rows, want, got, least)
     for word, value in (("as assumed", 1.0), ("turned round", -1.0), ("not used", 0.0)):
         if abs(ratio - value) < max(3 * std, 0.15) and std < 0.2:
             return Sign(ratio, std, word, len(rows))

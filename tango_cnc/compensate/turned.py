@@ -21,7 +21,7 @@ from ..iso230.poses import at_poses
 from ..loaded import AS_SEEN
 from ..records import Array, InputError, Machine
 from .fit import known, rms
-from .outcome import HELPED, Outcome, listed, promises, rolled_back
+from .outcome import HELPED, Outcome, listed, no_help, promises, rolled_back
 from .promise import DRAWS, Figure
 from .seen import NEAR, WITHIN
 from .short import Short, changes
@@ -161,7 +161,8 @@ def judged(asked: Short, found: Turn, seen: Array) -> Outcome:
         return Outcome(before, promised, measured, "undecided", text)
     if share + WITHIN * std < 0.5:
         text = (
-            f"{left}: it has not helped; {what}. Load undo/, and note it: {rolled_back(asked.kept)}. Is it loaded, is a sign wrong?"
+            f"{no_help(before, promised, measured)}; {what}. Load undo/, and note it: {rolled_back(asked.kept)}. Is it "
+            "loaded, is a sign wrong?"
         )
         return Outcome(before, promised, measured, "no help", text)
     if abs(share - 1) > max(WITHIN * std, NEAR):

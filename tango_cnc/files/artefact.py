@@ -7,16 +7,21 @@ from pathlib import Path
 from ..judgement import TableTolerances
 from ..records import Artefact, Ball, Facet, Id, ScaleBar, Surface
 from .balls import check_bar, check_facets
-from .checked import Node, load
+from .checked import Node, load, parse
 from .gathered import gathered
 from .obstacle import read_obstacle
 from .tolerances import TABLE_TOLERANCES, read_tolerances
 
 
-def read_artefact(file: Path) -> Artefact:
-    """artefact.yaml → artefact. Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere."""
+def read_artefact(file: Path, text: str | None = None) -> Artefact:
+    """artefact.yaml, its text where it is not that of the file → artefact.
+
+    Raises InputError for a facet on, or a bar between, balls that nothing defines or elsewhere.
+    """
     with gathered() as read:
-        fields = read.fields(load(file), ["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"])
+        fields = read.fields(
+            load(file) if text is None else parse(file, text), ["name", "facets"], ["balls", "scale_bar", "obstacles", "tolerances"]
+        )
         name = read(lambda: fields["name"].text())
         solids = read(lambda: fields["obstacles"].list()) if "obstacles" in fields else []
         obstacles = read.each(solids or (), read_obstacle)

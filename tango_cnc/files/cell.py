@@ -27,7 +27,7 @@ from ..records import (
 )
 from .angles import angle
 from .artefact import read_artefact
-from .checked import FURTHEST, Node, complaint, load, suggestion
+from .checked import FURTHEST, Node, complaint, load, parse, suggestion
 from .gathered import gathered
 from .learned import resolved
 from .obstacle import read_obstacle
@@ -93,8 +93,6 @@ def read_terms(text: str, folder: Path | None) -> tuple[TermItem, ...]:
 
     Raises InputError when it is neither.
     """
-    from .checked import parse
-
     bare = text.strip()
     if not bare:
         raise InputError("--terms: found nothing; allowed: S1, S2, S3, S4 or a list of them, of coefficients (EYX2) and causes")
@@ -130,10 +128,17 @@ def _controller(node: Node, machine: Machine) -> Controller:
     return Controller(post, port, options)
 
 
-def read_machine(file: Path) -> Machine:
-    """machine.yaml → machine. Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle."""
+def read_machine(file: Path, text: str | None = None) -> Machine:
+    """machine.yaml, its text where it is not that of the file → machine.
+
+    Raises InputError for a chain that is not 3 linear, 0–2 rotary axes and a spindle.
+    """
     with gathered() as read:
-        fields = read.fields(load(file), ["name", "topology", "axes", "probe"], ["styli", "tolerances", "overhead", "obstacles"])
+        fields = read.fields(
+            load(file) if text is None else parse(file, text),
+            ["name", "topology", "axes", "probe"],
+            ["styli", "tolerances", "overhead", "obstacles"],
+        )
         name = read(lambda: fields["name"].text())
         probe = read(lambda: _probe(fields["probe"]))
         tolerances = read(lambda: Tolerances(**read_tolerances(fields.get("tolerances"), TOLERANCES)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,14 +67,14 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "source": source(f, t),
         "made_of": made_of(f, t),
         "verdict": found,
-        "sentence": sentence(found, t),
+        "sentence": sentence(found, t, f.judgement.untrusted),
         "may": told,
         "state": told.short(t),
         "basis": said.basis,
         "cause": said.cause,
         "run": said.run,
         "trust": trust,
-        "trusted": sentence(trust, t),
+        "trusted": sentence(trust, t, f.judgement.untrusted),
         "since_then": since_then(f, t),
         "todo": list(dict.fromkeys(shop(text, t) for text in do)),
         "office": list(dict.fromkeys(office(text, t) for text in do if office(text, t))),
@@ -131,15 +131,18 @@ def _safe(svg: str) -> Markup:
     return Markup(svg)
 
 
-def sentence(found: Verdict, t: Texts) -> str:
-    """verdict, texts → what the top of the page says."""
+def sentence(found: Verdict, t: Texts, untrusted: Sequence[str] = ()) -> str:
+    """verdict, texts, parameters that must not be used → what the top of the page says."""
+    names = ", ".join(untrusted)
     if found.worst is None:
-        return t("verdict.good")
+        return t("verdict.good_but", names=names) if names else t("verdict.good")
+    why = found.worst.text
     if found.worst.said:
-        return t(found.worst.said, why=found.worst.text)
+        return t(found.worst.said, why=why)
     if not found.worst.trust:
-        return t("verdict.limit", why=found.worst.text)
-    return t(f"verdict.{found.level}", why=found.worst.text)
+        return t("verdict.limit", why=why)
+    said = t(f"verdict.{found.level}", why=why)
+    return f"{said.rstrip('.')}. {t('verdict.not_these', names=names)}" if names and found.level == "look" else said
 
 
 def parameters(f: Facts, t: Texts, most: int | None = None) -> list[dict[str, Any]]:
@@ -383,7 +386,7 @@ def as_json(f: Facts) -> dict[str, Any]:
     return {
         "format": "tango-report/1",
         "overall": found.level,
-        "sentence": sentence(found, texts()),
+        "sentence": sentence(found, texts(), f.judgement.untrusted),
         "checks": [{"name": c.name, "level": c.level, "value": c.value, "text": c.text, "todo": c.todo} for c in found.checks],
         "effects_um": effects(f.result),
         "iso230": iso,

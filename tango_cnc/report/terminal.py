@@ -27,7 +27,7 @@ def summary(found: Facts, columns: int | None = None) -> str:
     said = (told.answer.why, number, told.run, told.cause, how, told.basis)  # what to do first stands first
     lines = _headed(head, " ".join(x for x in said if x), level, columns)
     head = f"{SIGNS[judged.level]} {t('level.' + judged.level)}:"
-    lines += _headed(head, sentence(judged, t), judged.level, columns)
+    lines += _headed(head, sentence(judged, t, found.judgement.untrusted), judged.level, columns)
     for check in judged.checks:
         sign = "–" if check.open else colored(SIGNS[check.level], check.level)
         lines.append(f"  {sign} {t('check.' + check.name):<12} {check.value}")
@@ -46,6 +46,8 @@ def summary(found: Facts, columns: int | None = None) -> str:
         for r, end in zip(rows, ends, strict=True):
             drawn = bar(r["number"], r["half"], span[r["unit"]], room - 1 + room % 2)
             lines.append(f"  {r['name']:<{indent - 4}} {drawn} {end}")
+        if names := ", ".join(r["name"] for r in rows if r["untrusted"]):
+            lines += textwrap.wrap(f"  {SIGNS['stop']} {t('verdict.not_these', names=names)}", columns)
     return "\n".join(lines)
 
 

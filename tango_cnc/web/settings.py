@@ -25,6 +25,7 @@ class Settings:
     templates: Path | None = None
     find: Callable[[], tuple[Path, ...]] | None = None  # the cells that there are now; None: always those of `cells`
     rate: float = 200.0  # requests a second of one address, and twice as many at once
+    behind_proxy: bool = False  # a request from this computer may be one of a stranger that a proxy hands on
 
 
 def may(role: Role | None, wanted: Role) -> bool:
