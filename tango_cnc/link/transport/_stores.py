@@ -373,8 +373,11 @@ def _opens(paramiko: Any, options: dict[str, str]) -> None:
     What else the library says of a key, the control may still take it otherwise.
     """
     key, phrase = options.get("key"), options.get("passphrase") or options.get("password")
-    loads = getattr(getattr(paramiko, "PKey", None), "from_path", None)
-    if not key or loads is None:
+    if not key:
+        return
+    try:
+        loads = paramiko.PKey.from_path
+    except AttributeError:  # an older one
         return
     with contextlib.suppress(OSError, paramiko.SSHException, paramiko.UnknownKeyType):
         try:
