@@ -1,6 +1,7 @@
 """Which records become readings."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,15 @@ def test_a_contact_before_the_search_zone_is_early():
     assert judged(FIRST, X=10.0).status == "early"
     assert judged(FIRST, X=14.99).status == "early"
     assert judged(FIRST, X=15.01).status == "ok"
+
+
+def test_where_the_search_is_longer_than_the_stand_off_the_first_tenth_of_the_way_is_early():
+    """Stand-off 10 mm, search 20 mm: half a search before the contact would be behind where the move begins."""
+    searched = replace(FIRST, end=(FIRST.contact[0] + 20.0, *FIRST.end[1:]))
+    assert judged(searched, X=10.99).status == "early"
+    assert judged(searched, X=11.01).status == "ok"
+    assert judged(searched, X=39.99).status == "ok"
+    assert judged(searched, X=40.0).status == "miss"
 
 
 @pytest.mark.parametrize(
