@@ -19,6 +19,7 @@ from support.remote import (
     NEEDED,
     PROGRAM,
     WORD,
+    ftp_server,
     marked,
     place,
     server,  # noqa: F401  fixtures
@@ -416,5 +417,16 @@ def test_a_private_key_that_does_not_open_is_no_login_that_was_refused(tmp_path,
         ):
             with pytest.raises(InputError, match=r"key: found .*passphrase=env:NAME.*The control was not asked"):
                 open_port(parse(url, remote.OPTIONS))
+    finally:
+        server.stop()
+
+
+@pytest.mark.system(*NEEDED["ftps"])
+def test_a_control_that_asks_for_tls_is_said_to_do_so(tmp_path):
+    (tmp_path / "control").mkdir()
+    server = ftp_server(tmp_path, tmp_path / "control", True, tls_control_required=True)
+    try:
+        with pytest.raises(LinkError, match=r"asks for TLS: ftps:// in the port's URL"):
+            open_port(parse(server.url().replace("ftps://", "ftp://").replace("&verify=no", ""), remote.OPTIONS))
     finally:
         server.stop()

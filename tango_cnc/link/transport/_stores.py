@@ -88,6 +88,10 @@ class Ftp:
             self._ftp.voidcmd("TYPE I")
         except ftplib.Error as error:
             self.close()
+            if not secure and re.search("TLS|SSL|AUTH", str(error)):
+                raise LinkError(
+                    f"the control refuses: {str(error).rstrip('.')}. It asks for TLS: ftps:// in the port's URL"
+                ) from None
             if str(error).startswith(NO_LOGIN):
                 raise refused(error) from None
             raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
