@@ -21,7 +21,7 @@ from ...records import InputError, LinkError
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
 NO_LOGIN = "530"  # RFC 959: not logged in
-REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException")  # of paramiko
+REFUSALS = ("AuthenticationException", "BadAuthenticationType")  # of paramiko
 
 
 STATUS = {  # of SMB, where the system has no number for it
@@ -68,7 +68,10 @@ class RefusedError(LinkError):
 
 def refused(why: object) -> RefusedError:
     """what a server said of a login → the error that ends it."""
-    return RefusedError(f"the control refuses the login ({str(why).rstrip('.')}): correct user and password in the port's URL")
+    return RefusedError(
+        f"the control refuses the login ({str(why).rstrip('.')}): correct user and password. The port's URL has the user, and "
+        "password=env:NAME or file:PATH says where the password stands (sftp: key= where the private key is)"
+    )
 
 
 class Ftp:
@@ -182,6 +185,7 @@ class Sftp:
         logging.getLogger("paramiko").setLevel(logging.CRITICAL + 1)  # it prints a traceback of what it then raises
         self._client = paramiko.SSHClient()
         self._client.load_system_host_keys()
+        _opens(paramiko, options)
         hash_, port = options.get("hostkey", ""), parts.port or PORTS["sftp"]
         self._named = f"{parts.hostname}" if port == PORTS["sftp"] else f"[{parts.hostname}]:{port}"
 
@@ -361,6 +365,32 @@ class Smb:
         """Hangs up."""
         with contextlib.suppress(Exception):
             self._smb.reset_connection_cache(connection_cache=self._connections)
+
+
+def _opens(paramiko: Any, options: dict[str, str]) -> None:
+    """library, settings → nothing. Raises InputError for a key that is none, or that its passphrase does not open.
+
+    What else the library says of a key, the control may still take it otherwise.
+    """
+    key, phrase = options.get("key"), options.get("passphrase") or options.get("password")
+    if not key:
+        return
+    try:
+        loads = paramiko.PKey.from_path
+    except AttributeError:  # an older one
+        return
+    with contextlib.suppress(OSError, paramiko.SSHException, paramiko.UnknownKeyType):
+        try:
+            loads(key, phrase.encode() if phrase else None)
+        except ValueError:
+            raise InputError(
+                f"key: found {key}; allowed: a private key, and its passphrase=env:NAME or file:PATH. The control was not asked"
+            ) from None
+        except TypeError:
+            if not phrase:  # with one the key needs none
+                raise InputError(
+                    f"key: found {key}, which is encrypted; allowed: passphrase=env:NAME or file:PATH. The control was not asked"
+                ) from None
 
 
 def changed(host: str, key: str, known: str) -> RefusedError:
