@@ -321,6 +321,29 @@ def test_a_program_that_was_cut_off_is_taken_away_or_said_to_lie_there(server, m
     assert (server.folder / "O8700.NC").read_bytes() == PROGRAM[: len(PROGRAM) // 2]
 
 
+@pytest.mark.parametrize("server", [marked("ftp")], indirect=True)
+def test_a_program_that_was_cut_off_before_its_name_keeps_no_later_one_out(server):
+    """It was called no program of 'tango plan', by every run from then on."""
+    file, other = server.folder / "O8700.NC", PROGRAM.replace(b"4BC33F", b"0D1234")
+    for part, fine in ((other[:22], True), (other[:30], True), (b"%", True), (b"%\nO8700 (MINE)", False)):
+        file.write_bytes(part)
+        line = opened(server, program=place(server, "O8700.NC"))
+        if fine:
+            line.write(b"put %s\n" % PROGRAM.hex().encode())
+            assert line.read(0.0).startswith(b"PUT ") and file.read_bytes() == PROGRAM
+        else:
+            assert "is no program of 'tango plan'" in refused_put(line) and file.read_bytes() == part
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
+def test_a_disk_that_is_full_without_a_word_leaves_no_part(server, monkeypatch):
+    line = opened(server, program=place(server, "O8700.NC"))
+    whole = line._store.write
+    monkeypatch.setattr(line._store, "write", lambda path, data: whole(path, data[:40]))
+    line.write(b"put %s\n" % PROGRAM.hex().encode())
+    assert line.read(0.0).startswith(b"PUT ") and not (server.folder / "O8700.NC").exists()
+
+
 @pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
 def test_a_program_of_before_that_cannot_be_written_over_stays(server, monkeypatch):
     name, old = place(server, "O8700.NC"), PROGRAM.replace(b"M30", b"M02")
