@@ -14,7 +14,8 @@ from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign, whole_lines
 from ._line import Lost, reason
-from ._stores import PORTS, Held, RefusedError, Store, needed, store
+from ._refused import RefusedError
+from ._stores import PORTS, Held, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
