@@ -141,7 +141,7 @@ def counted(job: Job) -> Iterator[str]:
 def warned(job: Job, remark: str, *notes: str) -> Iterator[str]:
     """job, form of a comment, notes on this control → what a person has to know before starting it, doubts last."""
     yield remark % "START WITH THE PROBE IN THE SPINDLE SWITCHED ON AND CLEAR OF THE TABLE"
-    yield remark % "WATCH THE FIRST MOVE - IT HAS TO GO AWAY FROM THE TABLE - HAND ON FEED HOLD"
+    yield remark % "WATCH THE FIRST MOVE - IT ENDS HIGH ABOVE THE TABLE - HAND ON FEED HOLD"
     for note in (*notes, *AFTER, *kept_in_mind(job), *doubted(job, 110)):
         yield remark % note
 

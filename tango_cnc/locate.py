@@ -34,7 +34,8 @@ TURNED = 3.0  # deg by which it may be turned then
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
-AGREES = 0.05  # mm between a touch and the table that was found
+AGREES = 0.05  # mm between a touch and the table that was found, where nothing else is stated
+LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 LEAST = 8  # touches that have to agree
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
@@ -155,8 +156,11 @@ def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tu
     return tuple(name for name in indexation.facets if name in here), why
 
 
-def locate(plan: Plan, readings: Readings) -> Located:
-    """plan of the locating cycle, its readings → where the table stands. Raises InputError where they do not determine it."""
+def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
+    """plan of the locating cycle, its readings, mm to which facets are in their places on the table → where the table stands.
+
+    Raises InputError where they do not determine it.
+    """
     met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
     if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
@@ -168,12 +172,14 @@ def locate(plan: Plan, readings: Readings) -> Located:
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed. "
             f"{_advice(plan)}"
         )
-    kept, found, residual = _agreeing(facets, tip, plan.machine.probe.tip_radius, least)
+    radius = plan.machine.probe.tip_radius
+    kept, found, residual = _agreeing(facets, tip, radius, least, agrees)
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
             f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
-            f"{AGREES:g} mm. Was another facet touched, or something that is not the table? {_advice(plan)}"
+            f"{agrees:g} mm.{_looser(facets, tip, radius, least, agrees)} Was another facet touched, or something that is not the "
+            f"table? {_advice(plan)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     artefact = moved(plan.artefact, found[:3], found[3:])
@@ -186,8 +192,23 @@ def locate(plan: Plan, readings: Readings) -> Located:
     return Located(found[:3], found[3:], residual, left_out, artefact)
 
 
-def _agreeing(facets: Sequence[Facet], tip: Array, radius: float, least: int) -> tuple[tuple[int, ...] | None, Array, Array]:
-    """facets, (n, 3) tips at their contacts, how many have to agree → rows that do, six unknowns, (n,) mm; None where too few do.
+def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
+    """as `_agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
+    steps = (step for step in np.round(np.arange(0.1, LOOSEST + 0.01, 0.1), 1) if step > agrees)
+    enough = next((step for step in steps if _agreeing(facets, tip, radius, least, float(step))[0] is not None), None)
+    if enough is None:
+        return ""
+    return (
+        f" If the facets are in their places on the table to {enough:g} mm only, 'tango locate --readings FILE --agrees "
+        f"{enough:g}' places it from these same touches; nothing moves."
+    )
+
+
+def _agreeing(
+    facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float
+) -> tuple[tuple[int, ...] | None, Array, Array]:
+    """facets, (n, 3) tips at their contacts, how many have to agree, to how many mm → rows that do, six unknowns, (n,) mm; None
+    where too few do.
 
     A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
     will do, as long as eight are left: six unknowns and two that could disagree. Where leaving out one touch or another agrees, and
@@ -204,20 +225,22 @@ def _agreeing(facets: Sequence[Facet], tip: Array, radius: float, least: int) ->
             found, residual = _solved(facets, tip, radius, kept)
             first = first or (found, residual)
             fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
-        agreeing = [fit for fit in fits if fit[0] <= AGREES]
+        agreeing = [fit for fit in fits if fit[0] <= agrees]
         if agreeing:
             best = min(agreeing, key=lambda fit: fit[0])
             contradicted = any(
-                np.abs(other[3] - best[3]).max() > AGREES for other in agreeing
+                np.abs(other[3] - best[3]).max() > agrees for other in agreeing
             )  # two answers, and nobody knows which
-            contradicted |= out > 0 and _two_against(facets, tip, radius, best)
+            contradicted |= out > 0 and _two_against(facets, tip, radius, best, agrees)
             return None if contradicted else best[1], best[2], best[3]
     assert first is not None  # nothing left out
     return None, *first
 
 
-def _two_against(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array]) -> bool:
-    """facets, tips, the fit that leaves one touch out → whether that one is right where two others are wrong.
+def _two_against(
+    facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array], agrees: float
+) -> bool:
+    """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
 
     The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right looks late (-). A
     touch that is early itself has met something; one that is late has passed its facet, beside an edge, and that happens less.
@@ -230,7 +253,7 @@ def _two_against(facets: Sequence[Facet], tip: Array, radius: float, best: tuple
         rows = tuple(sorted({*kept, out} - set(pair)))
         other = _solved(facets, tip, radius, rows)[1]
         early = other[list(pair)].min() > 0
-        if early and np.abs(other[list(rows)]).max() <= AGREES < np.abs(other - residual).max():
+        if early and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max():
             return True
     return False
 
@@ -290,10 +313,11 @@ def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
     return float(np.linalg.svd(_rows(artefact, names), compute_uv=False)[-1]) if len(names) >= 6 else 0.0
 
 
-def known_to(artefact: Artefact, names: Sequence[str]) -> tuple[float, str]:
-    """facets that are touched → mm to which the worst facet of the table is known then, and which; inf where unknown.
+def known_to(artefact: Artefact, names: Sequence[str], agrees: float = AGREES) -> tuple[float, str]:
+    """facets that are touched, mm to which facets are in their places → mm to which the worst facet of the table is known then, and
+    which; inf where unknown.
 
-    One standard deviation along its normal, where the facets are in their places on the table to `AGREES` and touches are exact.
+    One standard deviation along its normal, where the facets are in their places on the table to `agrees` and touches are exact.
     """
     if _weakest(artefact, names) <= 1e-3:
         return math.inf, ""
@@ -302,7 +326,7 @@ def known_to(artefact: Artefact, names: Sequence[str]) -> tuple[float, str]:
     point = np.array([artefact.facets[name].point for name in every])
     rows = np.hstack([normal, np.cross(point, normal)])
     touched = rows[[every.index(name) for name in names]]
-    spread = AGREES * np.linalg.norm(rows @ np.linalg.pinv(touched), axis=1)
+    spread = agrees * np.linalg.norm(rows @ np.linalg.pinv(touched), axis=1)
     worst = int(np.argmax(spread))
     return float(spread[worst]), every[worst]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,6 +111,12 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, c
             progress.stage("searching")
         shown = capsys.readouterr().err
         assert ("searching" in shown) is terminal
+    monkeypatch.setattr("tango_cnc.commands._progress.TICK", 0.3)
+    with Progress() as progress:  # a stage that takes long shows its seconds
+        progress.stage("searching")
+        time.sleep(1.5)
+    shown = capsys.readouterr().err
+    assert "0 s: searching" in shown and "1 s: searching" in shown
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from tango_cnc.files.readings import readings_text
 from tango_cnc.history import opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.sensors import counted, how_warm, see_to_it_first, states, told
+from tango_cnc.nightly.warmth import with_warmth
 from tango_cnc.records import Array, InputError, Readings
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
@@ -199,3 +200,32 @@ def test_the_names_of_alarms_are_names_of_trends(root: Path, tmp_path: Path, mon
     assert found.exit_code == 0 and all(name in found.output for name in ("EXX", "EYY", "EZZ", "temperature", "°C")), found.output
     refused = CliRunner().invoke(tango, ["history", "plot", "temperature", "--smooth", *place])
     assert isinstance(refused.exception, InputError) and "allowed: parameters" in str(refused.exception)
+
+
+def test_one_error_that_follows_the_bed_is_said_to_go_with_the_temperature(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """2 µm/K and a bed that is never as warm as the night before: each morning named a knock, and none the temperature."""
+    steps = {3: 3.0, 4: -5.0, 5: 3.0, 6: 4.0}
+    story = Story(tuple(Event(night, warmer=k) for night, k in steps.items()), {"EX0C": 2e-3}, 0.1)
+    records, _ = spoilt(root, tmp_path, monkeypatch, story, 6, lambda number, values: values)
+    alarms = [(i, a) for i, r in enumerate(records, 1) for a in r["alarms"] if a["parameter"] == "EX0C"]
+    assert len(alarms) > 2
+    for number, a in alarms:
+        assert a["instead"][0] == "temperature" and a["warmer"]["kelvin"] == pytest.approx(steps[number], abs=1.5)
+        text = " ".join(message(records[number - 1], (), ())[1].split())
+        assert f"K {'warmer' if steps[number] > 0 else 'colder'} (bed" in text and "goes back with the temperature" in text
+    last = alarms[-1][1]
+    assert last["warmer"]["per_kelvin"] == pytest.approx(2e-3, rel=0.2) and "it has gone with the temperature, +" in last["do"]
+
+
+def test_a_knock_on_a_machine_that_is_a_little_warmer_is_no_matter_of_temperature() -> None:
+    bed = {"bed": {"mean": 20.0, "first": 20.0, "last": 20.0}}
+    alarm = {"cause": "axis_location", "parameter": "EX0C", "size": 0.020, "unit": "mm", "do": "Ask.", "instead": []}
+    known = {"EX0C": {"value": 0.1, "unit": "mm", "std": 1e-4}}
+    before = [{"night": "2026-10-18", "temperatures": bed}]
+    heard = {"bed": {"state": "heard"}}
+    assert with_warmth(alarm, known, heard, 21.5, before) == alarm  # 13 µm/K
+    assert with_warmth(alarm, known, heard, 20.5, before) == alarm
+    assert with_warmth(alarm, known, heard, 26.0, before)["instead"] == ["temperature"]
+    assert with_warmth(alarm | {"parameter": "facet 3"}, known, heard, 26.0, before)["instead"] == []

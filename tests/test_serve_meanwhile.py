@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 from pathlib import Path
 
@@ -15,6 +17,7 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
+from tango_cnc.link.lock import holding
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
@@ -142,6 +145,35 @@ def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> No
         site.app.state.tango.places.forget()  # type: ignore[attr-defined]
         for path in ("/", f"/machine/{M}"):
             assert "never measured" not in site.get(path).text and "Its report says what it found." in site.get(path).text
+
+
+@pytest.mark.parametrize("kind", ["full", "check"])
+def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path, kind: str) -> None:
+    """The list said Yes, and the page of the run showed the complete one of the day before."""
+    place = cell(tmp_path / "one", records=[night(M, 0)])
+    first = Recorded(place, 1)
+    first.begin()
+    first.touch()
+    first.end()
+    (place / "readings.journal").rename(place / "kept")
+    second, folder = Recorded(place, 20), place / "nights" / "2026-10-25T020000Z"
+    second.begin()
+    second.touch()
+    second.touch()
+    folder.mkdir(parents=True)
+    (folder / "planned.json").write_text(json.dumps({"kind": kind, "touches": []}))
+    (place / "nights" / "begun").mkdir()
+    (place / "nights" / "begun" / folder.name).write_text("")
+    (place / "readings.journal").rename(folder / "readings.journal")
+    (place / "kept").rename(place / "readings.journal")
+    os.utime(place / "readings.journal", (1, 1))
+    with holding(place, "tango nightly"), TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("/", f"/machine/{M}"):
+            assert "Measuring" in site.get(path).text, path
+        page = site.get(f"/machine/{M}/run").text
+        assert "2 of 20" in page and "2026-10-25T020000Z" in page
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert "Not yet" in site.get("/").text, "nobody is at work there any more: it was cut off"
 
 
 def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(tmp_path: Path) -> None:

@@ -34,8 +34,10 @@ UNHEARD = (
 ASIDE = (
     "Now a program of its own, for a stylus that is held aside. It makes one guarded move, of at most 1 mm from where the moves in "
     "the air have ended, at 60 mm/min, and ends. Leave the axes where they stand. Hand on feed hold. Hold the stylus aside with "
-    "the other one and start the program; let go if it moves more than 1 mm. Do you hold it? (no: this is left open)"
+    "the other one and start the program; let go if it moves more than 1 mm. What comes of it, you are asked a minute later, as a "
+    "program that stops at once sends nothing. Do you hold it? (no: this is left open)"
 )
+HELD_START = 60.0  # s for the start mark of the program for a held stylus: the right control stops it before that
 TURN = "Turn the feed override of the panel to {:.0f} % and leave it there. Is it? (no: this is left open)"
 PLACE = "Measure 10"  # in the list of commands
 
@@ -176,9 +178,12 @@ class _Control:
         """plan, options that differ → its program, written."""
         return written(self.cell, self.cell.folder / FOLDER / "program", self.post, made, {**self.options, **changed})
 
-    def tried(self, made: Plan, programs: list[Any], patience: float | None = None) -> tuple[Any, str]:
-        """plan, its programs, s of silence where they are not those of the command → what came, what the control calls itself."""
-        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, self.someone)
+    def tried(self, made: Plan, programs: list[Any], patience: float | None = None, start: float | None = None) -> tuple[Any, str]:
+        """plan, its programs, s of silence and s for the start mark where they are not those of the command → what came, what the
+        control calls itself.
+        """
+        begins = start or start_patience(self.someone)
+        return _tried(self.cell, self.post, made, programs, self.address, patience or self.timeout, begins)
 
 
 def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, Any], float | None]:
@@ -231,7 +236,7 @@ def _held_aside(at: _Control, seen: Any) -> tuple[Any, str]:
     gentle: dict[str, Any] = {"gate": "none"}  # which would notice the hand by itself
     if any(option.name == "positioning_feed" for option in at.post.options):
         gentle["positioning_feed"] = commission.HELD_FEED
-    once, control = at.tried(slight, at.program(slight, gentle))
+    once, control = at.tried(slight, at.program(slight, gentle), start=HELD_START)
     return replace(seen, held=_stopped(once)), control
 
 
@@ -315,7 +320,7 @@ def _broken_off(seen: Any, alone: bool) -> None:
 
 
 def _tried(
-    cell: Any, post: Any, made: Plan, programs: list[Any], address: str, timeout: float | None, someone: bool
+    cell: Any, post: Any, made: Plan, programs: list[Any], address: str, timeout: float | None, start: float
 ) -> tuple[Any, str]:
     """→ what came of the program, and what the control calls itself."""
     from .. import commission
@@ -328,7 +333,6 @@ def _tried(
     journal = target.with_suffix(".journal")
     why, earlier = "", journal.read_bytes() if journal.exists() else b""  # of the try before: proves nothing today
     with holding(cell.folder, "tango commission"):
-        start = start_patience(someone)
         again = "'tango commission' tries what is not proven yet"
         wanted = Wanted(
             address, post.link, cell.controller.post, target, False, timeout, start, misses=len(made.touches) + 1, then=again

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,14 +17,15 @@ from ..duration import of_moves
 from ..files import later, read_cell, read_readings, read_terms, write_text
 from ..files.normals import refuse_inward
 from ..files.origin import look_up, made_utc, other_machine
+from ..identify import SUBSETS
 from ..judgement import Judgement
 from ..plan import last_motion, plan
-from ..records import Cell, InputError, Readings
+from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
 from ._common import Output, cell_option, dialect, json_option, typed, write_json
 from ._progress import Progress
 from ._stylus import bought
-from ._trust import despite_option, judged, traced, usable
+from ._trust import despite_option, judged, status, traced, usable
 from ._trust import told as doubts
 from .check import positioning_feed
 
@@ -144,7 +146,8 @@ def command(
     refuse_inward(cell)
     if judge is not None and readings is None:
         raise InputError("--judge: state --readings of the full run too; allowed: --readings full.csv --judge check.csv")
-    before = None if readings is None else _before(cell, readings, despite)
+    check = judge is not None or goal == "check"
+    before = None if readings is None else earlier_run(cell, readings, despite, check)
     asked = _wish(
         cell,
         ("check" if judge else "volume") if goal is None else goal,
@@ -183,10 +186,22 @@ def _facets(text: str, output: Path | None) -> int:
     return 0
 
 
-def _before(cell: Cell, source: Path, despite: bool) -> Readings:
-    """Readings of an earlier run. Raises TangoError where nothing may be made of what they say."""
+def earlier_run(cell: Cell, source: Path, despite: bool, check: bool) -> Readings:
+    """cell, file, --despite, whether a check rests on it → readings of an earlier run.
+
+    A check takes whole error motions of its full run. So where the terms of the cell do not explain that run, S4 may.
+    Raises TangoError where nothing may be made of what they say.
+    """
     readings = read_readings(source, cell.machine, cell.artefact)
-    usable(judged(cell, readings, cell.terms, source=source)[1], despite, "design --readings")
+    found = judged(cell, readings, cell.terms, source=source)[1]
+    if check and status(found, False) and "S4" not in cell.terms:
+        more = ("S4", *(item for item in cell.terms if item not in SUBSETS))
+        with suppress(TangoError):
+            whole = judged(cell, readings, more, source=source)[1]
+            if not status(whole, False):
+                click.echo(f"{source} is judged with the terms S4: those of tango.yaml do not explain it", err=True)
+                found = whole
+    usable(found, despite, "design --readings")
     return readings
 
 

@@ -36,6 +36,14 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
     metavar="MM",
     help="How far from its file the table may stand; less means shorter searches.",
 )
+@click.option(
+    "--agrees",
+    type=click.FloatRange(0.01, 1.0),
+    default=0.05,
+    show_default=True,
+    metavar="MM",
+    help="How well artefact.yaml has the facets beside each other; a drawing is right to some 0.3 mm.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
 @json_option
@@ -45,6 +53,7 @@ def command(
     only_program: bool,
     file: Path | None,
     within: float,
+    agrees: float,
     yes: bool,
     out: Path | None,
     json_file: str | None,
@@ -94,12 +103,12 @@ def command(
             )
     else:
         readings = read_readings(file, cell.machine, cell.artefact)
-    found = locate.locate(made, readings)
+    found = locate.locate(made, readings, agrees)
     where = out or folder / FOLDER / "artefact.yaml"
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
     kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
-    known = locate.known_to(made.artefact, kept)
+    known = locate.known_to(made.artefact, kept, agrees)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -120,9 +129,7 @@ def command(
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
     click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
-    click.echo(
-        f"facets that are right to {locate.AGREES:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}"
-    )
+    click.echo(f"facets that are right to {agrees:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}")
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 
 

@@ -19,6 +19,7 @@ from ..duration import proof
 from ..records import InputError
 from . import order
 from .balls import needed
+from .broken_off import LOSS, worth_when_broken_off
 from .candidates import WIDE
 from .criterion import parts, value
 from .early import in_vain
@@ -114,7 +115,8 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
     made, relaxed = best
     problem.say(f"{what}: the order of its touches")
     made = on_the_way(made, again) if made is first else made
-    return certified(used_up(shared(made, again), again), _lifted(made.problem, relaxed))
+    made = worth_when_broken_off(used_up(shared(made, again), again), again, LOSS if early else 0.0)
+    return certified(made, _lifted(made.problem, relaxed))
 
 
 def quick(problem: Problem) -> Chosen:

@@ -63,7 +63,7 @@ def _counts(found: Chosen, again: float, spare: float) -> Counter[Key]:
     """plan, s of one more touch in a row, s left over → how often each facet is to be touched at each indexation."""
     problem, counts = found.problem, _touched(found)
     criterion, information = problem.criterion, found.information
-    now = _smooth(criterion, information)
+    now = smooth(criterion, information)
     place = {(touch.indexation, touch.facet): n for n, touch in enumerate(found.plan.touches)}
     keys = list(counts)
     rows, number = found.rows[[place[key] for key in keys]], np.array([counts[key] for key in keys])
@@ -96,7 +96,7 @@ def _counts(found: Chosen, again: float, spare: float) -> Counter[Key]:
     return Counter({key: int(n) for key, n in zip(keys, number, strict=True) if n})
 
 
-def _smooth(criterion: Criterion, information: Array) -> float:
+def smooth(criterion: Criterion, information: Array) -> float:
     """→ φ; of the worst of many, the norm of all of them."""
     if criterion.worst is None:
         return value(criterion, information)

@@ -18,10 +18,10 @@ from ..plan import attempt
 from ..records import Array, Indexation, InputError
 from . import order
 from .criterion import Criterion, parts, value
-from .in_a_row import MOST, POWER, stays, without_each
+from .in_a_row import MOST, POWER, smooth, stays, without_each
 from .problem import Chosen
 from .relaxed import Rows
-from .spare import norm, state_of, with_each
+from .spare import state_of, with_each
 from .timed import judged
 
 ROUNDS = 60  # exchanges at most
@@ -62,7 +62,7 @@ class Exchange:
     def __init__(self, found: Chosen, again: float, spare: float) -> None:
         """plan, s of one more touch of the facet that has just been touched, s left over."""
         problem, self.again, self.spare = found.problem, again, spare
-        choice, visits = problem.choice, _visits(found)
+        choice, visits = problem.choice, visits_of(found)
         self.criterion, self.information, barred = problem.criterion, found.information, problem.barred
         number = {tuple(sorted(i.position.items())): j for j, i in enumerate(choice.cell.strategy.indexations)}
         own = problem.ordered([number[tuple(sorted(i.position.items()))] for i in visits]).choice
@@ -158,7 +158,7 @@ class Exchange:
         """→ whether an exchange was found that makes the plan better; it is made."""
         now = value(self.criterion, self.information)
         few = _few(self.criterion, self.information)
-        state, begin = state_of(few, self.information), _smooth(few, self.information)
+        state, begin = state_of(few, self.information), smooth(few, self.information)
         some = self.given_up()
         single = np.array(sorted({i for rows in some for i in rows}), dtype=int)
         lost = np.zeros(len(self.rows))
@@ -172,7 +172,7 @@ class Exchange:
                 self.leave(rows)
             with suppress(np.linalg.LinAlgError):
                 self.fill(few)
-                reached = _smooth(few, self.information)
+                reached = smooth(few, self.information)
                 if best is None or reached < best[0]:
                     best = reached, self.keep()
         self.back(kept)
@@ -186,7 +186,7 @@ class Exchange:
 
     def fill(self, criterion: Criterion) -> None:
         """Takes in what tells most for its time until no time is left."""
-        state, now = state_of(criterion, self.information), _smooth(criterion, self.information)
+        state, now = state_of(criterion, self.information), smooth(criterion, self.information)
         while True:
             price = self.price()
             open_to = np.flatnonzero(price <= self.spare + 1e-9)
@@ -202,7 +202,7 @@ class Exchange:
 
     def strategy(self, found: Chosen) -> tuple[Indexation, ...]:
         """plan from which it began → its indexations with the touches that there are now."""
-        visits = _visits(found)
+        visits = visits_of(found)
         made = [
             replace(i, facets=tuple(self.facet[tour.rows[k]] for k in tour.way for _ in range(self.count[tour.rows[k]])))
             for i, tour in zip(visits, self.tours, strict=True)
@@ -239,7 +239,7 @@ def on_the_way(found: Chosen, again: float) -> Chosen:
     return found if best.value >= found.value else best
 
 
-def _visits(found: Chosen) -> list[Indexation]:
+def visits_of(found: Chosen) -> list[Indexation]:
     """plan → its indexations without the first one once more at the end."""
     visits, first = list(found.cell.strategy.indexations), found.cell.strategy.indexations[0].position
     return visits[:-1] if len(visits) > 1 and visits[-1].position == first else visits
@@ -257,13 +257,6 @@ def _few(criterion: Criterion, information: Array) -> Criterion:
         return criterion
     worst = np.argpartition(parts(criterion, information), -LOOKED)[-LOOKED:]
     return Criterion(criterion.name, None, criterion.worst[worst])
-
-
-def _smooth(criterion: Criterion, information: Array) -> float:
-    """→ φ; of the worst of many, the norm of all of them."""
-    if criterion.worst is None:
-        return value(criterion, information)
-    return float(norm(parts(criterion, information)[:, None], POWER)[0])
 
 
 def _size(criterion: Criterion, now: float, information: Array) -> float:

@@ -9,11 +9,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ..plan import plan, standing
+from ..plan import attempt, standing
 from ..records import Array, Cell, Indexation, InputError, Plan, Strategy
 from . import order
 from .balls import information
@@ -28,12 +29,28 @@ TURNED = 2  # facets at each quarter of the spindle
 FITS = 5  # plans until the time is met
 
 
+class _Legs(order.Legs):
+    """Times between facets, worked out once for each indexation."""
+
+    def __init__(self, cell: Cell, feed: float | None) -> None:
+        """cell, mm/min of protected moves."""
+        super().__init__(cell, feed)
+        self._known: dict[tuple[object, ...], Array] = {}
+
+    def among(self, indexation: Indexation, picked: Sequence[int]) -> Array:
+        """indexation, m of its facets by number → (m, m) s from stand-off to stand-off."""
+        key = (*sorted(indexation.position.items()), indexation.facets)
+        if key not in self._known:
+            self._known[key] = self.between(dict(indexation.position), indexation.facets)
+        return self._known[key][np.ix_(picked, picked)]
+
+
 def regular(problem: Problem) -> Chosen:
     """problem → the best of the regular plans that fit into its time. Raises InputError when none fits."""
     cell = problem.choice.cell
     names = sorted(cell.machine.rotary, key=lambda name: np.ptp(turn(cell.machine, name)))
     grids = GRIDS if len(names) == 2 else tuple((n,) for n in (4, 6, 8, 12)) if names else ((),)
-    legs = order.Legs(cell, problem.feed)
+    legs = _Legs(cell, problem.feed)
     best: Chosen | None = None
     for counts, times in itertools.product(grids, sorted({1, problem.times})):
         found = _fitted(replace(problem, times=times), _grid(cell, names, counts), legs)
@@ -66,7 +83,7 @@ def _grid(cell: Cell, names: list[str], counts: tuple[int, ...]) -> Strategy:
     return standing(replace(cell, strategy=replace(cell.strategy, indexations=tuple(Indexation(s, every) for s in stations))))
 
 
-def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | None:
+def _fitted(problem: Problem, whole: Strategy, legs: _Legs) -> Chosen | None:
     """→ the plan of as many facets at each position as fit into the time, None when hardly any does."""
     most = max(len(i.facets) for i in whole.indexations)
     low, high, best = LEAST - 1, most, None
@@ -85,7 +102,7 @@ def _fitted(problem: Problem, whole: Strategy, legs: order.Legs) -> Chosen | Non
     return best
 
 
-def _planned(problem: Problem, whole: Strategy, count: int, legs: order.Legs) -> tuple[Cell, Plan]:
+def _planned(problem: Problem, whole: Strategy, count: int, legs: _Legs) -> tuple[Cell, Plan]:
     """→ cell and plan with `count` facets at each position, taken in turn so that each facet comes equally often."""
     cell, following = problem.choice.cell, itertools.count()
     indexations = []
@@ -94,11 +111,13 @@ def _planned(problem: Problem, whole: Strategy, count: int, legs: order.Legs) ->
         some = min(TURNED if indexation.position.get("S") else count, len(own))
         first = next(following)
         picked = sorted({(first + i * len(own) // some) % len(own) for i in range(some)})
-        facets = [own[i] for i in picked]
-        way = order.path(legs.between(dict(indexation.position), facets))
-        indexations.append(replace(indexation, facets=tuple(facets[i] for i in way for _ in range(problem.times))))
+        way = order.path(legs.among(indexation, picked))
+        indexations.append(replace(indexation, facets=tuple(own[picked[i]] for i in way for _ in range(problem.times))))
     chosen = replace(cell, strategy=replace(whole, name="regular", indexations=tuple(indexations)))
-    return chosen, plan(chosen, "leave-out")
+    made, faults = attempt(chosen, "leave-out", problem.ways.looked)
+    if faults:
+        raise InputError(next(iter(faults.values())))
+    return chosen, made
 
 
 def at_random(found: Chosen, count: int = 100, seed: int = 1) -> Array:

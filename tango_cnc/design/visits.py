@@ -96,7 +96,7 @@ def _strategy(problem: Problem, mask: Mask, visited: Sequence[int], legs: order.
             way = [*(f for f in way if f != facets[0]), facets[0]]
         indexations.append(Indexation(position, tuple(way)))
     if problem.repeats and len(indexations) > 1:
-        indexations.append(_again(problem, mask, visited[0], indexations[0]))
+        indexations.append(again_at_the_end(problem, mask, visited[0], indexations[0]))
     indexations = [replace(i, facets=tuple(f for f in i.facets for _ in range(problem.times))) for i in indexations]
     return Strategy("design", choice.cell.strategy.approach, tuple(indexations))
 
@@ -112,7 +112,7 @@ def provable(problem: Problem, mask: Mask, visited: list[int]) -> list[int]:
     return visited
 
 
-def _again(problem: Problem, mask: Mask, first: int, indexation: Indexation) -> Indexation:
+def again_at_the_end(problem: Problem, mask: Mask, first: int, indexation: Indexation) -> Indexation:
     """→ the first indexation once more: of its touches those that tell most of where the table is now."""
     choice = problem.choice
     own = np.flatnonzero(mask & (choice.pose == first))

@@ -55,6 +55,7 @@ from .sensors import told as told_of_sensors
 from .standing import since_full, standing, unheard
 from .stylus import crept, tip_of
 from .trend import drift, looking_ahead, slopes
+from .warmth import unknown, with_warmth
 from .within import as_json, moved_within
 
 AT_ONCE = 2 / 3  # share of the false alarms that changes at once may have; the rest is for drifts
@@ -136,7 +137,9 @@ class Nights(BeforeNight):
             heard = self._drifted(past, day, u, place, moving, last, heard)
         if judged.believed and u.quiet:
             heard = self._crept(past, day, u, heard)
-        heard = replace(heard, alarms=see_to_it_first(heard.alarms, warm))
+        now = parts.mean(u.warmth) if unknown(self.followed, u.ahead) and not warm.get("doubt") else None
+        told_warm = [with_warmth(a, place.parameters, u.sensors, now, u.recent) for a in heard.alarms]
+        heard = replace(heard, alarms=see_to_it_first(told_warm, warm))
         told = self._told(u, place, judged, moving, heard, diagnosis)
         told |= {"temperature": warm} if warm else {}
         if not judged.believed:  # what is not believed must not teach the state anything

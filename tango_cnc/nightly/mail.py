@@ -23,6 +23,8 @@ OWN = (
     "night.drift_do",
     "night.drift_plain_do",
     "night.sensors.do",
+    "night.sensors.warmer_do",
+    "night.sensors.colder_do",
     "night.comes_back.repaired_do",
     "night.edited.do",
 )  # what to do that a full measurement does not take back

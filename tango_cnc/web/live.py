@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import math
 import threading
 from collections import Counter
@@ -20,6 +21,7 @@ from ..report.days import at
 from ..report.texts import Texts
 
 T = TypeVar("T")
+JOURNAL = "readings.journal"
 
 
 @dataclass(frozen=True)
@@ -85,9 +87,36 @@ class Looks:
 
 
 def journals(folder: Path) -> list[Path]:
-    """cell → its journals, the present one first, then those set aside, newest first."""
-    old = sorted(folder.glob("readings.*.journal"), reverse=True)
-    return [f for f in (folder / "readings.journal", *old) if f.is_file()]
+    """cell → its journals: of the last run and of a night at work (or cut off), the newest first, then those set aside."""
+    present = [folder / JOURNAL, *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
+    there = sorted((f for f in present if f.is_file()), key=lambda f: f.stat().st_mtime, reverse=True)
+    return [*there, *sorted(folder.glob("readings.*.journal"), reverse=True)]
+
+
+def begun(folder: Path) -> list[str]:
+    """cell → stamps of nights that have begun and are not on record yet."""
+    try:
+        return [f.name for f in (folder / "nights" / "begun").iterdir() if not f.name.startswith(".")]
+    except OSError:
+        return []
+
+
+def called(file: Path) -> str:
+    """journal → its name in a list; that of a night has the stamp of its night."""
+    return f"{file.parent.name} {file.name}" if file.parent.parent.name == "nights" else file.name
+
+
+def touched_by(file: Path, cell: Cell | str) -> Cell | None:
+    """journal, the cell it lies in or why that cannot be read → the cell whose plan its touches are of; None for another plan."""
+    if isinstance(cell, str):
+        return None
+    if file.parent.parent.name != "nights":
+        return cell
+    try:
+        asked = json.loads((file.parent / "planned.json").read_text(encoding="utf-8"))
+        return cell if asked["kind"] == "full" else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> LiveRun:

@@ -28,7 +28,7 @@ from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
-from ..live import LiveRun, journals, minutes_left, quiet, title
+from ..live import LiveRun, journals, minutes_left, quiet, title, touched_by
 from ..places import STRIP, Served, measured_before, told
 from .report import file_of_cell
 
@@ -77,7 +77,7 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     """(date, …) of nights, newest first, texts, whether they are too old → which nights a row of signs has."""
     every, signs = len(signs), signs[:SHORT] if old else signs
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
-    key = "web.nights_of" if every > len(signs) else "web.nights"
+    key = "web.nights_of" if every > len(signs) else "web.nights" if every > 1 else "web.nights_one"
     return t(key, count=len(signs), all=every, first=first, last=last)
 
 
@@ -171,7 +171,7 @@ def run_of(request: Request, machine: Served) -> LiveRun | None:
     files = journals(machine.folder)
     state = state_of(request)
     cell = state.places.cell(machine.folder)
-    return state.journals.run(files[0], None if isinstance(cell, str) else cell) if files else None
+    return state.journals.run(files[0], touched_by(files[0], cell)) if files else None
 
 
 def ran_of(request: Request, machine: Served) -> str:
@@ -180,7 +180,7 @@ def ran_of(request: Request, machine: Served) -> str:
         return ""
     state, cell = state_of(request), state_of(request).places.cell(machine.folder)
     for file in journals(machine.folder)[:OLD]:
-        run = state.journals.run(file, None if isinstance(cell, str) else cell)
+        run = state.journals.run(file, touched_by(file, cell))
         if run is not None and run.state == "complete":
             return title(run, state.texts)
     return ""

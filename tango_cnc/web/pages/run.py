@@ -23,7 +23,7 @@ from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
-from ..live import LiveRun, journals, quiet, title
+from ..live import LiveRun, called, journals, quiet, title, touched_by
 from ..places import Served
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
@@ -38,7 +38,7 @@ def run(request: Request) -> Response:
     state = state_of(request)
     listed = []
     for i, file in enumerate(journals(found.folder) if found.folder else ()):
-        listed.append((i, file.name))
+        listed.append((i, called(file)))
     step = _step(request, found, chosen, cell) if chosen else ""
     owner, deputy = state.places.owner(found), state.places.deputy(found)
     return page(
@@ -105,7 +105,7 @@ def _chosen(request: Request) -> tuple[Served, LiveRun | None, Cell | None]:
     if int(text) >= len(files):
         raise HTTPException(404)
     cell = state.places.cell(found.folder)
-    usable = None if isinstance(cell, str) else cell
+    usable = touched_by(files[int(text)], cell)
     return found, state.journals.run(files[int(text)], usable), usable
 
 

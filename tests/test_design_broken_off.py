@@ -1,0 +1,69 @@
+"""The order of the indexations of a plan: what a run that is broken off has determined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tango_cnc.design import broken_off, choose, goals, order, propose, senses, timed
+from tango_cnc.design.problem import Chosen
+from tango_cnc.design.propose import Wish
+from tango_cnc.files import read_cell
+from tango_cnc.records import Approach
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture(scope="module")
+def made() -> Chosen:
+    """A plan that was made quickly, in an order that is short."""
+    cell, aim = read_cell(EXAMPLES / "trunnion"), goals.read("locations")
+    ready = propose.setting(cell, Wish(aim, 6, ("S3",), Approach(2.0, 0.5, 180.0), feed=6000.0))
+    problem = replace(ready.problem, senses=senses.senses_of(ready.problem.choice))
+    return replace(choose.quick(problem), problem=problem)
+
+
+def again(found: Chosen) -> float:
+    return order.again(found.problem.choice.cell, found.problem.feed)
+
+
+def test_what_is_known_of_all_visits_is_what_the_plan_determines(made: Chosen) -> None:
+    parts = broken_off.Parts.of(made)
+    known, seconds = parts.known(range(len(parts.visits)), (0.5, 0.75))
+    rows = made.rows[: sum(len(i.facets) for i in parts.visits)]
+    assert seconds == pytest.approx(made.time[len(rows) - 1])
+    assert np.allclose(known[2], made.problem.choice.held + rows.T @ rows, atol=1e-9 * np.abs(known[2]).max())
+    assert np.linalg.eigvalsh(known[1] - known[0]).min() > -1e-9 < np.linalg.eigvalsh(known[2] - known[1]).min() + 1e-6
+
+
+def test_a_run_that_is_broken_off_has_determined_more_and_the_whole_one_hardly_less(made: Chosen) -> None:
+    found = broken_off.worth_when_broken_off(made, again(made))
+    before, after = timed.broken_off(made), timed.broken_off(found)
+    assert after[2] < before[2]
+    assert found.value <= made.value * (1 + broken_off.LOSS) ** 2
+    assert found.seconds <= made.problem.seconds
+    assert {tuple(i.position.items()) for i in found.cell.strategy.indexations} == {
+        tuple(i.position.items()) for i in made.cell.strategy.indexations
+    }
+
+
+def test_no_order_of_three_visits_leaves_more_known_than_the_one_that_is_found(made: Chosen) -> None:
+    parts = broken_off.Parts.of(made)
+    few = replace(parts, visits=parts.visits[2:5], poses=parts.poses[2:5], touches=parts.touches[2:5], times=parts.times[2:5, 2:5])
+    few.since = parts.since[2:5]
+    few.turn = parts.turn
+    few.first = parts.first[2:5]
+    way = few.ordered([0.3], [0, 1, 2])
+    worth = {other: float(few.worth(other, [0.3])[0][0]) for other in permutations(range(3))}
+    whole = {other: float(few.worth(other, [])[0][0]) for other in worth}
+    fair = [worth[other] for other in worth if whole[other] <= whole[0, 1, 2] * 1.02]
+    assert worth[tuple(way)] <= min(fair) * 1.05
+
+
+def test_a_check_and_the_determinant_keep_their_order(made: Chosen) -> None:
+    other = replace(made, problem=replace(made.problem, criterion=goals.of_limits(made.problem.choice, {})))
+    assert broken_off.worth_when_broken_off(other, again(made)) is other
