@@ -145,7 +145,7 @@ def test_the_machine_yaml_of_its_own_time_is_read(tmp_path: Path) -> None:
     found = run("compensate", "-C", cell, "--short-check", 1, "--tcp")
     assert "axes.C.point, which has changed since" in str(found.exception)
     machine.write_text(was.replace("name: trunnion", "name: another"))
-    for command in (["--written", 1], ["--short-check", 1, "--tcp"]):
+    for command in (["--written", 1], ["--short-check", 1, "--tcp"], ["--check", folder]):
         found = run("compensate", "-C", cell, *command)
         assert "a compensation for the machine 'trunnion', and the cell is of 'another'" in str(found.exception)
 
