@@ -34,8 +34,8 @@ def without_strays(found: Outcome, first: Estimate | None, result: Estimate, hel
     text = (
         f"{'touch' if one else 'touches'} {listed} {'does' if one else 'do'} not fit, by up to {largest:.1f} µm, and did in the "
         f"run that the compensation was made from{_where(result, rows, held)}. A row of a table that is wrong does that, and so "
-        "does a chip. Read the files back from the control into a copy of the folder and compare them by --check; clean the facets and "
-        f"measure again. What the other touches say: {found.text}"
+        "does a chip. Read the files back from the control into a copy of the folder and compare them by --check; clean the facets "
+        f"and measure again. What the other touches say: {found.text}"
     )
     return replace(found, verdict="undecided", text=text, not_seen=(), left_if_none=None)
 
