@@ -86,7 +86,7 @@ def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> Non
     assert to_ask({"owner": "", "deputy": "Bob, 4712"}, (), t) == "Call Bob, 4712. No owner is named for this machine."
     other: list[dict[str, Any]] = [{"owner": "", "decision": None}, {"owner": "Ann, 4711", "decision": None}]
     assert to_ask({"owner": ""}, other, t).startswith("Call Ann, 4711.")
-    assert to_ask({"owner": ""}, (), t).startswith("Whoever leads the shift decides: NOBODY")
+    assert to_ask({"owner": ""}, (), t).startswith("Ask whoever leads the shift: NOBODY")
     assert who_of(None, {"owner": "", "deputy": "Bob, 4712"}, (), t).startswith("Call Bob, 4712.")
     made = [{**r, "owner": None, "alarms": [{**a, "owner": None} for a in r["alarms"]]} for r in records("changed")]
     place = cell(tmp_path / "one", records=made)
