@@ -381,7 +381,7 @@ def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Ou
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
-    return _short_check.by_place(found, cell, kept, readings, options), places
+    return _short_check.by_place(found, cell, kept, readings, result, options), places
 
 
 def _history(folder: Path, json_file: str | None) -> int:
