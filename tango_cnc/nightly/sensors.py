@@ -216,6 +216,13 @@ def see_to_it_first(alarms: Sequence[dict[str, Any]], temperature: Mapping[str, 
     ]
 
 
+def by_how_much(sensors: Mapping[str, Any], now: float, then: float, night: str) -> tuple[list[str], dict[str, str]]:
+    """member `sensors`, °C of tonight and of a night, that night → the sensors that say so, and what a sentence needs of it."""
+    names = [n for n in sensors if speaks(sensors, n)] or list(sensors)
+    degrees = {"now": f"{now:.1f}", "then": f"{then:.1f}", "kelvin": f"{abs(now - then):.1f}"}
+    return names, degrees | {"sensor": ", ".join(names), "night": night}
+
+
 def how_warm(
     alarm: dict[str, Any], sensors: Mapping[str, Any], now: float | None, recent: Sequence[Mapping[str, Any]]
 ) -> dict[str, Any]:
@@ -226,14 +233,7 @@ def how_warm(
     if alarm["cause"] != TEMPERATURE or now is None or not then:
         return alarm
     last, night = next(((c, n) for c, n in then if abs(now - c) >= WARMER), then[0])
-    names = [n for n in sensors if speaks(sensors, n)] or list(sensors)
-    told = {
-        "sensor": ", ".join(names),
-        "now": f"{now:.1f}",
-        "then": f"{last:.1f}",
-        "night": night,
-        "kelvin": f"{abs(now - last):.1f}",
-    }
+    names, told = by_how_much(sensors, now, last, night)
     key = "changed.warmer" if now >= last else "changed.colder"
     text = say(key, size=alarm["text"].values["size"], **told)
     return alarm | {"text": text, "warmer": {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}}

@@ -15,7 +15,7 @@ from ..records import Array
 from ..state import Frame, State
 from ..state.naming import WARMER
 from ..texts import say
-from .sensors import TEMPERATURE, celsius_of, speaks
+from .sensors import TEMPERATURE, by_how_much, celsius_of
 from .standing import own_of
 from .words import value
 
@@ -43,14 +43,7 @@ def with_warmth(
     last, night = then
     if abs(float(alarm["size"])) > most * abs(now - last):
         return alarm
-    names = [n for n in sensors if speaks(sensors, n)] or list(sensors)
-    told = {
-        "sensor": ", ".join(names),
-        "now": f"{now:.1f}",
-        "then": f"{last:.1f}",
-        "night": night,
-        "kelvin": f"{abs(now - last):.1f}",
-    }
+    names, told = by_how_much(sensors, now, last, night)
     follows, rate = "", _rate(str(alarm["parameter"]), float(own["value"]), now, recent)
     if rate is not None:
         follows = say("night.sensors.follows", count=rate[1], rate=value(rate[0], f"{alarm['unit']}/K"))
