@@ -267,6 +267,7 @@ UNKNOWN = (  # dialect, word, what settles it, what is named
     ("heidenhain", "PLANE RESET", "frames", "plane_reset"),
     ("heidenhain", "FUNCTION RESET TCPM", "frames", "tcpm_reset"),
     ("heidenhain", "ID240 NR8", "frames", "ID240 NR8"),
+    ("heidenhain", "DIST", "alive", "distance = "),
     ("okuma", "VSAP", "frames", "contact"),
     ("okuma", "VACOD", "frames", "frame_check"),
     ("okuma", "G170", "frames", "reset"),

@@ -142,7 +142,7 @@ def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner:
     other = f"Call {deputy}, or {owner}." if deputy else f"Call {owner}. Without an answer, whoever leads the shift decides."
     assert asked == (other if wanted else f"Call {owner}.")
     assert to_ask({"owner": owner}, [{"owner": owner, "decision": object()}], texts()) == ""
-    assert to_ask({"owner": ""}, (), texts()).startswith("Whoever leads the shift decides: NOBODY is named")
+    assert to_ask({"owner": ""}, (), texts()).startswith("Ask whoever leads the shift: NOBODY is named")
 
 
 def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_message(tmp_path: Path) -> None:

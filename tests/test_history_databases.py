@@ -256,6 +256,17 @@ def test_a_broken_chain_is_in_the_backup_and_named_and_the_other_machines_are_wh
         assert len(history.nights("M")) == 3
 
 
+def test_what_cannot_be_read_of_one_machine_is_named_and_the_others_are_verified(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        for machine in ("M", "N"):
+            history.add_night(record(1, machine), "touch\n1\n", knowledge(1))
+        with history.engine.connect().execution_options(writes=True) as connection, connection.begin():
+            connection.execute(text("DROP TRIGGER night_parameter_no_update"))
+            connection.execute(text("UPDATE night_parameter SET value = 'abc' WHERE entry_id = 2"))
+        (wrong,) = history.verify()
+        assert wrong.startswith("N: value: found 'abc'") and "verify" not in wrong
+
+
 def test_a_history_of_a_newer_version_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "newer.db"
     with opened(file) as history, history.engine.connect().execution_options(writes=True) as connection, connection.begin():

@@ -13,7 +13,7 @@ from support.simulated_runs import controller
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link._punched import compared
-from tango_cnc.link.heard import heard, parity_of
+from tango_cnc.link.heard import heard, noise, parity_of
 from tango_cnc.link.protocols import dnc, grbl, linuxcnc, modbus
 from tango_cnc.link.session import listen
 
@@ -40,6 +40,20 @@ def test_parity_is_told_from_the_characters():
 
 def test_a_wrong_baud_rate_is_suspected_from_characters_that_are_none():
     assert "baud rate" in heard(bytes(range(0x70, 0xF0)), LETTERS)[0]
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"\x7f" * 20, ""),  # rub-outs, as a tape has them: seven bits
+        (b"\x80" * 20, "every character has odd parity"),
+        (b"A" * 20, ""),  # two ones in each of them, and no eighth bit
+        (b"ab" * 30 + b"\xff" * 20, ""),  # a quarter
+        (b"ab" * 30 + b"\xff" * 21, "21 of 81 characters are none"),
+    ],
+)
+def test_the_eighth_bit_decides_what_is_suspected_of_a_line(data, said):
+    assert (noise(data) or [""])[0].startswith(said) and bool(noise(data)) == bool(said)
 
 
 def test_codes_and_records_are_counted():

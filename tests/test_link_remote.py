@@ -19,6 +19,7 @@ from support.remote import (
     NEEDED,
     PROGRAM,
     WORD,
+    ftp_server,
     marked,
     place,
     server,  # noqa: F401  fixtures
@@ -320,6 +321,29 @@ def test_a_program_that_was_cut_off_is_taken_away_or_said_to_lie_there(server, m
     assert (server.folder / "O8700.NC").read_bytes() == PROGRAM[: len(PROGRAM) // 2]
 
 
+@pytest.mark.parametrize("server", [marked("ftp")], indirect=True)
+def test_a_program_that_was_cut_off_before_its_name_keeps_no_later_one_out(server):
+    """It was called no program of 'tango plan', by every run from then on."""
+    file, other = server.folder / "O8700.NC", PROGRAM.replace(b"4BC33F", b"0D1234")
+    for part, fine in ((other[:22], True), (other[:30], True), (b"%", True), (b"%\nO8700 (MINE)", False)):
+        file.write_bytes(part)
+        line = opened(server, program=place(server, "O8700.NC"))
+        if fine:
+            line.write(b"put %s\n" % PROGRAM.hex().encode())
+            assert line.read(0.0).startswith(b"PUT ") and file.read_bytes() == PROGRAM
+        else:
+            assert "is no program of 'tango plan'" in refused_put(line) and file.read_bytes() == part
+
+
+@pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
+def test_a_disk_that_is_full_without_a_word_leaves_no_part(server, monkeypatch):
+    line = opened(server, program=place(server, "O8700.NC"))
+    whole = line._store.write
+    monkeypatch.setattr(line._store, "write", lambda path, data: whole(path, data[:40]))
+    line.write(b"put %s\n" % PROGRAM.hex().encode())
+    assert line.read(0.0).startswith(b"PUT ") and not (server.folder / "O8700.NC").exists()
+
+
 @pytest.mark.parametrize("server", [marked("ftp"), marked("smb")], indirect=True)
 def test_a_program_of_before_that_cannot_be_written_over_stays(server, monkeypatch):
     name, old = place(server, "O8700.NC"), PROGRAM.replace(b"M30", b"M02")
@@ -387,5 +411,45 @@ def test_a_key_that_has_changed_is_called_changed_and_nothing_is_sent(tmp_path, 
             told = str(error.value)
             assert "has changed: it is SHA256:" in told and f"known_hosts has {kind.fingerprint}" in told
             assert f"ssh-keygen -R '[127.0.0.1]:{port}'" in told and "login" not in told
+    finally:
+        server.stop()
+
+
+def test_a_plus_in_a_setting_is_a_plus():
+    """Half of all hashes of keys have one; it was read as a blank, and the right key was refused."""
+    there = parse("sftp://anna@host/x?hostkey=SHA256:gO/+eaT/fU&program=/a+b/", remote.OPTIONS)
+    assert there.options["hostkey"] == "SHA256:gO/+eaT/fU" and there.options["program"] == "/a+b/"
+    assert parse("sftp://anna@host/x?hostkey=SHA256:gO%2BeaT", remote.OPTIONS).options["hostkey"] == "SHA256:gO+eaT"
+
+
+@pytest.mark.system(*NEEDED["sftp"])
+def test_a_private_key_that_does_not_open_is_no_login_that_was_refused(tmp_path, monkeypatch):
+    server = ssh_server(tmp_path, tmp_path)
+    monkeypatch.setenv("TANGO_TESTS_PHRASE", "open8")
+    try:
+        (tmp_path / "user").unlink()
+        (tmp_path / "user.pub").unlink()
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "open8", "-f", tmp_path / "user"], check=True)
+        (tmp_path / "authorized").write_bytes((tmp_path / "user.pub").read_bytes())
+        open_port(parse(server.url(passphrase="env:TANGO_TESTS_PHRASE"), remote.OPTIONS)).close()
+        monkeypatch.setenv("TANGO_TESTS_PHRASE", "other9")
+        for url in (
+            server.url(passphrase="env:TANGO_TESTS_PHRASE"),
+            server.url().replace(f"key={tmp_path / 'user'}", f"key={tmp_path / 'user.pub'}"),
+            re.sub(r"password=[^&]*&?", "", server.url()),
+        ):
+            with pytest.raises(InputError, match=r"key: found .*passphrase=env:NAME.*The control was not asked"):
+                open_port(parse(url, remote.OPTIONS))
+    finally:
+        server.stop()
+
+
+@pytest.mark.system(*NEEDED["ftps"])
+def test_a_control_that_asks_for_tls_is_said_to_do_so(tmp_path):
+    (tmp_path / "control").mkdir()
+    server = ftp_server(tmp_path, tmp_path / "control", True, tls_control_required=True)
+    try:
+        with pytest.raises(LinkError, match=r"asks for TLS: ftps:// in the port's URL"):
+            open_port(parse(server.url().replace("ftps://", "ftp://").replace("&verify=no", ""), remote.OPTIONS))
     finally:
         server.stop()

@@ -1,6 +1,8 @@
 """Which records become readings."""
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +54,15 @@ def test_a_contact_before_the_search_zone_is_early():
     assert judged(FIRST, X=10.0).status == "early"
     assert judged(FIRST, X=14.99).status == "early"
     assert judged(FIRST, X=15.01).status == "ok"
+
+
+def test_where_the_search_is_longer_than_the_stand_off_the_first_tenth_of_the_way_is_early():
+    """Stand-off 10 mm, search 20 mm: half a search before the contact would be behind where the move begins."""
+    searched = replace(FIRST, end=(FIRST.contact[0] + 20.0, *FIRST.end[1:]))
+    assert judged(searched, X=10.99).status == "early"
+    assert judged(searched, X=11.01).status == "ok"
+    assert judged(searched, X=39.99).status == "ok"
+    assert judged(searched, X=40.0).status == "miss"
 
 
 @pytest.mark.parametrize(
@@ -200,3 +211,43 @@ def test_zeros_that_are_not_printed_are_zeros():
 def test_a_record_may_lack_the_check_sum_unless_the_program_prints_one():
     assert isinstance(record(SUMMED.partition(" K")[0], "XYZBC"), Touched)
     assert isinstance(record(SUMMED.partition(" K")[0], (*"XYZBC", "K")), Refused)
+
+
+@pytest.mark.parametrize(
+    ("flag", "position", "status"),
+    [
+        (1, {"X": 9.51}, "early"),  # half a millimeter of contouring error, before the line and behind it
+        (1, {"X": 9.49}, "-0.510 mm along a measuring move of 15.000 mm"),
+        (1, {"X": 25.49}, "miss"),
+        (1, {"X": 25.51}, "15.510 mm along a measuring move of 15.000 mm"),
+        (1, {"X": 14.997}, "early"),  # two thousandths, within which two places are the same
+        (1, {"X": 14.999}, "ok"),
+        (1, {"X": 24.997}, "ok"),
+        (1, {"X": 24.999}, "miss"),
+        (1, {"Y": 0.49}, "ok"),
+        (1, {"Y": -0.49}, "ok"),
+        (1, {"Z": 50.3, "Y": 0.3}, "ok"),
+        (1, {"Y": 0.51}, "0.510 mm beside the line of its measuring move, 0.5 mm are allowed"),
+        (1, {"Z": 50.4, "Y": 0.4}, "0.566 mm beside the line"),
+        (1, {"B": 0.099}, "ok"),
+        (1, {"B": -0.099, "C": 0.099}, "ok"),
+        (1, {"B": 0.101}, "B is 0.1010 deg where 0.0000 was commanded"),
+        (1, {"C": -0.101}, "C is -0.1010 deg where 0.0000 was commanded"),
+        (0, {"X": 22.0}, "the axes stand 3.000 mm before the end of the search"),
+        (0, {"X": 24.49}, "the axes stand 0.510 mm before the end of the search"),
+        (0, {"X": 24.51}, "miss"),
+        (0, {"X": 15.01}, "the axes stand 9.990 mm before the end of the search"),
+        (0, {"X": 14.99}, "miss"),  # of another move
+        (0, {"X": 22.0, "Y": 0.49}, "the axes stand 3.000 mm before the end of the search"),
+        (0, {"X": 22.0, "Y": 0.51}, "miss"),
+        (0, {"X": 22.0, "B": 0.099}, "the axes stand 3.000 mm before the end of the search"),
+        (0, {"X": 22.0, "B": 0.101}, "miss"),
+    ],
+)
+def test_what_is_believed_ends_where_its_limits_are(flag, position, status):
+    """The first touch begins at X 10, expects its facet at 20 and searches up to 25; the other axes stand."""
+    if status in ("ok", "early", "miss"):
+        assert judged(FIRST, flag=flag, **position).status == status
+    else:
+        with pytest.raises(Distrust, match=re.escape(status)):
+            judged(FIRST, flag=flag, **position)

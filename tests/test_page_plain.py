@@ -12,14 +12,16 @@ from support.server import PASSWORD, cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
-from test_first_thing import M, dated, records, seen
+from test_first_thing import BEYOND, M, dated, records, seen
 
 from tango_cnc.files.artefact import read_artefact
 from tango_cnc.files.nightly import read_nightly
+from tango_cnc.nightly.words import changed, headline
 from tango_cnc.records import InputError
 from tango_cnc.report.may import parts_first
 from tango_cnc.report.morning import context, who_of
 from tango_cnc.report.reach import to_ask
+from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.texts import texts
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -84,7 +86,7 @@ def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> Non
     assert to_ask({"owner": "", "deputy": "Bob, 4712"}, (), t) == "Call Bob, 4712. No owner is named for this machine."
     other: list[dict[str, Any]] = [{"owner": "", "decision": None}, {"owner": "Ann, 4711", "decision": None}]
     assert to_ask({"owner": ""}, other, t).startswith("Call Ann, 4711.")
-    assert to_ask({"owner": ""}, (), t).startswith("Whoever leads the shift decides: NOBODY")
+    assert to_ask({"owner": ""}, (), t).startswith("Ask whoever leads the shift: NOBODY")
     assert who_of(None, {"owner": "", "deputy": "Bob, 4712"}, (), t).startswith("Call Bob, 4712.")
     made = [{**r, "owner": None, "alarms": [{**a, "owner": None} for a in r["alarms"]]} for r in records("changed")]
     place = cell(tmp_path / "one", records=made)
@@ -142,3 +144,16 @@ def test_behind_a_proxy_that_names_nobody_no_request_counts_as_one_of_this_compu
     settings = Settings((cell(tmp_path / "one", records=records("changed")),), users=users, behind_proxy=proxied)
     with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
         assert site.get("/metrics", headers=headers).status_code == status
+
+
+@pytest.mark.parametrize(
+    ("since", "wanted"), [("2026-11-10", "since the night ending 2026-11-11"), ("2026-11-08", "since 2026-11-08")]
+)
+def test_a_headline_about_a_limit_has_the_date_of_the_night_that_found_it(since: str, wanted: str) -> None:
+    """The box said 'since Wed 11 Nov', the card of the nights 'since Tue 10 Nov', of one change."""
+    behind = [
+        {"what": "volume", "parameter": "EY0C", "text": changed("EY0C", "+18 µm", since), "since": since, "night": "2026-11-11"}
+    ]
+    record = night(M, 5, "out_of_limits", limits=[BEYOND], behind=behind, night="2026-11-29")
+    record["headline"] = headline(record)
+    assert wanted in as_decided(record, ()) and since in record["headline"]

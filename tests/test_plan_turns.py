@@ -23,7 +23,7 @@ from support.few import every
 
 from tango_cnc import kinematics
 from tango_cnc.plan import clearance, plan, sweep, travel
-from tango_cnc.records import Array, Artefact, Cell, InputError, Machine, Plan, Probe
+from tango_cnc.records import Array, Artefact, Cell, InputError, Machine, Obstacle, Plan, Probe
 
 TABLES = ("wCBXfZY(S)t", "wCAYfXZ(S)t", "wCXfYZ(S)t", "wCBfXZY(S)t")
 HEADS = ("wCXfYZB(S)t", "wCXfYZA(S)t", "wXYfZCA(S)t", "wfXYZCB(S)t", "wYfXZB(S)t")
@@ -230,6 +230,16 @@ def test_a_turn_is_as_high_as_it_has_to_be(pose: dict[str, float], rise: float, 
     assert high.turns[1].before[z] - over > 110
 
 
+def test_a_turn_is_lifted_over_a_bridge_that_swings_up_with_the_table() -> None:
+    """It is carried by B, beside the probe at B -50 and at B 50; in between it is right under it, 110 mm high."""
+    free = narrow({"B": -50.0}, {"B": 50.0})
+    bridge = Obstacle("box", low=(-15.0, -40.0, 60.0), high=(15.0, 40.0, 110.0), on="B")
+    low, made = plan(free), plan(replace(free, machine=replace(free.machine, obstacles=(bridge,))))
+    z = made.machine.column("Z")
+    assert [touch.facet for touch in made.touches] == [touch.facet for touch in low.touches]
+    assert made.turns[1].before[z] > low.turns[1].before[z] + 20
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_how_far_a_point_gets_in_one_turn_is_what_walking_along_it_finds(seed: int) -> None:
     """C alone passes some angles, also between one below and one above zero; the walk turns the points by itself."""
@@ -321,6 +331,9 @@ def test_the_sphere_that_a_table_sweeps_is_as_small_as_two_axes_and_a_middle_all
     apart = abs((beside - place) @ np.cross(axis, other)) / np.linalg.norm(np.cross(axis, other))
     assert abs((found[0][0] - place) @ axis) == pytest.approx(np.linalg.norm(found[0][0] - place), abs=1e-6), "on the first axis"
     assert np.linalg.norm(np.cross(found[0][0] - beside, other)) == pytest.approx(apart, abs=1e-4), "nowhere nearer to the other"
+    foot = beside + ((found[0][0] - beside) @ other) * other
+    load = float(np.max(np.linalg.norm(balls[0] - foot, axis=1) + balls[1]))
+    assert found[0][1] == pytest.approx(apart + load, abs=1e-4), "the way to the other axis, and what is farthest from there"
 
 
 def _unit(rng: np.random.Generator) -> Array:

@@ -7,8 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from support.readback import golden
 
-from postprocessors import Option, load, settings
+from postprocessors import Option, load, program, settings
 from tango_cnc.records import InputError
 
 MOST = 1000  # characters of a value, its quotes with it
@@ -72,3 +73,18 @@ def test_what_a_profile_may_state_is_taken_as_posts_need_it(option: Option, valu
 def test_what_it_may_not_state_is_refused_with_its_key_and_what_is_allowed(option: Option, value: Any, words: str) -> None:
     with pytest.raises(InputError, match=rf"^controller.{option.name}: found .*; allowed: .*{words}"):
         stated(option, value)
+
+
+@pytest.mark.parametrize(
+    ("post", "key", "good", "bad", "said"),
+    [
+        ("okuma", "common", (1, 192), (0, 193), "allowed: 1 … 192"),
+        ("fanuc", "program_number", (1, 9995), (0, 9996), "allowed: 1"),
+    ],
+)
+def test_a_number_is_taken_up_to_its_limits(post: str, key: str, good: tuple[int, int], bad: tuple[int, int], said: str) -> None:
+    for value in good:
+        assert program(load(post), golden(), {key: value}, "0" * 12)[2]()
+    for value in bad:
+        with pytest.raises(InputError, match=f"controller.{key}: found {value}; {said}"):
+            list(program(load(post), golden(), {key: value}, "0" * 12)[2]())

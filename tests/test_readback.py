@@ -421,6 +421,16 @@ def test_no_stop_leaves_the_probe_on(post: str) -> None:
     assert refused(counted(post, lines), post, **SWITCHES)
 
 
+@pytest.mark.parametrize("post", ["fanuc", "haas"])
+def test_an_alarm_between_the_probe_and_the_port_leaves_the_probe_on(post: str) -> None:
+    """Also before the port is open; an alarm before both leaves nothing, and is refused as it stops a run that is well."""
+    lines = lines_of(post, golden(), **SWITCHES)
+    lines.remove(SWITCHES["probe_on"])
+    at, on, alarm = lines.index("POPEN"), SWITCHES["probe_on"], "#3000=5(STOP)"
+    assert "it leaves the probe on" in refused([*lines[:at], on, alarm, *lines[at:]], post, **SWITCHES)
+    assert "nothing has gone wrong" in refused([*lines[:at], alarm, on, *lines[at:]], post, **SWITCHES)
+
+
 @pytest.mark.parametrize(
     ("post", "options", "close"),
     [

@@ -228,6 +228,20 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
     assert not axe(browser) and not complaints(browser)
 
 
+@pytest.mark.parametrize("path", ["/machine/HU40T-like", "/machine/HU40T-like/run"])
+def test_a_page_that_stands_open_says_that_it_is_old(path: str, site: Site, browser: webdriver.Chrome) -> None:
+    """A telephone in a pocket shows the page of the day before. The page of a run that is followed stays of now."""
+    sized(browser, PHONE)
+    browser.get(f"{site.base}{path}")
+    assert "This page: " in browser.page_source and "old: load it again" not in browser.find_element(By.CSS_SELECTOR, ".made").text
+    browser.execute_script("var now = Date.now; Date.now = function () { return now() + 660000; }")
+    wait(lambda: "load it again" in browser.find_element(By.CSS_SELECTOR, ".made").text or path.endswith("/run"))
+    if path.endswith("/run"):
+        time.sleep(6)
+        assert "load it again" not in browser.find_element(By.CSS_SELECTOR, ".made").text
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE[0] and not axe(browser)
+
+
 def test_an_alarm_is_acknowledged(site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, PHONE)
     browser.get(f"{site.base}/machine/HU40T-like/night/13")

@@ -19,6 +19,7 @@ from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.link.lock import holding
 from tango_cnc.web.app import create
+from tango_cnc.web.places import AGAIN, Places
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
 
@@ -194,3 +195,27 @@ def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
 def test_a_square_is_a_night_that_is_not_believed_as_well(tmp_path: Path) -> None:
     with TestClient(create(Settings((struck(tmp_path / "one"),))), base_url=HOST) as site:
         assert "■ beyond a limit or in doubt" in site.get("/").text
+
+
+def test_a_history_whose_file_is_the_same_is_not_asked_again(tmp_path: Path) -> None:
+    """A list of 200 machines, each with a history of its own, asked all of them at every look."""
+    place = cell(tmp_path / "one", records=[night(M, 0)])
+    clock, asked = [0.0], []
+    places = Places(Settings((place,)), clock=lambda: clock[0])
+    (served,) = places.machines().values()
+    assert served.history is not None
+
+    def machines() -> int:
+        return places.asked(served.history, "how many", lambda: asked.append(clock[0]) or len(asked))  # type: ignore[arg-type]
+
+    assert (machines(), machines()) == (1, 1)
+    clock[0] = AGAIN - 1
+    assert machines() == 1
+    with opened(place / "history.db") as history:
+        history.add_night(night(M, 1))
+    assert machines() == 2, "another process has added a night"
+    clock[0] += 2 * AGAIN
+    assert machines() == 3, "what is late is a matter of the clock"
+    places.forget()
+    assert machines() == 4
+    places.close()

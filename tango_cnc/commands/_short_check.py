@@ -26,6 +26,7 @@ from ..compensate.seen import WITHIN
 from ..compensate.shares import Before
 from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
 from ..compensate.space import Held
+from ..compensate.stray import without_strays
 from ..duration import spoken
 from ..estimate import Estimate, estimate
 from ..files import read_cell, read_readings, strategy_text, write_text
@@ -208,13 +209,18 @@ def _minutes(cell: Cell, asked: Short, names: Collection[str]) -> tuple[float, i
     return float(np.ceil(found.seconds / 60)), len(found.plan.touches)
 
 
-def by_place(found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, options: Mapping[str, Any]) -> Outcome:
-    """outcome of a run that determines everything, cell, compensation, readings, options → the same, unless a part does not act,
-    or may not, or the machine was warmer."""
-    if found.verdict == "undecided" or "made_from" not in kept.record:
+def by_place(
+    found: Outcome, cell: Cell, kept: loop.Kept, readings: Readings, result: Estimate, options: Mapping[str, Any]
+) -> Outcome:
+    """outcome of a run that determines everything, cell, compensation, readings, their estimate, options → the same, unless a
+    part does not act, or may not, or the machine was warmer, or touches do not fit that did."""
+    if "made_from" not in kept.record:
+        return without_strays(found, None, result, held_of(cell, kept, result.model.coefficients))
+    if found.verdict == "undecided":
         return found
     asked = _asked(cell, kept, _days(kept, None), options)
-    return whole_outcome(found, asked, from_readings(cell.machine, cell.artefact, readings))
+    found = whole_outcome(found, asked, from_readings(cell.machine, cell.artefact, readings))
+    return without_strays(found, asked.before.result, result, asked.held)
 
 
 def neither(number: int, places: list[str]) -> str:

@@ -65,6 +65,11 @@ def judged(cell: Cell, options: dict[str, Any]) -> int:
             f"--after: found {options['after']}, which ended at {when}, before the trial was written ({written}); allowed: "
             "readings made with the trial in the control. Before and after may have been given the wrong way round"
         )
+    if when is not None and (first := ended(options["file"])) is not None and first[:19] > when[:19]:
+        raise InputError(
+            f"--readings: found {options['file']}, which ended at {first}, after --after ({when}); allowed: the readings before "
+            "the trial. Before and after were given the wrong way round"
+        )
     module = targets.load(record["target"])
     _short_check.of_machine(loop.Kept(0, options["sign_of"], record), cell.machine.name)
     before, after = (_touches(at_that_time(cell, file), file) for file in (options["file"], options["after"]))

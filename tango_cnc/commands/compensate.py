@@ -79,7 +79,9 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--tcp", is_flag=True, help="With --present, --measured, --short-check: tool center point control is on in the run.")
 @click.option("--no-tcp", is_flag=True, help="The same: tool center point control is off.")
 @click.option("--same-stylus", is_flag=True, help="With --measured, --short-check: that of the full run, never out of its holder.")
-@click.option("--warmer", type=float, metavar="K", help="With --measured: than in the full run; where no readings say it.")
+@click.option(
+    "--warmer", type=click.FloatRange(-50, 50), metavar="K", help="With --measured: than in the full run; where no readings say it."
+)
 @click.option("--history", "events", is_flag=True, help="What happened to the compensations of this cell.")
 @click.option("--sign-trial", "trial_of", metavar="PLACE", help="Write files that change one place or table by 10 µm.")
 @click.option("--sign-of", type=path, metavar="DIR", help="Judge a sign trial by --readings before it and --after with it.")
@@ -106,6 +108,8 @@ def command(**options: Any) -> int:
     options["tcp"] = True if options["tcp"] else False if options["no_tcp"] else None
     if options["checked"] is not None:
         record = loop.check(options["checked"])
+        if (folder / loop.CELL).exists():
+            _short_check.of_machine(loop.Kept(0, options["checked"], record), read_cell(folder, strategy=False).machine.name)
         if not write_json(options["json_file"], {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
             of = f"{record['target']} for the machine {record.get('machine')!r}"
             click.echo(f"{options['checked']}: every file of {of} is as it was written")
@@ -377,7 +381,7 @@ def _by_itself(cell: Cell, kept: loop.Kept, options: dict[str, Any]) -> tuple[Ou
         run = ran(kept, result, held, tcp=tcp)
         found = as_far_as_trusted(found, kept.record, result, judgement.untrusted, dict(judgement.hidden), run)
     readings = read_readings(current(cell.folder, options["file"]), cell.machine, cell.artefact)
-    return _short_check.by_place(found, cell, kept, readings, options), places
+    return _short_check.by_place(found, cell, kept, readings, result, options), places
 
 
 def _history(folder: Path, json_file: str | None) -> int:

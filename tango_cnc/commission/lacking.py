@@ -13,6 +13,7 @@ NOT_KNOWN = re.compile(  # alarms of controls that cannot read a block, or have 
 )
 WORD = re.compile(r"[$#]?[A-Z][A-Z0-9_.]*[A-Z0-9_]|#\d+")
 AXIS = re.compile(r"[.]?[XYZABC]\d?")  # what a post adds to the name of a variable
+KEYED = re.compile(r"[a-z_0-9]+ = ")  # a doubt that a key of the profile settles
 
 
 def lacking(said: str, doubts: Iterable[str]) -> tuple[str, str] | None:
@@ -26,7 +27,12 @@ def lacking(said: str, doubts: Iterable[str]) -> tuple[str, str] | None:
     words = {*WORD.findall(text), *(f"P{number}" for number in re.findall(r"\bO(\d+)", text))}
     shared = [(sorted(w for w in words if any(_is(w, d) for d in WORD.findall(doubt))), doubt) for doubt in doubts]
     most, doubt = max(shared, key=lambda each: len(each[0]), default=([], ""))
-    return (max(most, key=len), doubt) if most else None
+    if not most:
+        return None
+    word, shown = max(most, key=len), set(WORD.findall(text.partition("(")[2]))  # the block, where the screen shows it
+    others = {d: sorted((set(own) & shown) - set(most)) for own, d in shared if KEYED.match(d) and not KEYED.match(doubt)}
+    more = {d: max(own, key=len) for d, own in others.items() if own}
+    return " or ".join([word, *more.values()]), "; or: ".join([doubt, *more])
 
 
 def _is(word: str, doubted: str) -> bool:

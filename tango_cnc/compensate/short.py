@@ -162,7 +162,7 @@ def short_outcome(asked: Short, touches: Touches) -> Outcome:
     measured = Figure(min(max((most.value + least.value) / 2, low), high), low, high)
     none = _none(calm, over, touches, parts, shifted, known)
     said = _said(asked, found, known, before, promised, measured, helped, over, none)
-    return as_warm(said, warm, missing=found.p_value >= MISFIT and (bool(known.missing) or said.verdict == "no help"))
+    return as_warm(said, warm, missing=found.p_value >= MISFIT and bool(known.missing))
 
 
 def _none(calm: Before, over: _Over, touches: Touches, parts: Sequence[Part], shifted: Array, known: Seen) -> float:

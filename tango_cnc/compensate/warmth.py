@@ -60,7 +60,8 @@ class Warmth:
         more = "; its temperatures do not say so" if self.kelvin is not None else ""
         return (
             f"by the touches X, Y and Z have all become {'longer' if size > 0 else 'shorter'} alike since the run that the "
-            f"compensation was made from, as those of a machine that is {_kelvin(size)} (± {2 * std:.1f}) than its table{more}"
+            f"compensation was made from, as if the machine had become {_kelvin(size)} (± {2 * std:.1f}) than its table, or the "
+            f"table as much {'colder' if size > 0 else 'warmer'}{more}"
         )
 
 
@@ -74,6 +75,10 @@ def stated(then: Touches, now: Touches, sensor: str | None, given: float | None)
 
     Raises InputError where both runs have temperatures and a person states another difference.
     """
+    if given is not None and not np.isfinite(given):
+        raise InputError(
+            f"--warmer: found {given}; allowed: K by which the machine was warmer than in the full run, below 0 colder"
+        )
     shared = [name for name in then.temperatures if name in now.temperatures]
     means = {name: tuple(_mean(run.temperatures[name]) for run in (then, now)) for name in shared}
     known = {name: pair for name, pair in means.items() if np.isfinite(pair).all()}
@@ -141,9 +146,12 @@ def if_alike(found: Outcome, warm: Warmth) -> Outcome:
 
 
 def _undecided(found: Outcome, warm: Warmth) -> Outcome:
+    m = found.measured
     text = (
-        f"{warm.text}: it looks like what the control does not use. Measure again when it is as warm as in "
-        f"that run; where it stays so, take the compensation out, run the whole strategy and propose anew. {_first(found.text)}"
+        f"{warm.text}: what warmth moves looks like a file that does not act. Measure again when it is as warm as in "
+        f"that run; where it stays so, take the compensation out, run the whole strategy and propose anew. "
+        f"{m.value:.2f} µm ({m.low:.2f} to {m.high:.2f}) are left of {found.before.value:.2f} µm, and {found.promised.low:.2f} to "
+        f"{found.promised.high:.2f} µm were promised"
     )
     return replace(found, verdict="undecided", text=text, not_seen=(), left_if_none=None, unsure=())
 

@@ -297,7 +297,7 @@ class History:
         try:
             return list(self._verified(name))
         except InputError as error:
-            return [str(error)]
+            return [f"{name}: {printable(str(error).removeprefix('history: ').partition('; ')[0], 300)}"]
 
     def newest_hashes(self) -> dict[str, tuple[int, str]]:
         """→ {machine: (number of entries, hash of the newest)}: kept elsewhere, it shows a history whose end was cut off."""

@@ -141,7 +141,8 @@ def _host(target: str) -> bool:
 def _settings(query: str, url: str) -> list[tuple[str, str]]:
     """text after ? → (name, value) of each. Raises InputError for what cannot be settings."""
     try:
-        return parse_qsl(query, keep_blank_values=True, errors="strict")
+        plain = query.replace("+", "%2B")  # a blank in forms of the web: here half of all hashes of keys have one
+        return parse_qsl(plain, keep_blank_values=True, errors="strict")
     except ValueError:
         raise InputError(f"port {url!r}: found settings {shown('?' + query)!r}; allowed: name=value&name=value") from None
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..texts import Said, say
+from .days import days_between
 
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
@@ -24,6 +25,8 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     who has answered it since.
     """
     headline = record.get("headline") or ""
+    if isinstance(headline, Said) and headline.key == BEYOND:
+        return _of_night(headline, _found_on(record))
     if not isinstance(headline, Said) or headline.key != STANDING:
         return str(headline)
     standing = record.get("standing") or ()
@@ -36,6 +39,22 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
         return headline
     last = own[-1]
     return headline.but(who=say(DECIDED[last.action], owner=last.owner, date=last.utc[:10], until=last.until or ""))
+
+
+def _found_on(record: Mapping[str, Any]) -> dict[str, str]:
+    """record of a night → {last night without it: night that found it} of what stands behind a crossed limit and came at once."""
+    behind = [x for x in record.get("behind") or () if x.get("since") and x.get("night") and not x.get("rate_per_day")]
+    return {str(x["since"]): str(x["night"]) for x in behind if days_between(x["since"], x["night"]) == 1}
+
+
+def _of_night(text: Any, found: Mapping[str, str]) -> Any:
+    """sentence, {last night without it: night that found it} → the same with the latter date, as on the page of the machine."""
+    if not isinstance(text, Said):
+        return text
+    values = {name: _of_night(x, found) for name, x in text.values.items()}
+    if night := found.get(str(values.get("since"))):
+        values["since"] = say("morning.found", date=night)
+    return text.but(**values)
 
 
 def shortened(headlines: Sequence[str]) -> list[str]:

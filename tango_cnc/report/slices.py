@@ -187,7 +187,10 @@ def _slice(s: Slice, left: float, top: float, side: float, most: float, machine:
 
 
 def _hatch(x: float, y: float, wide: float, high: float, step: float) -> str:
-    """A pale veil with slanted lines, cut at the edges by hand: patterns of SVG are not drawn alike everywhere."""
+    """Slanted lines, dark on white ones, cut at the edges by hand: patterns of SVG are not drawn alike everywhere.
+
+    The color below stays as it is: on this scale paler is a larger error, and a veil would make one up.
+    """
     way = ""
     at = np.ceil((x + y) / step) * step  # lines x + y = constant, so that neighbors join
     while at < x + wide + y + high:
@@ -195,8 +198,8 @@ def _hatch(x: float, y: float, wide: float, high: float, step: float) -> str:
         if x1 > x2:
             way += f"M{x1:.1f} {at - x1:.1f}L{x2:.1f} {at - x2:.1f}"
         at += step
-    veil = f'<rect x="{x:.1f}" y="{y:.1f}" width="{wide + 0.4:.1f}" height="{high + 0.4:.1f}" fill="#fff" fill-opacity="0.62"/>'
-    return veil + f'<path d="{way}" stroke="{INK}" stroke-opacity="0.55" stroke-width="0.8" fill="none" pointer-events="none"/>'
+    below = f'<path d="{way}" stroke="#fff" stroke-opacity="0.6" stroke-width="1.5" fill="none" pointer-events="none"/>'
+    return below + f'<path d="{way}" stroke="{INK}" stroke-width="0.7" fill="none" pointer-events="none"/>'
 
 
 def _legend(x: float, y: float, top: float, units: Units, words: dict[str, str], room: float) -> list[str]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import threading
 import time
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
@@ -26,6 +29,8 @@ from ..report.answer import said_broken_off, said_cut_off
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
+AGAIN = 60.0  # s after which a history is asked again although its file is the same
+Stamp = tuple[int, ...]  # of a file: when it was changed, how large it is
 STRIP = 30  # nights of the strip beside a machine
 MOST = 2000  # things that are kept
 T = TypeVar("T")
@@ -74,6 +79,8 @@ class Places:
     _read: dict[int, dict[int, Mapping[str, Any]]] = field(default_factory=dict)  # records of the list of machines, by entry
     _nights: dict[int, tuple[Any, dict[str, list[Night]]]] = field(default_factory=dict)  # by history: of which entries, nights
     _cells: dict[Path, tuple[float, Cell | str]] = field(default_factory=dict)
+    _asked: dict[tuple[int, str], tuple[Stamp, float, Any]] = field(default_factory=dict)  # of histories that are files
+    _nightlies: dict[Path, tuple[float, Nightly | TangoError]] = field(default_factory=dict)
 
     def close(self) -> None:
         """Lets go of the databases."""
@@ -99,6 +106,53 @@ class Places:
         """What was read is read anew: something was decided."""
         with self._lock:
             self._kept.clear()
+            self._asked.clear()
+
+    def asked(self, history: History, what: str, make: Callable[[], T]) -> T:
+        """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.
+
+        A list of 200 machines, each with a history of its own, would ask 200 databases at every look. Late is a matter of the
+        clock, so each question is asked again after one to two minutes, not all of them at once.
+        """
+        stamp = self._stamp(history)
+        key, now = (id(history), what), self.clock()
+        known = self._asked.get(key)
+        if stamp and known is not None and known[0] == stamp and now < known[1]:
+            return cast("T", known[2])
+        answer = make()
+        self._asked[key] = (stamp, now + AGAIN * (1 + zlib.crc32(str(key).encode()) % 100 / 100), answer)
+        return answer
+
+    def _stamp(self, history: History) -> Stamp:
+        """history → what its file and its log look like; empty for one on a server, which is asked every time."""
+        where = next((place for place, each in self._histories.items() if each is history), "://")
+        if "://" in where:
+            return ()
+        found = []
+        for name in (where, f"{where}-wal"):
+            try:
+                stat = os.stat(name)
+                found += [stat.st_mtime_ns, stat.st_size]
+            except OSError:
+                found += [0, 0]
+        return tuple(found)
+
+    def nightly(self, folder: Path) -> Nightly:
+        """folder → its nightly.yaml; read again when it has changed. Raises TangoError for one that cannot be read."""
+        try:
+            stamp = (folder / "nightly.yaml").stat().st_mtime
+        except OSError:
+            stamp = 0.0
+        known = self._nightlies.get(folder)
+        if known is None or known[0] != stamp:
+            try:
+                known = stamp, read_nightly(folder)
+            except TangoError as error:
+                known = stamp, error
+            self._nightlies[folder] = known
+        if isinstance(known[1], TangoError):
+            raise known[1]
+        return known[1]
 
     def machines(self) -> Mapping[str, Served]:
         """→ {slug: machine}, those of the cells first, then those that only the history knows."""
@@ -124,7 +178,7 @@ class Places:
         """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
         names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Served]()
         histories = {id(m.history): m.history for m in found.values() if m.history is not None}
-        ahead = {(key, n.machine) for key, history in histories.items() for n in history.ahead()}
+        ahead = {(key, n.machine) for key, h in histories.items() for n in self.asked(h, "ahead", h.ahead)}
         for slug, m in list(found.items()):
             dated = m.history is not None and (id(m.history), m.name) in ahead
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
@@ -135,10 +189,12 @@ class Places:
                 m = found[slug] = replace(m, former=(*m.former, *off))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
-            new = m.name not in m.history.machines()
+            new = m.name not in self.asked(m.history, "machines", m.history.machines)
             if self.settings.history and not new:  # every name of a history that all share is in the list by itself
                 continue
-            known = formers(m.history, m.name, m.folder, not self.settings.history and self._within(m.folder), names)
+            within = not self.settings.history and self._within(m.folder)
+            asked = f"formers {m.name} {within} {zlib.crc32(repr(sorted(names)).encode())}"
+            known = self.asked(m.history, asked, partial(formers, m.history, m.name, m.folder, within, names))
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=(*m.former, *told))
             more |= {
@@ -149,7 +205,7 @@ class Places:
     def _within(self, folder: Path) -> bool:
         """folder of a cell → whether its history is a file in it."""
         try:
-            return of_folder(history_of(folder, read_nightly(folder)), folder)
+            return of_folder(history_of(folder, self.nightly(folder)), folder)
         except TangoError:
             return True
 
@@ -192,7 +248,7 @@ class Places:
 
         def read() -> Nightly:
             try:
-                return usual if folder is None else read_nightly(folder)
+                return usual if folder is None else self.nightly(folder)
             except TangoError:  # the night itself tells what is wrong with the file
                 return usual
 
@@ -215,7 +271,7 @@ class Places:
     def _own(self, folder: Path) -> tuple[History | None, str]:
         """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, else ''."""
         try:
-            settings = read_nightly(folder)
+            settings = self.nightly(folder)
         except TangoError:  # the night itself tells what is wrong with the file
             settings = Nightly()
         try:
@@ -243,7 +299,7 @@ class Places:
         nights: dict[tuple[int, str], Sequence[Night]] = {}
         histories = {id(m.history): m.history for m in machines.values() if m.history is not None}
         for key, history in histories.items():
-            own = history.fleet(now, self.settings.late_hours)
+            own = self.asked(history, f"fleet {self.settings.late_hours}", partial(history.fleet, now, self.settings.late_hours))
             standings |= {(key, s.machine): s for s in own}
             nights |= {(key, name): listed for name, listed in self._last_nights(key, history, own).items()}
         records = {key: self._records(key, history, nights) for key, history in histories.items()}

@@ -97,6 +97,8 @@ class Net:
 
     def size(self, path: str) -> int | None:
         self._way()
+        if path == PROGRAM:
+            return len(self._disk.program) or None
         assert path == RECORDS
         data = self._disk.seen()
         return None if data is None else len(data)

@@ -313,6 +313,10 @@ class AtRest(Remote):
         finally:
             there.close()
 
+    def _left(self, name: str, program: bytes) -> str:
+        """place of a program that was cut off, the program → what became of the part of it: it lies there."""
+        return LIES
+
     def _mark(self, there: Lsv2) -> None:
         """Notes where the record file ends now: what stands in it is of another run."""
         whole = there.read(self._path, 0, LARGEST)

@@ -14,7 +14,8 @@ from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign, whole_lines
 from ._line import Lost, reason
-from ._stores import PORTS, Held, RefusedError, Store, needed, store
+from ._refused import RefusedError
+from ._stores import PORTS, Held, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -26,6 +27,7 @@ START = b"TANGO START"
 OURS = re.compile(rb"PROGRAM [0-9A-F]{12} PLAN [0-9A-F]{12}")
 HEAD = 4000  # bytes within which a program of ours names itself
 NAMES = {rb"^DEF INT TG_": "TANGO.MPF", rb"^OTNGO\b": "TANGO.MIN"}  # of programs for Siemens and Okuma in a folder
+HEX = frozenset(b"0123456789ABCDEF")
 LIES = "; a part of it may lie there: delete it, and start nothing"
 BROKEN = (OSError, EOFError, LinkError)
 
@@ -191,11 +193,13 @@ class Remote:
         if _same(name, self._path):
             raise Lost(f"program and records are one file, {name}; state two names")
         before = there.read(name, 0, HEAD)
-        if before and not OURS.search(before):
+        if before and not OURS.search(before) and not _began(before, program):
             raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
         self._writing = True
         there.write(name, program)
         back = there.read(name, 0, len(program) + 1)
+        if len(back) < len(program) and program.startswith(back):
+            self._left(name, program)  # a disk that was full without a word; what was read says that it is not the program
         return b"PUT %s\n" % hashlib.sha256(back).hexdigest().encode()
 
     def _hang_up(self) -> None:
@@ -206,6 +210,13 @@ class Remote:
     def close(self) -> None:
         """Hangs up."""
         self._hang_up()
+
+
+def _began(there: bytes, program: bytes) -> bool:
+    """bytes that lie at the control, program → whether they are the beginning of one of ours that was cut off before its name."""
+    named = OURS.search(program)
+    ends = 0 if named is None else named.end()
+    return len(there) < ends and all(a == b or {a, b} <= HEX for a, b in zip(there, program, strict=False))
 
 
 def _name(program: bytes) -> str:

@@ -9,7 +9,6 @@ import logging
 import os
 import re
 import ssl
-import stat
 import threading
 from collections.abc import Callable, Iterator
 from io import BytesIO
@@ -17,23 +16,12 @@ from typing import Any, Protocol
 from urllib.parse import SplitResult, unquote
 
 from ...records import InputError, LinkError
+from ._refused import RefusedError, as_error, changed, opens, refused, size_of
 
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
 NO_LOGIN = "530"  # RFC 959: not logged in
-REFUSALS = ("AuthenticationException", "BadAuthenticationType", "PasswordRequiredException")  # of paramiko
-
-
-STATUS = {  # of SMB, where the system has no number for it
-    "OBJECT_NAME_INVALID": "the control takes no such name",
-    "DISK_FULL": "no room is left at the control",
-    "QUOTA_EXCEEDED": "no room is left at the control for this user",
-    "SHARING_VIOLATION": "another program has it open at the control",
-    "FILE_LOCK_CONFLICT": "another program has it open at the control",
-    "BAD_NETWORK_NAME": "there is no such share at the control",
-    "NETWORK_NAME_DELETED": "the share is there no more",
-    "USER_SESSION_DELETED": "the control has ended the session",
-}
+REFUSALS = ("AuthenticationException", "BadAuthenticationType")  # of paramiko
 
 
 class Held(Protocol):
@@ -62,15 +50,6 @@ class Store(Held, Protocol):
         """path → the file is there no more."""
 
 
-class RefusedError(LinkError):
-    """The control answers and lets nobody in by this name: another try may lock the name, and a password helps."""
-
-
-def refused(why: object) -> RefusedError:
-    """what a server said of a login → the error that ends it."""
-    return RefusedError(f"the control refuses the login ({str(why).rstrip('.')}): correct user and password in the port's URL")
-
-
 class Ftp:
     """FTP, and FTP over TLS, by ftplib. A server without SIZE or REST is read from the beginning each time."""
 
@@ -85,6 +64,10 @@ class Ftp:
             self._ftp.voidcmd("TYPE I")
         except ftplib.Error as error:
             self.close()
+            if not secure and re.search("TLS|SSL|AUTH", str(error)):
+                raise LinkError(
+                    f"the control refuses: {str(error).rstrip('.')}. It asks for TLS: ftps:// in the port's URL"
+                ) from None
             if str(error).startswith(NO_LOGIN):
                 raise refused(error) from None
             raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
@@ -182,6 +165,7 @@ class Sftp:
         logging.getLogger("paramiko").setLevel(logging.CRITICAL + 1)  # it prints a traceback of what it then raises
         self._client = paramiko.SSHClient()
         self._client.load_system_host_keys()
+        opens(paramiko, options)
         hash_, port = options.get("hostkey", ""), parts.port or PORTS["sftp"]
         self._named = f"{parts.hostname}" if port == PORTS["sftp"] else f"[{parts.hostname}]:{port}"
 
@@ -242,7 +226,7 @@ class Sftp:
         """path → bytes of the file, None when there is none."""
         try:
             with self._asked():
-                return _size(self._sftp.stat(path))
+                return size_of(self._sftp.stat(path))
         except FileNotFoundError:
             return None
 
@@ -303,14 +287,14 @@ class Smb:
             with watched(self._cut):
                 yield
         except self._errors.SMBOSError as error:  # made anew, a missing file is a FileNotFoundError
-            raise _as_error(error.errno, str(error.strerror)) from None
+            raise as_error(error.errno, str(error.strerror)) from None
         except self._errors.LogonFailure as error:
             raise refused("user or password is wrong") from error
         except self._errors.AccessDenied:
             raise LinkError("the control refuses: this user may not do that there") from None
         except (self._errors.SMBException, ValueError) as error:  # ValueError: what it could not connect to
             why = error.__cause__
-            raise why if isinstance(why, OSError) else _as_error(0, str(error), type(error).__name__) from None
+            raise why if isinstance(why, OSError) else as_error(0, str(error), type(error).__name__) from None
 
     def _cut(self) -> None:
         for connection in list(self._connections.values()):
@@ -324,7 +308,7 @@ class Smb:
         """path → bytes of the file, None when there is none."""
         try:
             with self._asked():
-                return _size(self._smb.stat(self._path(path), **self._to))
+                return size_of(self._smb.stat(self._path(path), **self._to))
         except FileNotFoundError:
             return None
 
@@ -361,32 +345,6 @@ class Smb:
         """Hangs up."""
         with contextlib.suppress(Exception):
             self._smb.reset_connection_cache(connection_cache=self._connections)
-
-
-def changed(host: str, key: str, known: str) -> RefusedError:
-    """host, hash of its key, which key it had → the error that ends the connection: somebody else may answer in its place."""
-    return RefusedError(
-        f"the key of {host} has changed: it is {key}, and {known}. The control was set up anew, or another computer answers in its "
-        "place; nothing was sent to it. Compare the key at the control. Where it is the control's, take the old one out (of "
-        f"known_hosts: ssh-keygen -R '{host}') and state hostkey={key} in the port's URL"
-    )
-
-
-def _size(found: Any) -> int:
-    """what the server says of a path → bytes of the file. Raises IsADirectoryError for a folder."""
-    if stat.S_ISDIR(found.st_mode or 0):
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    return int(found.st_size)
-
-
-def _as_error(number: int, text: str, kind: str = "") -> OSError:
-    """number of an error of the system or 0, what the library says, its class → the error, in words of this program."""
-    if number > 0:
-        return OSError(number, os.strerror(number))  # of a missing file it is a FileNotFoundError
-    name = re.search(r"STATUS_(\w+)", text)
-    if name is None:
-        return OSError("the connection was closed" if "Closed" in kind else f"the share does not answer as one ({kind})")
-    return OSError(STATUS.get(name[1], f"the control refuses ({name[1].replace('_', ' ').lower()})"))
 
 
 @contextlib.contextmanager

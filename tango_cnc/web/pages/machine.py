@@ -77,7 +77,7 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     """(date, …) of nights, newest first, texts, whether they are too old → which nights a row of signs has."""
     every, signs = len(signs), signs[:SHORT] if old else signs
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
-    key = "web.nights_of" if every > len(signs) else "web.nights"
+    key = "web.nights_of" if every > len(signs) else "web.nights" if every > 1 else "web.nights_one"
     return t(key, count=len(signs), all=every, first=first, last=last)
 
 
