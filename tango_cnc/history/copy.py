@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sqlalchemy import Connection, func, insert, select, text
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import StatementError
 
 from ..records import InputError, LinkError, TangoError
 from . import _tables as t
@@ -54,11 +54,11 @@ def copied(history: History, place: str | Path) -> Copied:
             if wrong and (new := _new(wrong, history.broken())):
                 raise LinkError(f"{shown(place)}: the copy is not what was copied: {new}")
             return Copied(sum(number for number, _ in target.newest_hashes().values()), wrong)
-        except (TangoError, DBAPIError) as error:
+        except (TangoError, StatementError) as error:  # of a value that the database refuses, or that its library cannot write
             if ours and isinstance(place, Path):
                 for ending in ("", "-wal", "-shm"):
                     Path(f"{place}{ending}").unlink(missing_ok=True)
-            if isinstance(error, DBAPIError):
+            if isinstance(error, StatementError):
                 why = first_line(error)
                 raise LinkError(f"history: it cannot be copied ({why}). If it is damaged, take an older backup") from None
             raise

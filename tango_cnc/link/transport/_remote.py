@@ -15,7 +15,7 @@ from ..ways import Way
 from ._file import FOREIGN, foreign, whole_lines
 from ._line import Lost, reason
 from ._refused import RefusedError
-from ._stores import PORTS, Held, Store, needed, store
+from ._stores import PORTS, RemoteFiles, Store, needed, store
 
 LOOK = 1.0  # s between two looks
 MOST = 1 << 20  # bytes in one look
@@ -129,7 +129,7 @@ class Remote:
                     raise Lost(f"the control cannot be reached any more: {_why(error)}") from None
                 time.sleep(BETWEEN)
 
-    def _new(self, there: Held) -> bytes:
+    def _new(self, there: RemoteFiles) -> bytes:
         data = there.read(self._path, self._at - len(self._before), MOST)
         if not data.startswith(self._before):
             if not data and there.size(self._path) is None:
@@ -187,7 +187,7 @@ class Remote:
         """program → where it goes."""
         return self._program + (_name(program) if self._program.endswith("/") else "")
 
-    def _put_at(self, there: Held, program: bytes) -> bytes:
+    def _put_at(self, there: RemoteFiles, program: bytes) -> bytes:
         """open store, program → what was read back, by its hash. Raises Lost for a place where it may not go."""
         name = self._place(program)
         if _same(name, self._path):

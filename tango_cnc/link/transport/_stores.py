@@ -24,7 +24,7 @@ NO_LOGIN = "530"  # RFC 959: not logged in
 REFUSALS = ("AuthenticationException", "BadAuthenticationType")  # of paramiko
 
 
-class Held(Protocol):
+class RemoteFiles(Protocol):
     """Files of another computer. Every error of the way there is an OSError or EOFError."""
 
     def size(self, path: str) -> int | None:
@@ -43,7 +43,7 @@ class Held(Protocol):
         """Hangs up."""
 
 
-class Store(Held, Protocol):
+class Store(RemoteFiles, Protocol):
     """The same where a file can be taken away."""
 
     def remove(self, path: str) -> None:
