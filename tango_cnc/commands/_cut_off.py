@@ -40,7 +40,7 @@ def newest_run(folder: Path, stamp: str) -> tuple[str, tuple[Entry, ...]]:
     One that broke off may still be executed by a control that nobody can ask, whoever ended the night.
     """
     found = [f for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp]
-    with suppress(TangoError, OSError, ValueError):  # ValueError: there is none
+    with suppress(TangoError, OSError, ValueError):  # ValueError: no night has a journal
         last = max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))
         return last.parent.name, tuple(salvaged(look_at(last))[0])
     return "", ()

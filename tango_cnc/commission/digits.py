@@ -53,7 +53,7 @@ def pointless(seen: Seen) -> dict[int, str]:
 
 
 def _powers(sent: Mapping[str, float], place: Mapping[str, float]) -> set[int]:
-    """{axis: mm or deg}, what was recorded → powers of ten by which numbers are too large; 0 where it is none."""
+    """{axis: mm or deg}, what was recorded → powers of ten by which numbers are too large; 0 for any other factor."""
     found = set()
     for name, value in sent.items():
         if name in place and abs(value) >= LARGE:

@@ -79,6 +79,7 @@ class Experiment:
     asks: Callable[[Plan], Mapping[str, Question]] = nothing  # plan in the air → {what: what the person at the machine is asked}
     rests: tuple[str, ...] = ()  # options of the profile that it depends on: another value, and it is to be tried again
     on: tuple[str, ...] = ()  # what else it depends on: linear (axes of machine.yaml), rotary, their points, port, overhead
+    unrecorded: str = ""  # what is added where the program stopped for it before the first record
     raw: bool = False  # it also sees records without their decimal point, which say nothing to the others
     touches: bool = False  # it needs the table: no move in the air shows it
 

@@ -67,11 +67,6 @@ UNKNOWN = (
     "you touched the stylus, look at alive first"
 )
 
-TURNED_ROUND = (
-    ". Nothing is recorded: this was at one of the first moves. If it went down where it had to go up, a mirror image of this axis "
-    "may be on: switch it off at the control (see mirror); or machine.yaml has this axis the wrong way round (see directions)"
-)
-
 
 @dataclass(frozen=True)
 class Judged:
@@ -111,8 +106,7 @@ def judge(seen: Seen) -> list[Judged]:
         if unknown is not None and experiment is owner:
             verdict = ruled(seen.said, *unknown)
         elif experiment is blamed and experiment is not noticed:
-            round_ = TURNED_ROUND if experiment.belief == "frames" else ""
-            doubt = "" if not nothing else UNKNOWN if experiment.danger > 1 else round_
+            doubt = "" if not nothing else UNKNOWN if experiment.danger > 1 else experiment.unrecorded
             verdict = Ruling("FAIL", f"the program stopped: {seen.said}{doubt}")
         elif blamed is not None and experiment is not blamed and verdict.verdict == "FAIL":
             verdict = Ruling("OPEN", f"the program stopped before: {seen.said}")

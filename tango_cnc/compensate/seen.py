@@ -48,7 +48,7 @@ class Sorted:
         """shares, µm rms that each part takes away, µm before, mm of a touch → the parts, sorted.
 
         `faint`: standard deviations from all of it by which a part that hardly matters is missing. `files`: parts are files; each
-        is loaded whole or not at all, so those that hardly matter are told by their states, too.
+        is loaded whole or not at all, so the states decide on those that hardly matter, too.
         """
         result = cls([], [], [], [], {})
         asked = [i for i, size in enumerate(sizes) if asked_for(size, before, sigma)]

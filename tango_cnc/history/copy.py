@@ -80,5 +80,5 @@ def _as_it_is(sink: Connection) -> Iterator[None]:
 
 
 def _new(copy: Mapping[str, Sequence[str]], own: Mapping[str, Sequence[str]]) -> str:
-    """what is wrong with a copy, with what was copied → the first sentence of the copy alone; '' where there is none."""
+    """what is wrong with a copy, with what was copied → the first sentence of the copy alone; '' where both say the same."""
     return next((text for name, texts in copy.items() for text in texts if text not in own.get(name, ())), "")

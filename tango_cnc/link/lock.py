@@ -114,11 +114,16 @@ def cut_off(folder: Path) -> list[str]:
 
     A power cut or a kill leaves their mark, and nothing else says so before the next night.
     """
+    stamps = begun(folder)
+    return stamps if stamps and not at_work(folder) else []
+
+
+def begun(folder: Path) -> list[str]:
+    """folder of a cell → stamps of nights that have begun and are not on record yet, in their order."""
     try:
-        begun = sorted(f.name for f in (folder / "nights" / "begun").iterdir() if not f.name.startswith("."))
+        return sorted(f.name for f in (folder / "nights" / "begun").iterdir() if not f.name.startswith("."))
     except OSError:
         return []
-    return begun if begun and not at_work(folder) else []
 
 
 def ended(folder: Path, stamps: Sequence[str]) -> dict[str, str]:
@@ -160,11 +165,11 @@ def _goes_on(journal: Path) -> bool:
     found = []
     for line in lines:
         try:
-            found.append(json.loads(line.partition(b" ")[2]))
+            entry = json.loads(line.partition(b" ")[2])
         except ValueError:  # the first is cut where the tail begins, the last where a plug was pulled
             continue
-    kinds = [entry.get("kind") for entry in found if isinstance(entry, dict)]
-    if not kinds or not {Begun.kind, Reading.kind} & set(kinds):
+        found += [entry] if isinstance(entry, dict) else []
+    if not any(entry.get("kind") in (Begun.kind, Reading.kind) for entry in found):
         return False
     last = found[-1]
     return last.get("kind") != End.kind or not (last.get("complete") or last.get("stands"))

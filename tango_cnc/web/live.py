@@ -16,12 +16,12 @@ from starlette.concurrency import run_in_threadpool
 
 from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
 from ..link.journal import ReadSoFar, read_on
+from ..link.lock import JOURNAL, begun
 from ..records import Cell
 from ..report.days import at
 from ..report.texts import Texts
 
 T = TypeVar("T")
-JOURNAL = "readings.journal"
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,6 @@ def journals(folder: Path) -> list[Path]:
     present = [folder / JOURNAL, *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
     there = sorted((f for f in present if f.is_file()), key=lambda f: f.stat().st_mtime, reverse=True)
     return [*there, *sorted(folder.glob("readings.*.journal"), reverse=True)]
-
-
-def begun(folder: Path) -> list[str]:
-    """cell → stamps of nights that have begun and are not on record yet."""
-    try:
-        return [f.name for f in (folder / "nights" / "begun").iterdir() if not f.name.startswith(".")]
-    except OSError:
-        return []
 
 
 def called(file: Path) -> str:

@@ -151,7 +151,7 @@ class Places:
                 known = stamp, error
             self._nightlies[folder] = known
         if isinstance(known[1], TangoError):
-            raise known[1]
+            raise known[1].with_traceback(None)  # one that is raised again would keep all its ways
         return known[1]
 
     def machines(self) -> Mapping[str, Served]:

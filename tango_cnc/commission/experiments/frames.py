@@ -26,6 +26,12 @@ def judge(seen: Seen) -> Ruling:
     return Ruling("PASS", f"recorded where the axes were sent, within {worst:.4f} mm", worst, "mm")
 
 
+TURNED_ROUND = (
+    ". Nothing is recorded: this was at one of the first moves. If it went down where it had to go up, a mirror image of this axis "
+    "may be on: switch it off at the control (see mirror); or machine.yaml has this axis the wrong way round (see directions)"
+)
+
+
 EXPERIMENT = Experiment(
     "frames",
     1,
@@ -73,4 +79,5 @@ EXPERIMENT = Experiment(
         "metric_check",
         "machine_axes",
     ),
+    unrecorded=TURNED_ROUND,
 )

@@ -1,4 +1,4 @@
-"""What servers and keys say, in words of this program: errors of logins, of host keys, of SMB."""
+"""What servers and keys say, in plain English: errors of logins, of host keys, of SMB."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def refused(why: object) -> RefusedError:
 
 
 def opens(paramiko: Any, options: dict[str, str]) -> None:
-    """library, settings → nothing. Raises InputError for a key that is none, or that its passphrase does not open.
+    """library, settings → nothing. Raises InputError for a file that is no key, or that its passphrase does not open.
 
     What else the library says of a key, the control may still take it otherwise.
     """
@@ -78,7 +78,7 @@ def size_of(found: Any) -> int:
 
 
 def as_error(number: int, text: str, kind: str = "") -> OSError:
-    """number of an error of the system or 0, what the library says, its class → the error, in words of this program."""
+    """number of an error of the system or 0, what the library says, its class → the error, in plain English."""
     if number > 0:
         return OSError(number, os.strerror(number))  # of a missing file it is a FileNotFoundError
     name = re.search(r"STATUS_(\w+)", text)
