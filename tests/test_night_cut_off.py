@@ -117,7 +117,8 @@ def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell
     assert at is not None and at == (cell / JOURNAL).stat().st_mtime
     with (cell / JOURNAL).open("ab") as file:
         file.write(b"00000000 5\n00000000 [1]\n{")  # a damaged end is no answer, and no error of a page
-    assert broken_off(cell) == (at := (cell / JOURNAL).stat().st_mtime)
+    at = (cell / JOURNAL).stat().st_mtime
+    assert broken_off(cell) == at
     with holding(cell, "tango run"):
         assert broken_off(cell) is None
     night = cell / "nights" / "2026-10-04T020000Z"
