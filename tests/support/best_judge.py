@@ -1,4 +1,4 @@
-"""What the best judge could do: it knows the noise, that exactly one cause is hidden, and the pattern of every cause of the catalogue.
+"""What the best judge could do: it knows the noise, that exactly one cause is hidden, and the patterns of all of the catalogue.
 
 It names the cause whose best pattern the readings fit best (chi-squared of what the pattern takes, by its coefficients), among
 the settings that the diagnosis tries. A diagnosis knows less, so this share says about how much the touches hold.
