@@ -168,11 +168,17 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
     (place / "readings.journal").rename(folder / "readings.journal")
     (place / "kept").rename(place / "readings.journal")
     os.utime(place / "readings.journal", (1, 1))
+    second.gone()
     with holding(place, "tango nightly"), TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         for path in ("/", f"/machine/{M}"):
             assert "Measuring" in site.get(path).text, path
         page = site.get(f"/machine/{M}/run").text
         assert "2 of 20" in page and "2026-10-25T020000Z" in page
+        for asked in (["nightly", "--status"], ["fleet"]):  # they said Yes as well
+            assert "Measuring, 2 min left" in CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
+    for asked in (["nightly", "--status"], ["fleet"]):
+        told = CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
+        assert "Measuring" not in told and "Not yet" in told
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         assert "Not yet" in site.get("/").text, "nobody is at work there any more: it was cut off"
 
