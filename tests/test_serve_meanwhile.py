@@ -188,6 +188,36 @@ def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(
     assert "Password" not in told.output and "letters from A to Z" in str(told.exception)
 
 
+@pytest.mark.parametrize("how", ["removed", "another password", "a file for all to read"])
+def test_a_sign_in_is_worth_what_the_users_file_says_now(tmp_path: Path, how: str) -> None:
+    """Who was taken out of the file read every page, and decided, for twelve hours more."""
+    place, users = struck(tmp_path / "one"), tmp_path / "users.json"
+    with client(place, users) as site:
+        form = enter(site)
+        if how == "removed":
+            told = CliRunner().invoke(tango, ["serve", "--users", str(users), "--remove-user", "ann"])
+            assert told.exit_code == 0 and "ann" not in users.read_text()
+        elif how == "a file for all to read":
+            users.chmod(0o644)
+        else:
+            add_user(users, "ann", PASSWORD, "operate")
+        answer = site.post(f"/machine/{M}/decide", data={**form, "action": "accept"}, follow_redirects=False)
+        assert answer.status_code == 303 and answer.headers["location"].startswith("/sign-in")
+        assert "May I make parts" not in site.get("/").text
+    assert not decided(place)
+    assert CliRunner().invoke(tango, ["serve", "--users", str(users), "--remove-user", "bob"]).exit_code
+
+
+def test_a_role_that_is_changed_in_the_file_counts_at_the_next_request(tmp_path: Path) -> None:
+    place, users = struck(tmp_path / "one"), tmp_path / "users.json"
+    with client(place, users) as site:
+        form = enter(site)
+        users.write_text(users.read_text().replace('"operate"', '"view"'))
+        assert "Only users with the role operate" in site.get("/alarms").text
+        assert site.post(f"/machine/{M}/decide", data={**form, "action": "accept"}).status_code == 403
+    assert not decided(place)
+
+
 def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
     records = [night(M, i) for i in range(3)]
     for i, record in enumerate(records):
