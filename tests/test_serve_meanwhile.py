@@ -168,11 +168,17 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
     (place / "readings.journal").rename(folder / "readings.journal")
     (place / "kept").rename(place / "readings.journal")
     os.utime(place / "readings.journal", (1, 1))
+    second.gone()
     with holding(place, "tango nightly"), TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         for path in ("/", f"/machine/{M}"):
             assert "Measuring" in site.get(path).text, path
         page = site.get(f"/machine/{M}/run").text
         assert "2 of 20" in page and "2026-10-25T020000Z" in page
+        for asked in (["nightly", "--status"], ["fleet"]):  # they said Yes as well
+            assert "Measuring, 2 min left" in CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
+    for asked in (["nightly", "--status"], ["fleet"]):
+        told = CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
+        assert "Measuring" not in told and "Not yet" in told
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         assert "Not yet" in site.get("/").text, "nobody is at work there any more: it was cut off"
 
@@ -180,6 +186,36 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
 def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(tmp_path: Path) -> None:
     told = CliRunner().invoke(tango, ["serve", "--users", str(tmp_path / "users.json"), "--add-user", "Zoë"])
     assert "Password" not in told.output and "letters from A to Z" in str(told.exception)
+
+
+@pytest.mark.parametrize("how", ["removed", "another password", "a file for all to read"])
+def test_a_sign_in_is_worth_what_the_users_file_says_now(tmp_path: Path, how: str) -> None:
+    """Who was taken out of the file read every page, and decided, for twelve hours more."""
+    place, users = struck(tmp_path / "one"), tmp_path / "users.json"
+    with client(place, users) as site:
+        form = enter(site)
+        if how == "removed":
+            told = CliRunner().invoke(tango, ["serve", "--users", str(users), "--remove-user", "ann"])
+            assert told.exit_code == 0 and "ann" not in users.read_text()
+        elif how == "a file for all to read":
+            users.chmod(0o644)
+        else:
+            add_user(users, "ann", PASSWORD, "operate")
+        answer = site.post(f"/machine/{M}/decide", data={**form, "action": "accept"}, follow_redirects=False)
+        assert answer.status_code == 303 and answer.headers["location"].startswith("/sign-in")
+        assert "May I make parts" not in site.get("/").text
+    assert not decided(place)
+    assert CliRunner().invoke(tango, ["serve", "--users", str(users), "--remove-user", "bob"]).exit_code
+
+
+def test_a_role_that_is_changed_in_the_file_counts_at_the_next_request(tmp_path: Path) -> None:
+    place, users = struck(tmp_path / "one"), tmp_path / "users.json"
+    with client(place, users) as site:
+        form = enter(site)
+        users.write_text(users.read_text().replace('"operate"', '"view"'))
+        assert "Only users with the role operate" in site.get("/alarms").text
+        assert site.post(f"/machine/{M}/decide", data={**form, "action": "accept"}).status_code == 403
+    assert not decided(place)
 
 
 def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ PLACE = "Keep 60"  # in the list of commands
     "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in. Without it, the pages are read-only."
 )
 @click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
+@click.option("--remove-user", metavar="NAME", help="Take a user out of --users, whose sign-ins end, and end.")
 @click.option(
     "--role", type=click.Choice(["view", "operate", "write-back"]), default="view", show_default=True, help="With --add-user."
 )
@@ -48,6 +49,7 @@ def command(
     names: tuple[str, ...],
     users: Path | None,
     add_user: str | None,
+    remove_user: str | None,
     role: str,
     certificate: Path | None,
     key: Path | None,
@@ -75,6 +77,12 @@ def command(
         if users is None:
             raise InputError("--add-user: found no --users; allowed: together with --users FILE")
         _add(accounts, users, add_user, role)
+        return
+    if remove_user is not None:
+        if users is None:
+            raise InputError("--remove-user: found no --users; allowed: together with --users FILE")
+        accounts.remove_user(users, remove_user)
+        click.echo(f"{remove_user}: not in {users} any more")
         return
     local = _is_loopback(host)
     tls = certificate is not None or behind_proxy

@@ -14,6 +14,8 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
+from ...link.lock import at_work
+from ...link.progress import journals
 from ...report.age import measured_on
 from ...report.alarm import sentence
 from ...report.answer import dates_cut_off
@@ -28,7 +30,7 @@ from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
-from ..live import LiveRun, journals, minutes_left, quiet, title, touched_by
+from ..live import LiveRun, minutes_left, quiet, title, touched_by
 from ..places import STRIP, Served, measured_before, told
 from .report import file_of_cell
 
@@ -199,7 +201,11 @@ def unmeasured(ran: str, busy: str, machine: Served, state: PagesState) -> str:
 def busy_of(request: Request, machine: Served) -> str:
     """request, machine → how long it still measures, in words; '' where it does not."""
     left = minutes_left(run_of(request, machine), time.time())
-    return "" if left is None else state_of(request).texts("web.left_short", minutes=left)
+    return (
+        ""
+        if left is None or machine.folder is None or not at_work(machine.folder)
+        else state_of(request).texts("web.left_short", minutes=left)
+    )
 
 
 def limits_of(request: Request, machine: Served) -> Mapping[str, float]:

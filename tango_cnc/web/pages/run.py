@@ -17,13 +17,14 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...link.entries import Reading
+from ...link.progress import journals
 from ...records import Cell
 from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
-from ..live import LiveRun, called, journals, quiet, title, touched_by
+from ..live import LiveRun, called, quiet, title, touched_by
 from ..places import Served
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
