@@ -275,9 +275,10 @@ def nights(
     from ..report.age import measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
-    from ..report.morning import volumes_of
+    from ..report.morning import brief_of, volumes_of
     from ..report.orders import orders
     from ..report.pace import ahead
+    from ..report.reach import to_ask
 
     machine = chain.name
     with opened(place, create=False) as whole:
@@ -311,6 +312,8 @@ def nights(
             old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
+            brief=brief_of(found[0]) if found else "",
+            asks=to_ask(record, found, t),
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
