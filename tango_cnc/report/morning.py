@@ -154,8 +154,7 @@ def context(
             t,
         ),
         "who": who_of(told, asked, found, t),
-        "whom": t("morning.call", owner=asked["owner"] or asked["deputy"]) if asked["owner"] or asked["deputy"] else "",
-        "first_time": _says(record.get("headline"), "night.words.first_time"),
+        "whom": t("morning.call", owner=named) if (named := asked["owner"] or asked["deputy"]) else "",
         "count": len(still_open(found)),
         "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
         "has": bool(found and found[0]["decision"]),
@@ -210,6 +209,7 @@ def _suspected(
 def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, Any]:
     """record, units, texts, machine → how the page says a sentence, a date, a moment; reasons of a doubt and what was edited."""
     return {
+        "first_time": _says(record.get("headline"), "night.words.first_time"),
         "sentence": lambda text: sentence(t.of(text or ""), u),
         "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
         "reasons": [
