@@ -125,6 +125,14 @@ def test_a_facet_that_no_table_of_readings_can_name_is_refused(tmp_path: Path, n
         read_artefact(file)
 
 
+def test_a_key_that_turns_the_text_behind_it_is_written_out(tmp_path: Path) -> None:
+    file = tmp_path / "artefact.yaml"
+    file.write_text('name: x\nfacets:\n  "a\\u202eb": {point: [0, 0, 0], normal: [0, 0, 1]}\n', encoding="utf-8")
+    with pytest.raises(InputError) as found:
+        read_artefact(file)
+    assert "\u202e" not in str(found.value) and "facets.a\\u202eb" in str(found.value)
+
+
 def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None:
     """A telephone number behind it was shown backwards."""
     (tmp_path / "nightly.yaml").write_text('nightly: 1\nowner: "Ann \\u202e4711"\n', encoding="utf-8")
