@@ -13,13 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
+from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
@@ -31,14 +31,11 @@ LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
 PACE = 1500.0  # mm/min between touches: no dialect's usual positioning feed is less
 PRICES = (0.0, *(1e-6 * 2.0**step for step in range(10)))  # of a mm of way, in what touches tell, while they take too long
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
-TURNED = 3.0  # deg by which it may be turned then
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
-AGREES = 0.05  # mm between a touch and the table that was found, where nothing else is stated
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
-LEAST = 8  # touches that have to agree
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
 NEARER = (
@@ -49,7 +46,6 @@ FARTHER = (
     "It may stand farther away than these searches reach: measure its place with a rule again, correct it in artefact.yaml, or "
     "search farther, 'tango locate' without --within"
 )
-ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
 
 @dataclass(frozen=True)
@@ -241,7 +237,14 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{_advice(plan)}"
         )
     radius = plan.machine.probe.tip_radius
-    kept, found, residual = _agreeing(facets, tip, radius, least, agrees)
+    kept, found, residual = agreeing(facets, tip, radius, least, agrees)
+    if kept is not None and len(kept) < len(facets):
+        (out,) = set(range(len(facets))) - set(kept)
+        room = float(_room(plan.artefact, [facets[out].id])[0])
+        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room):
+            raise InputError(
+                f"facet {facets[out].id}: its touch is {residual[out]:+.2f} mm from where the others place the table. {why}"
+            )
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
@@ -261,81 +264,20 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
-    """as `_agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
+    """as `agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
     steps = (step for step in np.round(np.arange(0.1, LOOSEST + 0.01, 0.1), 1) if step > agrees)
-    enough = next((step for step in steps if _agreeing(facets, tip, radius, least, float(step))[0] is not None), None)
+
+    def places(step: float) -> bool:
+        kept = agreeing(facets, tip, radius, least, step)[0]
+        return kept is not None and (len(kept) == len(facets) or drawn(facets, tip, radius, step) is None)
+
+    enough = next((step for step in steps if places(float(step))), None)
     if enough is None:
         return ""
     return (
         f" If the facets are in their places on the table to {enough:g} mm only, 'tango locate --readings FILE --agrees "
         f"{enough:g}' places it from these same touches; nothing moves."
     )
-
-
-def _agreeing(
-    facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float
-) -> tuple[tuple[int, ...] | None, Array, Array]:
-    """facets, (n, 3) tips at their contacts, how many have to agree, to how many mm → rows that do, six unknowns, (n,) mm; None
-    where too few do.
-
-    A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
-    will do, as long as eight are left: six unknowns and two that could disagree. Where leaving out one touch or another agrees, and
-    the table would stand elsewhere, neither is believed.
-    """
-    every = tuple(range(len(facets)))
-    first: tuple[Array, Array] | None = None
-    for out in range(ASTRAY + 1):
-        fits = []
-        for left in combinations(every, out):
-            kept = tuple(row for row in every if row not in left)
-            if len(kept) < least:
-                continue
-            found, residual = _solved(facets, tip, radius, kept)
-            first = first or (found, residual)
-            fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
-        agreeing = [fit for fit in fits if fit[0] <= agrees]
-        if agreeing:
-            best = min(agreeing, key=lambda fit: fit[0])
-            contradicted = any(
-                np.abs(other[3] - best[3]).max() > agrees for other in agreeing
-            )  # two answers, and nobody knows which
-            contradicted |= out > 0 and _two_against(facets, tip, radius, best, agrees)
-            return None if contradicted else best[1], best[2], best[3]
-    assert first is not None  # nothing left out
-    return None, *first
-
-
-def _two_against(
-    facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array], agrees: float
-) -> bool:
-    """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
-
-    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right, on the same wall or
-    on the opposite one, disagrees with both.
-    """
-    kept, residual = best[1], best[3]
-    (out,) = set(range(len(facets))) - set(kept)
-    for pair in combinations(kept, 2):
-        rows = tuple(sorted({*kept, out} - set(pair)))
-        other = _solved(facets, tip, radius, rows)[1]
-        early = other[list(pair)].min() > 0
-        if early and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max():
-            return True
-    return False
-
-
-def _solved(facets: Sequence[Facet], tip: Array, radius: float, kept: Sequence[int]) -> tuple[Array, Array]:
-    """facets, their tips, rows that count → the six unknowns, (n,) mm of every touch."""
-    normal, point = (np.array(f) for f in ([x.normal for x in facets], [x.point for x in facets]))
-
-    def gap(x: Array) -> Array:
-        turned = Rotation.from_rotvec(x[3:])
-        gaps: Array = np.einsum("ni,ni->n", turned.apply(normal), tip - turned.apply(point) - x[:3]) - radius
-        return gaps
-
-    rows = list(kept)
-    found = least_squares(lambda x: gap(x)[rows], np.zeros(6), x_scale=[1, 1, 1, 0.01, 0.01, 0.01]).x
-    return found, gap(found)
 
 
 def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:

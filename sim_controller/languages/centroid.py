@@ -278,7 +278,11 @@ class Control:
             if key - 50000 == abs(int(wired)) % 50000:
                 return float(self._motion.deflected == (wired > 0))
             return 0.0
-        fixed = {9011: self._profile.probe["P"], 25022: 1.0 if self._profile.sticks else self._tripped, 4006: 20.0 if self._inch else 21.0}
+        fixed = {
+            9011: self._profile.probe["P"],
+            25022: 1.0 if self._profile.sticks else self._tripped,
+            4006: 20.0 if self._inch else 21.0,
+        }
         return fixed[key] if key in fixed else self._variables.get(key, 0.0)
 
     def _target(self, axes: Mapping[str, float]) -> dict[str, float]:

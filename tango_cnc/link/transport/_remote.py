@@ -193,7 +193,7 @@ class Remote:
         if _same(name, self._path):
             raise Lost(f"program and records are one file, {name}; state two names")
         before = there.read(name, 0, HEAD)
-        if before and not OURS.search(before) and not _began(before, program):
+        if before and not OURS.search(before) and not began(before, program):
             raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
         self._writing = True
         there.write(name, program)
@@ -212,7 +212,7 @@ class Remote:
         self._hang_up()
 
 
-def _began(there: bytes, program: bytes) -> bool:
+def began(there: bytes, program: bytes) -> bool:
     """bytes that lie at the control, program → whether they are the beginning of one of ours that was cut off before its name."""
     named = OURS.search(program)
     ends = 0 if named is None else named.end()
