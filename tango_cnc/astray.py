@@ -113,13 +113,11 @@ def two_against(
 ) -> bool:
     """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
 
-    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right looks late (-). A
-    touch that is early itself has met something; one that is late has passed its facet, beside an edge, and that happens less.
+    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right, on the same wall or
+    on the opposite one, disagrees with both.
     """
     kept, residual = best[1], best[3]
     (out,) = set(range(len(facets))) - set(kept)
-    if residual[out] > 0:
-        return False
     for pair in combinations(kept, 2):
         rows = tuple(sorted({*kept, out} - set(pair)))
         other = solved(facets, tip, radius, rows)[1]

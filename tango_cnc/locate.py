@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,18 +21,19 @@ from scipy.spatial.transform import Rotation
 from . import kinematics
 from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
+from .plan import displaced
 from .plan import plan as planned
-from .plan import refuse
 from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
 
 TOUCHES = 9
 MOST = 11  # where several facets have an edge near, and the time allows
 LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
-PACE = 3000.0  # mm/min between touches
+PACE = 1500.0  # mm/min between touches: no dialect's usual positioning feed is less
+PRICES = (0.0, *(1e-6 * 2.0**step for step in range(10)))  # of a mm of way, in what touches tell, while they take too long
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
-CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
+CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
@@ -71,7 +73,7 @@ def strategy(cell: Cell, count: int | None = None, within: float = FARTHEST) -> 
     """
     found = _cycle(cell, count or TOUCHES, within)
     for more in range(TOUCHES + 1, MOST + 1 if count is None else 0):
-        if len(beside(found)[0]) <= ASTRAY:
+        if len(beside(found, within)[0]) <= ASTRAY:
             break
         other = _cycle(cell, more, within)
         if len(other.touches) == more and sum(duration(other, PACE).values()) <= LONGEST:
@@ -81,9 +83,9 @@ def strategy(cell: Cell, count: int | None = None, within: float = FARTHEST) -> 
 
 def _cycle(cell: Cell, count: int, within: float) -> Plan:
     """cell, touches, mm by which the table may stand elsewhere → plan of the locating cycle. Raises InputError as `strategy`."""
-    off = _off(cell.artefact, within)
-    approach = Approach(off + CLEAR, off, FEED)
-    best: tuple[float, Indexation] | None = None
+    off, reach = _off(cell.artefact, within), _reach(cell.artefact, within)
+    approach = Approach(reach + CLEAR, reach, FEED)
+    best: tuple[float, Indexation, tuple[str, ...]] | None = None
     short: list[str] = []
     for indexation in _indexations(cell):
         allowed, why = _reached(cell, indexation, approach)
@@ -92,7 +94,7 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
         away, facet = known_to(cell.artefact, names)
         if len(names) >= LEAST and away <= KNOWN:  # six touches always agree
             if best is None or weight > best[0] + 1e-9:
-                best = weight, replace(indexation, facets=names)
+                best = weight, replace(indexation, facets=names), allowed
         else:
             at = (
                 " ".join(f"{name} {math.degrees(value):g}" for name, value in sorted(indexation.position.items())) or "the only one"
@@ -104,11 +106,69 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
             f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that determine where the table stands, "
             f"touched from {approach.standoff:.0f} mm away:\n" + "\n".join(short) + f"\nallowed: {LEAST} flat facets that face at "
             f"least three ways and stand far apart, so that all are known to {KNOWN:g} mm, at one indexation; add them to one of "
-            "strategy.yaml. Nothing was moved"
+            f"strategy.yaml.{_round(cell.artefact)} Nothing was moved"
         )
-    return _high(
-        planned(replace(cell, strategy=replace(cell.strategy, indexations=(best[1],), approach=approach)), "leave-out"), off
+    return _quick(cell, best[1], best[2], approach, within)
+
+
+def _round(artefact: Artefact) -> str:
+    """artefact → the sentence on facets that do not count as they are not flat; '' where there are none."""
+    count = sum(facet.surface is not None or facet.ball is not None for facet in artefact.facets.values())
+    return (
+        f" {count} of its {len(artefact.facets)} facets are on a cylinder or a ball: they tell no turn about their own axis and do "
+        "not count. A table that has no flat sides is set up with a dial gauge."
+        if count
+        else ""
     )
+
+
+def _quick(cell: Cell, indexation: Indexation, allowed: Sequence[str], approach: Approach, within: float) -> Plan:
+    """cell, indexation with what tells most, its facets that can be touched, approach from far, mm → the plan of its touches.
+
+    Their order is that of the shortest ways, each no higher than a table that stands elsewhere needs. As long as it takes more than
+    `LONGEST`, a mm of way costs more of what the touches tell, and facets are exchanged for others.
+    """
+    off, names = _off(cell.artefact, within), indexation.facets
+    whole = _made(cell, replace(indexation, facets=tuple(allowed)), approach)
+    away = within + math.radians(turned(within)) * displaced.farthest(whole)
+    ways = displaced.ways(displaced.raised(whole, off), away)
+    for price in PRICES:
+        names = _cheaper(cell.artefact, ways, names, off, price) if price else ways.shortest(names)
+        made = _made(cell, replace(indexation, facets=names), approach)
+        found = displaced.lowered(displaced.raised(made, off), away)
+        if sum(duration(found, PACE).values()) <= LONGEST:
+            break
+    return found
+
+
+def _cheaper(artefact: Artefact, ways: displaced.Ways, names: Sequence[str], off: float, price: float) -> tuple[str, ...]:
+    """facets that can be touched and the ways between them, those chosen, mm, what a mm of way costs → others, in their order.
+
+    One is exchanged after the other as long as that helps, none for one that is nearer to an edge than it may be elsewhere.
+    """
+
+    def worth(order: Sequence[str]) -> float:
+        return _spared(_sure(artefact, order, off)) - price * ways.length(order)
+
+    def allowed(order: Sequence[str]) -> bool:
+        return int((_room(artefact, order) < off).sum()) <= near and known_to(artefact, order)[0] <= KNOWN
+
+    near = int((_room(artefact, names) < off).sum())
+    order, better = ways.shortest(names), True
+    while better:
+        better = False
+        for out, other in product(tuple(order), ways.facets):
+            if out not in order or other in order:
+                continue
+            tried = ways.inserted([name for name in order if name != out], other)
+            if worth(tried) > worth(order) + 1e-9 and allowed(tried):
+                order, better = ways.shortest(tried), True
+    return order
+
+
+def _made(cell: Cell, indexation: Indexation, approach: Approach) -> Plan:
+    """cell, indexation, approach from far → the plan of its touches, its ways as for a table that stands where it should."""
+    return planned(replace(cell, strategy=replace(cell.strategy, indexations=(indexation,), approach=approach)), "leave-out")
 
 
 def _off(artefact: Artefact, within: float) -> float:
@@ -117,14 +177,24 @@ def _off(artefact: Artefact, within: float) -> float:
     return min(within + math.radians(turned(within)) * lever, 60.0)
 
 
-def beside(plan: Plan) -> tuple[tuple[str, ...], int]:
-    """plan of the locating cycle → facets with an edge nearer than they may be elsewhere; mm within which all but one have none.
+def _reach(artefact: Artefact, within: float) -> float:
+    """artefact, mm by which it may stand elsewhere → mm along its normal by which the plane of a facet may be elsewhere there."""
+    turn, found = math.radians(turned(within)), [0.0]
+    for facet in artefact.facets.values():
+        arm = float(np.linalg.norm(np.cross(facet.point, facet.normal)))
+        found.append((within + turn * arm + turn**2 / 2 * math.hypot(*facet.point)) / math.cos(turn))
+    return min(max(found), 60.0)
+
+
+def beside(plan: Plan, within: float = FARTHEST) -> tuple[tuple[str, ...], int]:
+    """plan of the locating cycle, mm by which the table may stand elsewhere → facets with an edge nearer than they may be there;
+    mm within which all but one have none.
 
     Beyond an edge a displaced table shows the ball something else, and what is left may not tell its place. 20 mm: as far as it
     searches; 0: not even a table that is known to 1 mm. The stem of the stylus may meet a wall earlier.
     """
     names = [touch.facet for touch in plan.touches]
-    room, off = _room(plan.artefact, names), plan.strategy.approach.search
+    room, off = _room(plan.artefact, names), _off(plan.artefact, within)
     spared = min(max(len(names) - LEAST, 0), ASTRAY)
     least = float(np.sort(room)[spared])
     most = next((within for within in range(int(FARTHEST), 0, -1) if _off(plan.artefact, within) <= least), 0)
@@ -133,7 +203,7 @@ def beside(plan: Plan) -> tuple[tuple[str, ...], int]:
 
 def _advice(plan: Plan) -> str:
     """plan of the locating cycle → what to do where it did not find the table: shorter searches, or longer ones."""
-    short = plan.strategy.approach.search <= _off(plan.artefact, NEAR) + 1e-6
+    short = plan.strategy.approach.search <= _reach(plan.artefact, NEAR) + 1e-6
     return FARTHER if short else NEARER
 
 
@@ -141,9 +211,8 @@ def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tu
     """cell, indexation, approach from far → its facets that a plan can touch so, and in words why not the others."""
     if not indexation.facets:
         return (), " that are flat"
-    tried = replace(cell, strategy=replace(cell.strategy, indexations=(indexation,), approach=approach))
     try:
-        made = planned(tried, "leave-out")
+        made = _made(cell, indexation, approach)
     except InputError as error:
         return (), f" ({error})"
     here = {touch.facet for touch in made.touches}
@@ -319,31 +388,3 @@ def _chosen(artefact: Artefact, names: Sequence[str], count: int, off: float) ->
                 if other not in found and _spared(rows[tried]) > 1.001 * _spared(rows[found]):
                     found, better = tried, True
     return tuple(names[row] for row in sorted(found))
-
-
-def _high(made: Plan, by: float) -> Plan:
-    """plan → the same with every way between two touches as much higher as the table may be, as far as the travels allow."""
-    first = made.touches[0]
-    linear = [made.machine.column(name) for name in made.machine.linear]
-    up = np.zeros(len(made.machine.names))
-    up[linear] = (np.array(first.over) - np.array(first.standoff))[linear]
-    up /= np.linalg.norm(up)
-    room = by
-    for touch in made.touches:
-        for column in linear:
-            travel = made.machine.axes[column].travel
-            if travel is not None and abs(up[column]) > 1e-9:
-                end = travel[1] if up[column] > 0 else travel[0]
-                room = min(room, (end - touch.over[column]) / up[column])
-    if room < by:
-        raise InputError(
-            f"{made.machine.name}: {room:.0f} mm of way are left above the clear level; allowed: {by:.0f} mm, as the table may be "
-            "that much higher than its file says"
-        )
-    higher = tuple(
-        replace(touch, over=tuple(float(v) for v in np.array(touch.over) + by * up), enter=None, leave=None)
-        for touch in made.touches
-    )
-    found = replace(made, touches=higher, turns=made.turns)
-    refuse(found)
-    return found

@@ -91,7 +91,7 @@ def command(
             f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
             f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
         )
-        near, most = locate.beside(made)
+        near, most = locate.beside(made, within)
         if most < within:
             notice += (
                 f" Facets {', '.join(near)} have an edge nearer than that: a table more than {most} mm away may show the "
