@@ -21,8 +21,8 @@ from support.histories import EVENTS, knowledge, record
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, add_compensations, compensations, opened, shown
-from tango_cnc.history._guards import unguarded
 from tango_cnc.history.copy import copied
+from tango_cnc.history.guards import unguarded
 from tango_cnc.records import InputError, LinkError
 
 Place = Callable[[], str | Path]

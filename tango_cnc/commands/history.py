@@ -322,7 +322,7 @@ def export(context: click.Context, history: History, machine: str, output: Path,
 @json_option
 def verify(history: History, machine: str | None, digest: str | None, json_file: str | None) -> int:
     """Follows the chain of hashes: is everything as it was added, and nothing gone?"""
-    from ..history._guards import unguarded
+    from ..history.guards import unguarded
 
     wrong = (*history.verify(), *unguarded(history.engine))
     newest = history.newest_hashes()
