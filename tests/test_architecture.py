@@ -33,7 +33,8 @@ INTERNAL: dict[str, str | None] = {
     "duration": "records gate",
     "gate": "records",
     "commission": "records gate plan kinematics duration",
-    "locate": "records kinematics plan duration",
+    "astray": "records",
+    "locate": "records kinematics plan duration astray",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate nearest",
     "program": "records files plan readback",
@@ -57,7 +58,7 @@ INTERNAL: dict[str, str | None] = {
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked "
     "state.changes state.volume nearest history loaded",
     "state": f"{NUMERIC} verify iso230",
-    "web": "records texts files history report loaded link.journal link.entries link.lock",
+    "web": "records texts files history report loaded link.journal link.entries link.lock link.progress",
     "commands": None,
     "cli": "records commands nearest lean",
     "__main__": "cli",
@@ -111,7 +112,20 @@ TOUCHES_THE_WORLD = {
     *("asyncio", "fcntl", "os", "pathlib", "random", "secrets", "select", "socket", "ssl"),
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
-LINK_WITH_IO = {"transport", "session", "journal", "lock", "process", "measure", "follow", "layout", "nodes", "secrets", "sensors"}
+LINK_WITH_IO = {
+    "transport",
+    "session",
+    "journal",
+    "lock",
+    "process",
+    "measure",
+    "follow",
+    "layout",
+    "nodes",
+    "progress",
+    "secrets",
+    "sensors",
+}
 PURE = ("kinematics", "touches", "terms", "model", "identify", "estimate", "plan", "check", "readback", "duration")
 
 # One function or record each, described where they stand.

@@ -79,7 +79,7 @@ def test_two_numbers_of_one_event_name_their_nights() -> None:
     alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": say("night.alarms.still_there", told="+18.6 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[alarm | {"total": 0.0186}]), (), {}, Units(), texts())
     of = day(night(M, 14)["night"], texts())
-    assert f"Still there: +19 µm in the night ending {of}; the number before is that of the night of the alarm." in found["text"]
+    assert f"Still there: +19 µm (night ending {of})." in found["text"]
     half = alarm | {"total": 0.008, "now": say("night.alarms.now", told="+8.0 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[half]), (), {}, Units(), texts())
     assert "by +8 µm since" in found["text"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,16 +19,18 @@ from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
 from ..link.lock import broken_off, cut_off, ended
+from ..link.progress import minutes_left
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import measured_on, night_of_stamp, nights_old
+from ..report.answer import measuring
 from ..report.morning import next_night
 from ..report.repeated import shortened
 from ..report.texts import Texts, code
 from ..report.tonight import by_tonight
 from ..report.units import Units
 from ..texts import joined
-from ._common import on_terminal, table, write_json
+from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
 
@@ -51,6 +54,7 @@ class Status:
     cut: Sequence[str]  # stamps of those that nobody works on
     broken: float | None  # when a run broke off whose program may go on, s since 1970
     ended: Mapping[str, str]  # and how those ended that did
+    left: int | None = None  # minutes that a run or a night still takes which is at work
 
     @property
     def late(self) -> bool:
@@ -76,6 +80,7 @@ class Status:
             "waiting": self.waiting,
             "unfinished": self.unfinished,
             "cut_off": self.cut,
+            "measuring_minutes_left": self.left,
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
@@ -117,24 +122,29 @@ def status(
             note_simulated(history, name, t)
     if not write_json(json_file, found.as_json()):
         first, *lines = _lines(found, folder, where, t)
-        told = _answer(folder, place, t)
+        told = _answer(folder, place, found.left, t)
         for line in (first, *([f"  {told}"] if told else []), *lines):
-            click.echo(line)
+            click.echo(fitted(line))
     return int(found.wants_somebody)
 
 
-def _answer(folder: Path, place: str | Path, t: Texts) -> str:
-    """cell, its history, texts → whether parts may be made, as on its page and in its report; '' where no night says so."""
+def _answer(folder: Path, place: str | Path, left: int | None, t: Texts) -> str:
+    """cell, its history, minutes that what is at work there still takes (None: nothing is), texts → whether parts may be made, as
+    on its page; '' where no night says so.
+    """
     from .report import nights
 
+    busy = "" if left is None else t("web.left_short", minutes=left)
     with suppress(TangoError):  # what is wrong with the cell is printed on its own line
         machine, u = read_cell(folder).machine, Units()
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
         if found is not None:
             told = found.answer(u, t, machine)
-            lines = (f"{told.word}{', ' + told.old if told.old else ''}.", told.why, f"{told.numbers}." if told.numbers else "")
-            return f"{t('may.ask')} {' '.join(x for x in (*lines, told.soon) if x)}"
-    return ""
+            told = measuring(told, t) if busy else told
+            word = ", ".join(x for x in (told.word, busy or told.old) if x)
+            lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)
+            return f"{t('may.ask')} {' '.join(x for x in lines if x)}"
+    return f"{t('may.ask')} {t('may.measuring')}, {busy}. {t('web.wait_there')}" if busy else ""
 
 
 def _read(
@@ -166,6 +176,7 @@ def _read(
         cut,
         broken_off(folder),
         ended(folder, cut),
+        minutes_left(folder, time.time()),
     )
 
 

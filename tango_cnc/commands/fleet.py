@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ import click
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..link.lock import broken_off, cut_off, ended
+from ..link.progress import minutes_left
 from ..records import InputError, TangoError
 from ..texts import instead, joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
@@ -51,6 +53,7 @@ class _Row:
     cut_off: tuple[str, ...] = ()  # nights of its cell that were begun and never ended
     moving: str = ""  # the answer of its page, where its control may still execute a program
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
+    left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
 
     @property
     def wants_somebody(self) -> bool:
@@ -141,7 +144,13 @@ def _rows(
             if not known or cells == 1:
                 raise
             trouble |= {str(c.folder): str(error) for c in known}
-    found = [row if row.former or row.cell is None else replace(row, cut_off=tuple(cut_off(row.cell))) for row in found]
+    clock = time.time()
+    found = [
+        row
+        if row.former or row.cell is None
+        else replace(row, cut_off=tuple(cut_off(row.cell)), left=minutes_left(row.cell, clock))
+        for row in found
+    ]
     return sorted(found, key=lambda row: (not row.wants_somebody, row.standing.machine, str(row.cell)))
 
 
@@ -188,6 +197,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "cut_off": row.cut_off,
             "stale_nights": row.stale,
             "moving": bool(row.moving),
+            "measuring_minutes_left": row.left,
         }
         for row in found
     ]
@@ -207,7 +217,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
         size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
-        late = row.moving or late
+        busy = row.left is not None and f"{t('may.measuring')}, {t('web.left_short', minutes=row.left)}"
+        late = busy or row.moving or late
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
         how = {} if row.cell is None else ended(row.cell, row.cut_off)

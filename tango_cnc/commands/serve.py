@@ -12,6 +12,7 @@ import click
 from ..records import InputError
 from ._common import cells_in, folders_option
 
+FILES = 65_536
 PLACE = "Keep 60"  # in the list of commands
 
 
@@ -27,6 +28,7 @@ PLACE = "Keep 60"  # in the list of commands
     "--users", type=click.Path(path_type=Path), metavar="FILE", help="Users who may sign in. Without it, the pages are read-only."
 )
 @click.option("--add-user", metavar="NAME", help="Add a user to --users (or give a new password), and end.")
+@click.option("--remove-user", metavar="NAME", help="Take a user out of --users, whose sign-ins end, and end.")
 @click.option(
     "--role", type=click.Choice(["view", "operate", "write-back"]), default="view", show_default=True, help="With --add-user."
 )
@@ -48,6 +50,7 @@ def command(
     names: tuple[str, ...],
     users: Path | None,
     add_user: str | None,
+    remove_user: str | None,
     role: str,
     certificate: Path | None,
     key: Path | None,
@@ -75,6 +78,12 @@ def command(
         if users is None:
             raise InputError("--add-user: found no --users; allowed: together with --users FILE")
         _add(accounts, users, add_user, role)
+        return
+    if remove_user is not None:
+        if users is None:
+            raise InputError("--remove-user: found no --users; allowed: together with --users FILE")
+        accounts.remove_user(users, remove_user)
+        click.echo(f"{remove_user}: not in {users} any more")
         return
     local = _is_loopback(host)
     tls = certificate is not None or behind_proxy
@@ -110,6 +119,7 @@ def command(
         from ..report.units import Units
 
         app.state.tango.units = Units("inch")
+    _more_files()
     taken = listening(host, port)
     port = taken.getsockname()[1]
     count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
@@ -139,6 +149,15 @@ def _add(accounts: Any, users: Path, name: str, role: str) -> None:
     password = click.prompt("Password", hide_input=True, confirmation_prompt=True)
     accounts.add_user(users, name, password, role)
     click.echo(f"{name}, {role} → {users}")
+
+
+def _more_files() -> None:
+    """As many open files as the system allows: a cell with a history of its own needs three, a connection one."""
+    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most if 0 < most < FILES else FILES, most))
 
 
 def _is_loopback(host: str) -> bool:

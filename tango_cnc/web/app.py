@@ -12,7 +12,7 @@ import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import AsyncIterator, Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib import resources
 from typing import Any
@@ -22,6 +22,7 @@ import jinja2
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
@@ -38,9 +39,10 @@ from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
 from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
-from .users import SignIn, SignIns
+from .users import Known, SignIn, SignIns
 
 PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
+LARGE = 50_000  # bytes from which a page is compressed: the list of 200 machines has 15 times that
 LOG = logging.getLogger("tango.serve")
 
 
@@ -62,6 +64,7 @@ class PagesState:
     deciding: threading.Lock = field(default_factory=threading.Lock)
     units: Units = field(default_factory=Units)
     looks: Looks = field(default_factory=Looks)
+    known: Known | None = None  # the users file
 
 
 def create(settings: Settings) -> Starlette:
@@ -81,6 +84,7 @@ def create(settings: Settings) -> Starlette:
         texts_of(settings.templates),
         env,
         Buckets(rate=1 / 60, most=5),
+        known=None if settings.users is None else Known(settings.users),
     )
 
     @contextlib.asynccontextmanager
@@ -90,6 +94,7 @@ def create(settings: Settings) -> Starlette:
 
     app = Starlette(routes=[*_routes(), *_static()], exception_handlers={HTTPException: _refused}, lifespan=life)
     app.state.tango = state
+    app.add_middleware(GZipMiddleware, minimum_size=LARGE, compresslevel=1)
     app.add_middleware(Guard, settings=settings)
     return app
 
@@ -203,8 +208,23 @@ def state_of(request: Request) -> PagesState:
 
 
 def sign_in_of(request: Request) -> SignIn | None:
-    """request → who is signed in, None for nobody."""
-    return state_of(request).sign_ins.of(request.cookies.get(COOKIE))
+    """request → who is signed in, with the role that the users file has now; None for nobody.
+
+    Who was removed from the file, or has got another password, is signed in no more.
+    """
+    state, key = state_of(request), request.cookies.get(COOKIE)
+    signed = state.sign_ins.of(key)
+    if signed is None or state.known is None:
+        return None
+    try:
+        user = state.known.user(signed.user)
+    except (TangoError, OSError) as error:  # nobody is let in by a file that cannot be read
+        LOG.warning("%s", error)
+        return None
+    if user is None:
+        state.sign_ins.end(key)
+        return None
+    return replace(signed, user=user)
 
 
 def role_of(request: Request) -> Role | None:

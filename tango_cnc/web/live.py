@@ -14,9 +14,10 @@ from typing import Any, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
-from ..link.entries import Again, Begun, Doubted, End, Entry, Reading, Segment, by_no_machine
+from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
 from ..link.journal import ReadSoFar, read_on
-from ..link.lock import JOURNAL, begun
+from ..link.lock import at_work
+from ..link.progress import QUIET, progress
 from ..records import Cell
 from ..report.days import at
 from ..report.texts import Texts
@@ -86,13 +87,6 @@ class Looks:
         return found
 
 
-def journals(folder: Path) -> list[Path]:
-    """cell → its journals: of the last run and of a night at work (or cut off), the newest first, then those set aside."""
-    present = [folder / JOURNAL, *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
-    there = sorted((f for f in present if f.is_file()), key=lambda f: f.stat().st_mtime, reverse=True)
-    return [*there, *sorted(folder.glob("readings.*.journal"), reverse=True)]
-
-
 def called(file: Path) -> str:
     """journal → its name in a list; that of a night has the stamp of its night."""
     return f"{file.parent.name} {file.name}" if file.parent.parent.name == "nights" else file.name
@@ -113,38 +107,15 @@ def touched_by(file: Path, cell: Cell | str) -> Cell | None:
 
 def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> LiveRun:
     """journal, its entries, its cell → the run."""
-    segments = [e for e in entries if isinstance(e, Segment)]
-    readings = tuple(e for e in entries if isinstance(e, Reading))
-    done = {e.touch for e in readings}
-    wanted = list(dict.fromkeys(n for s in segments for n in s.touches))
-    last = entries[-1] if entries else None
-    part = segments[-1].part if segments else (1, 1)
-    state, why = ("running", "") if any(isinstance(e, Begun) for e in entries) else ("waiting", "")
-    if isinstance(last, End) and not (last.complete and part[0] < part[1]):
-        state, why = ("complete" if last.complete else "stopped"), last.why
+    p, segments = progress(entries), [e for e in entries if isinstance(e, Segment)]
     facets = _facets(cell)
-    left = Counter(facets[n] for n in wanted if n not in done and n in facets)
-    seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
-    pace = _pace(entries)
-    remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
+    left = Counter(facets[n] for n in p.wanted if n not in p.done and n in facets)
+    readings = tuple(e for e in entries if isinstance(e, Reading))
     refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
-    head = segments[-1] if segments else None
-    started = segments[0].utc if segments else ""
-    found = LiveRun(file, version, state, why, started, head, len(wanted), readings, refused, dict(left), seconds, remaining)
-    return replace(found, simulated=any(by_no_machine(s) for s in segments))
-
-
-def _pace(entries: Sequence[Entry]) -> float | None:
-    """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock)."""
-    last = max((i for i, e in enumerate(entries) if isinstance(e, Begun)), default=0)
-    for part in (entries[last:], entries):
-        times = [e.time_s for e in part if isinstance(e, Begun | Reading)]
-        if len(times) > 1 and times[-1] > times[0]:
-            return (times[-1] - times[0]) / (len(times) - 1)
-    return None
-
-
-QUIET = 600.0  # s without an entry after which a run is no longer said to go on
+    head, started = (segments[-1], segments[0].utc) if segments else (None, "")
+    made = any(by_no_machine(s) for s in segments)
+    counts = (len(p.wanted), readings, refused, dict(left), p.seconds, p.remaining)
+    return LiveRun(file, version, p.state, p.why, started, head, *counts, simulated=made)
 
 
 def minutes_left(run: LiveRun | None, now: float) -> int | None:
@@ -155,9 +126,12 @@ def minutes_left(run: LiveRun | None, now: float) -> int | None:
 
 
 def quiet(run: LiveRun, now: float) -> int | None:
-    """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on; else None."""
-    since = now - run.touched
-    return round(since / 60) if run.state == "running" and since > QUIET else None
+    """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on, or nobody is at work in its
+    cell any more: its program was killed; else None.
+    """
+    since, place = now - run.touched, run.file.parent
+    cell = place.parent.parent if place.parent.name == "nights" else place
+    return max(1, round(since / 60)) if run.state == "running" and (since > QUIET or not at_work(cell)) else None
 
 
 def _facets(cell: Cell | None) -> dict[int, str]:

@@ -10,7 +10,7 @@ import secrets
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from ..files import write_text
 from ..files.checked import printable
 from ..files.readjson import read_json
 from ..records import InputError
+from .guard import same
 from .settings import ROLES, Role
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
@@ -39,6 +40,7 @@ class User:
 
     name: str
     role: Role
+    proof: str = ""  # hash of the password with which somebody signed in; another one has ended that
 
 
 def read_users(file: Path) -> dict[str, tuple[str, Role]]:
@@ -71,9 +73,7 @@ def add_user(file: Path, name: str, password: str, role: Role) -> None:
         raise InputError(f"password: found {len(password)} characters; allowed: {SHORTEST} to {LONGEST}")
     users = read_users(file) if file.exists() else {}
     users[name] = (_HASHER.hash(password), role)
-    rows = {n: {"hash": h, "role": r} for n, (h, r) in sorted(users.items())}
-    write_text(file, json.dumps({"format": FORMAT, "users": rows}, indent=1) + "\n")
-    os.chmod(file, 0o600)
+    _write(file, users)
 
 
 def verified(file: Path, name: str, password: str) -> User | None:
@@ -85,7 +85,41 @@ def verified(file: Path, name: str, password: str) -> User | None:
             _HASHER.verify(known, password[:LONGEST])
         except (argon2.exceptions.VerificationError, argon2.exceptions.InvalidHashError):
             return None
-    return User(name, role) if name in users else None
+    return User(name, role, known) if name in users else None
+
+
+def remove_user(file: Path, name: str) -> None:
+    """users file, who → the user is not in it any more. Raises InputError for one who is not there."""
+    users = read_users(file)
+    if name not in users:
+        raise InputError(f"--remove-user: found {printable(name, 80)}; allowed: {', '.join(sorted(users)) or 'nobody is in it'}")
+    _write(file, {n: row for n, row in users.items() if n != name})
+
+
+def _write(file: Path, users: Mapping[str, tuple[str, Role]]) -> None:
+    rows = {n: {"hash": h, "role": r} for n, (h, r) in sorted(users.items())}
+    write_text(file, json.dumps({"format": FORMAT, "users": rows}, indent=1) + "\n")
+    os.chmod(file, 0o600)
+
+
+@dataclass
+class Known:
+    """The users of a file as it is now; it is read again where it has changed."""
+
+    file: Path
+    _seen: tuple[int, int, int, int] | None = None
+    _users: Mapping[str, tuple[str, Role]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def user(self, signed: User) -> User | None:
+        """who has signed in → the same with the role of now; None for one who was removed, or whose password is another one now."""
+        with self._lock:
+            stat = self.file.stat()
+            seen = (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
+            if seen != self._seen:
+                self._users, self._seen = read_users(self.file), seen
+            proof, role = self._users.get(signed.name, ("", "view"))
+        return User(signed.name, role, proof) if proof and same(proof, signed.proof) else None
 
 
 @dataclass

@@ -11,6 +11,7 @@ from support.nights import into, thirty
 from tango_cnc.history import opened
 from tango_cnc.link.entries import Begun, End, Reading, Segment
 from tango_cnc.link.journal import Journal
+from tango_cnc.link.lock import holding
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
 PASSWORD = "correct horse battery"
@@ -40,8 +41,10 @@ class Recorded:
         controller = {"post": "fanuc", "port": "x"} | ({"simulated": "yes"} if simulated else {})
         self.journal.add(Segment("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers))
         self.made = 0
+        self._held = holding(folder, "tango run")
 
     def begin(self) -> None:
+        self._held.__enter__()
         self.journal.add(Begun("2026-11-23T06:00:01.000+00:00", 0.0))
 
     def touch(self, facet: str = "3", status: str = "ok", deviation: float | None = 12.5, drift: float | None = None) -> None:
@@ -51,3 +54,8 @@ class Recorded:
 
     def end(self, complete: bool = True, why: str = "end mark") -> None:
         self.journal.add(End(complete, why, "2026-11-23T06:30:00.000+00:00"))
+        self.gone()
+
+    def gone(self) -> None:
+        """Nobody is at work in the cell any more: the run ended, or its program was killed."""
+        self._held.__exit__(None, None, None)

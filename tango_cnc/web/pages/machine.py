@@ -14,9 +14,10 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
+from ...link.progress import journals
 from ...report.age import measured_on
 from ...report.alarm import sentence
-from ...report.answer import dates_cut_off
+from ...report.answer import Answer, dates_cut_off
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
@@ -28,7 +29,7 @@ from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
-from ..live import LiveRun, journals, minutes_left, quiet, title, touched_by
+from ..live import LiveRun, minutes_left, quiet, title, touched_by
 from ..places import STRIP, Served, measured_before, told
 from .report import file_of_cell
 
@@ -79,6 +80,12 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
     key = "web.nights_of" if every > len(signs) else "web.nights" if every > 1 else "web.nights_one"
     return t(key, count=len(signs), all=every, first=first, last=last)
+
+
+def answer_today(request: Request, machine: Served) -> Answer | None:
+    """request, machine → the answer of its page, for pages that show something older or narrower; None without a night."""
+    found = morning_of(request, machine, busy_of(request, machine)).get("answer")
+    return found if isinstance(found, Answer) else None
 
 
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:

@@ -1,0 +1,79 @@
+"""The journals of a cell → whether a run or a night is at work there, and how long it still takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..records import TangoError
+from .entries import Again, Begun, Doubted, End, Entry, Reading, Segment
+from .journal import read_on
+from .lock import JOURNAL, at_work, begun
+
+QUIET = 600.0  # s without an entry after which a run is no longer said to go on
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run has come."""
+
+    state: str  # waiting, running, complete, stopped
+    why: str
+    wanted: tuple[int, ...]  # touches
+    done: frozenset[int]
+    seconds: float  # since the start mark, of the last entry
+    remaining: float | None  # s, at the pace so far; None where it does not run
+
+    def minutes_left(self, since: float) -> int | None:
+        """s since its last entry → minutes that it still takes, None where nothing runs, or was heard of it for `QUIET`."""
+        return None if self.state != "running" or since > QUIET else max(1, math.ceil((self.remaining or 0.0) / 60))
+
+
+def journals(folder: Path) -> list[Path]:
+    """cell → its journals: of the last run and of a night at work (or cut off), the newest first, then those set aside."""
+    present = [folder / JOURNAL, *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
+    there = sorted((f for f in present if f.is_file()), key=lambda f: f.stat().st_mtime, reverse=True)
+    return [*there, *sorted(folder.glob("readings.*.journal"), reverse=True)]
+
+
+def progress(entries: Sequence[Entry]) -> Progress:
+    """entries of a journal → how far its run has come."""
+    segments = [e for e in entries if isinstance(e, Segment)]
+    done = frozenset(e.touch for e in entries if isinstance(e, Reading))
+    wanted = tuple(dict.fromkeys(n for s in segments for n in s.touches))
+    last = entries[-1] if entries else None
+    part = segments[-1].part if segments else (1, 1)
+    state, why = ("running", "") if any(isinstance(e, Begun) for e in entries) else ("waiting", "")
+    if isinstance(last, End) and not (last.complete and part[0] < part[1]):
+        state, why = ("complete" if last.complete else "stopped"), last.why
+    seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
+    pace = _pace(entries)
+    remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
+    return Progress(state, why, wanted, done, seconds, remaining)
+
+
+def minutes_left(folder: Path, now: float) -> int | None:
+    """cell, time (s since 1970) → minutes that its run or its night still takes; None where none is at work.
+
+    A journal that cannot be read says nothing of a run that goes on: the page of the run, and whoever resumes it, name the damage.
+    """
+    if not at_work(folder):
+        return None
+    with suppress(TangoError, OSError):
+        for file in journals(folder)[:1]:
+            since = now - file.stat().st_mtime
+            return None if since > QUIET else progress(read_on(file).entries).minutes_left(since)
+    return None
+
+
+def _pace(entries: Sequence[Entry]) -> float | None:
+    """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock)."""
+    last = max((i for i, e in enumerate(entries) if isinstance(e, Begun)), default=0)
+    for part in (entries[last:], entries):
+        times = [e.time_s for e in part if isinstance(e, Begun | Reading)]
+        if len(times) > 1 and times[-1] > times[0]:
+            return (times[-1] - times[0]) / (len(times) - 1)
+    return None
