@@ -19,7 +19,7 @@ from support.simulated_runs import agree
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link.protocols import lsv2
-from tango_cnc.link.transport import _lsv2, open_port, parse
+from tango_cnc.link.transport import _lsv2, foreseen, open_port, parse
 from tango_cnc.records import InputError
 
 PROGRAM = b"0 BEGIN PGM TANGO MM\r\n1 ; PROGRAM 4BC33F4A4AB1 PLAN 98C4F7B8ADCC\r\n" + b"2 L Z+100 R0 FMAX\r\n" * 400
@@ -138,6 +138,11 @@ def test_a_program_that_cannot_go_there_is_a_sentence_and_nothing_of_others_is_l
     said = asked(line, put())
     assert said.startswith("! ") and re.search(why, said.replace("%20", " ").replace("%27", "'").replace("%3A", ":")), said
     assert {name: text for name, text in control.files.items() if name != "TNC:\\X.H"} == before
+
+
+def test_one_file_for_program_and_records_is_refused_before_anybody_is_asked():
+    with pytest.raises(InputError, match="which is the file of the records"):
+        foreseen(parse("lsv2://127.0.0.1:1/TNC:/TANGO.TXT?program=TNC:/tango.txt", lsv2.OPTIONS))
 
 
 def test_a_program_that_was_cut_off_is_taken_away(control, port, monkeypatch):

@@ -273,7 +273,7 @@ def test_who_has_the_password_is_let_in_and_nobody_else_and_it_is_shown_to_nobod
         assert result.code == 0, result.err
         for wrong in (url.replace("CELL_WORD", "OTHER_WORD"), url.replace("anna", "otto"), server.url):
             refused = Result("link-test", "-C", cell, "--port", wrong, "--seconds", "1")
-            assert refused.code != 0 and "the control refuses" in refused.err + refused.out, refused.err
+            assert refused.code == 2 and "the control refuses the login" in refused.err + refused.out, refused.err
             assert "falsch7" not in refused.err + refused.out
     files = [*cell.rglob("*"), tmp_path / "said.txt"]
     assert not [file for file in files if file.is_file() and b"geheim9" in file.read_bytes()]

@@ -15,6 +15,7 @@ from ..address import Address
 from ..nodes import read_nodes
 from ..ways import Way
 from ._line import Lost, reason
+from ._refused import RefusedError
 from ._remote import HEAD, LIES, OURS, began
 from ._stores import needed
 
@@ -26,6 +27,7 @@ BETWEEN = 2.0  # s between two tries
 READ, ERASE = 1, 2 | 4  # modes of a FileType: read; write after everything has been erased
 TEXT = 300  # characters of an alarm
 NAME = "TANGO.MPF"
+LOGIN = ("UserAccessDenied", "IdentityToken")
 BROKEN = ("Session", "Connection", "SecureChannel", "Timeout", "Shutdown")  # of errors of a connection
 
 
@@ -76,6 +78,10 @@ class OpcUa:
             client.connect()
         except self._ua.UaStatusCodeError as error:
             client.disconnect()
+            if any(word in type(error).__name__ for word in LOGIN):
+                raise RefusedError(
+                    f"the control refuses the login ({error}): correct user= and password= in the port's URL"
+                ) from None
             raise LinkError(f"the control refuses: {error}") from None
         except Exception as error:
             with contextlib.suppress(Exception):

@@ -56,7 +56,9 @@ def _paths(address: Address) -> None:
 
 
 def _same(one: str, other: str) -> bool:
-    return posixpath.normpath(one).upper() == posixpath.normpath(other).upper()
+    """two paths at a control → whether they are one file; a Heidenhain path has its backslashes and no slash in front."""
+    first, second = (posixpath.normpath("/" + path.replace("\\", "/").lstrip("/")).upper() for path in (one, other))
+    return first == second
 
 
 class Remote:
