@@ -12,12 +12,10 @@ import pytest
 from support import controls
 from support.linkparts import MARK, job
 
-from postprocessors import _klartext_444
+from postprocessors import load, unverified
 from tango_cnc.link import measure
-from tango_cnc.link._listener import Listener
 from tango_cnc.link.client import Begun, Ended
-from tango_cnc.link.protocols import linuxcnc, lsv2
-from tango_cnc.link.transport import Lost, _opcua
+from tango_cnc.link.protocols import file, linuxcnc, lsv2
 from tango_cnc.readback.languages.klartext import cycle_444
 from tango_cnc.readback.twins import Twin
 
@@ -44,25 +42,6 @@ def test_another_thread_takes_no_signals() -> None:
     worker.start()
     worker.join()
     assert found == [(0, before)]
-
-
-@pytest.mark.parametrize(("error", "why"), [(OSError("no route"), "no route"), (RuntimeError(), "RuntimeError")])
-def test_a_line_that_is_lost_says_why_in_words_or_by_the_name_of_the_error(
-    error: Exception, why: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Ua:
-        UaStatusCodeError = KeyError
-
-    monkeypatch.setattr(_opcua, "AGAIN", -1.0)
-    line = object.__new__(_opcua.OpcUa)
-    line._ua, line._client, line._writing = Ua, object(), False  # type: ignore[assignment]
-    monkeypatch.setattr(_opcua.OpcUa, "close", lambda self: None)
-
-    def verb() -> str:
-        raise error
-
-    with pytest.raises(Lost, match=rf"cannot be reached any more: {why}$"):
-        line._kept(verb)
 
 
 @pytest.mark.parametrize("log", ["TANGO START 0A0A0A0A 3", f"TANGO START {MARK} 2"])
@@ -97,7 +76,7 @@ def test_what_a_control_says_by_lsv2_of_itself(data: bytes, right: bool, said: s
 
 def test_silence_is_too_long_when_it_is_longer_than_allowed_and_not_before() -> None:
     task = job(start_patience=5.0)
-    waiting = Listener(task)
+    waiting = file.Client(task, {})
     assert waiting._waited(5.0) is None and waiting._waited(0.5) == 5.0
     waiting._begun, waiting._silence = True, 0.0
     assert waiting._waited(task.patience[0]) is None and waiting._waited(0.5) == task.patience[0]
@@ -112,10 +91,12 @@ def test_a_contact_of_cycle_444_is_where_the_probe_was_less_the_offset() -> None
 
 
 def test_who_has_said_where_the_tool_length_ends_is_not_asked_again() -> None:
-    assert _klartext_444.doubts({"cycle": 4}) == ()
-    asked = _klartext_444.doubts({"cycle": 444})
-    assert asked[0] == _klartext_444.ENDS and asked[1:] == _klartext_444.DOUBTS
-    assert _klartext_444.doubts({"cycle": 444, "length_ends": "pole"}) == _klartext_444.DOUBTS
+    def asked(**given: Any) -> set[str]:
+        return {text for text in unverified(load("heidenhain"), given) if "444" in text or text.startswith("length_ends")}
+
+    assert asked(cycle=4) == set() and len(asked(cycle=444, length_ends="pole")) > 3
+    (more,) = asked(cycle=444) - asked(cycle=444, length_ends="pole")
+    assert more.startswith("length_ends = pole: the tool length of the probe ends at the pole of its ball")
 
 
 @pytest.mark.parametrize(
