@@ -20,6 +20,8 @@ from ..files.origin import current
 from ..identify import never_seen, summary
 from ..iso230.signed import withheld
 from ..judgement import Judgement
+from ..plausible import worst
+from ..plausible.data import listed
 from ..records import Cell, InputError, Parameter, Readings, TangoError, TermItem
 from ..report.units import shown
 from ..report.verdict import PREDICTED
@@ -62,7 +64,7 @@ def command(
 ) -> int:
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
-    Only rows with status ok are used. Outliers are listed and kept, unless --exclude-outliers is given. Exit
+    Only rows with status ok are used. Outliers are listed and kept, unless --exclude-outliers is given; this makes no verdict better. Exit
     status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the mistake that explains it
     best is named.
     """
@@ -86,10 +88,13 @@ def command(
             result, judgement = judged(
                 cell, readings, items, source=source, fit=lambda: _estimated(cell, readings, items, degree, frame)
             )
-    excluded, fewer = result.outliers, readings
-    if exclude_outliers and len(excluded):
-        fewer = without(readings, result.model.touches, result.out)
-        result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
+    if blamed:
+        judgement = _but_for(judgement, blamed)
+    excluded, fewer = result.model.touches.number[result.unused] if exclude_outliers else (), readings
+    if len(excluded):
+        fewer = without(readings, result.model.touches, result.unused)
+        result, after = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
+        judgement = _no_better(judgement, after)
     if frame is None and judgement.verdict != "implausible":
         judgement = _predicting(cell, without(fewer, result.model.touches, result.unused), items, degree, judgement)
     gone = sorted({*blamed, *(int(i) for i in excluded)})
@@ -117,6 +122,26 @@ def sound_words(judgement: Judgement) -> str:
     if judgement.untrusted:
         return f"trustworthy, except {', '.join(judgement.untrusted)}: the notes above say why and what to do"
     return "trustworthy: nothing was found that speaks against these numbers"
+
+
+def _no_better(before: Judgement, after: Judgement) -> Judgement:
+    """judgement of all touches, and of those without outliers → that of all, with what the others say against the numbers besides.
+
+    Whoever leaves touches out does not know for that why they were wrong, nor what the same has done to the others.
+    """
+    untrusted = tuple(dict.fromkeys((*before.untrusted, *after.untrusted)))
+    verdict = worst([before.verdict, after.verdict])
+    reasons = before.reasons if verdict == before.verdict else (*before.reasons, *after.reasons)
+    held = [n for n in before.stand if n in after.stand or n not in after.untrusted]
+    return replace(
+        before, verdict=verdict, reasons=reasons, untrusted=untrusted, stand=tuple(held), nothing=before.nothing or after.nothing
+    )
+
+
+def _but_for(judgement: Judgement, blamed: tuple[int, ...]) -> Judgement:
+    """judgement without touches with which there is no fit → at best doubtful, for what was wrong with them may be in others."""
+    text = f"there is no fit with touches {listed(blamed)}, which are left out: what was wrong with them may be in others"
+    return replace(judgement, verdict=worst([judgement.verdict, "doubtful"]), reasons=(*judgement.reasons, text))
 
 
 def _blamed(error: NoFit) -> tuple[int, ...]:
