@@ -94,7 +94,7 @@ class Finite(click.FloatRange):
     type=Finite(0.0, 100.0),
     default=3.0,
     show_default=True,
-    help="Percent that the whole plan may lose so that a run that is broken off is worth more; 25 for half a run.",
+    help="Percent that the whole plan may lose so that a run that is broken off is worth more.",
 )
 @click.option("--compare", is_flag=True, help="Also a regular plan of that time, and the best of 100 random ones.")
 @click.option("--styli", is_flag=True, help="Also say which ISO figures the plan decides, and what a second stylus would add.")
