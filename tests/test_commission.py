@@ -216,6 +216,11 @@ def test_a_control_that_says_contact_where_nothing_was_met_is_no_wrong_frame(nam
     assert "CONTROL SAYS CONTACT WHERE NOTHING WAS MET" in what.said
 
 
+def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None:
+    what, events = seen("mach3", Case("records", {"comma": True}))
+    assert verdicts(what, "FAIL") == ["records"] and not set(NEAR) & set(events)
+
+
 def restated(case: Case, number: float, machine: Machine) -> Machine:
     """case, number that was found, machine.yaml → what it states afterwards."""
     assert case.restated is not None
