@@ -136,7 +136,7 @@ def test_an_alarm_is_a_row_with_its_verdict_and_cause_and_the_rest_is_folded(tmp
         card = site.get("/alarms").text.partition("<article")[2].partition("</article>")[0]
     row, _, rest = card.partition('<details class="rest">')
     shown = " ".join(re.sub(r"<[^>]+>", " ", row.partition(">")[2]).split())
-    assert shown.startswith(f"{M} Yes, but") and "moved along X" in shown and len(shown) < 200
+    assert shown.startswith(f"{M} May I make parts? Yes, but") and "moved along X" in shown and len(shown) < 200
     assert "What it does to parts" in rest and "What to do" in rest and "What it does" not in row
 
 

@@ -165,3 +165,10 @@ def test_a_headline_about_a_limit_has_the_date_of_the_night_that_found_it(since:
     record = night(M, 5, "out_of_limits", limits=[BEYOND], behind=behind, night="2026-11-29")
     record["headline"] = headline(record)
     assert wanted in as_decided(record, ()) and since in record["headline"]
+
+
+def test_an_answer_among_the_alarms_stands_behind_its_question(tmp_path: Path) -> None:
+    """Below "Open alarms" the heading "trunnion No" read as no alarm."""
+    assert re.search(
+        rf"{M} May I make parts\? (?:No|Yes, but)", seen(cell(tmp_path / "one", records=records("changed")), "/alarms")
+    )

@@ -322,7 +322,9 @@ def export(context: click.Context, history: History, machine: str, output: Path,
 @json_option
 def verify(history: History, machine: str | None, digest: str | None, json_file: str | None) -> int:
     """Follows the chain of hashes: is everything as it was added, and nothing gone?"""
-    wrong = history.verify()
+    from ..history.guards import unguarded
+
+    wrong = (*history.verify(), *unguarded(history.engine))
     newest = history.newest_hashes()
     if digest is not None and not history.holds(digest.strip().lower()):
         wrong = (*wrong, say("cli.history.cut_off", digest=digest))
