@@ -50,6 +50,7 @@ UNTOUCHED, UNMET = (
     "STYLUS WAS NOT TOUCHED",
     "PROBE DID NOT NOTICE FACET",
 )  # or the probe is dead, off, or wired to another input: nothing has come near the table
+IN_THE_AIR = "CONTROL SAYS CONTACT WHERE NOTHING WAS MET"  # behind a protected move that has arrived
 STEPS = ("begin", "probe_on", "retract", "clear", "index", "approach", "probe", "record", "back", "probe_off", "end", "gate")
 
 

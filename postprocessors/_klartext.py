@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from tango_cnc.records import OFF
 
 from ._base import Job, early_distance, number, search_distance
+from ._common import IN_THE_AIR
 
 ASIDE = 1.0  # mm beside the line of a measuring move at which a result is not one in machine coordinates
 GUARDED, MEASURING, RECORD, FINDING, CYCLE, GATE = 1, 2, 3, 4, 5, 6  # labels
@@ -14,7 +15,7 @@ UNMET = 90
 MET, DEAD, ELSEWHERE, TURNED, TABLE, DISAGREES, ASTRAY, UNTOUCHED, SCALED = 91, 92, 93, 94, 95, 96, 97, 98, 99
 STOPS = {
     MET: "PROBE MET SOMETHING OR A FRAME IS ROTATED MIRRORED OR SCALED",
-    UNMET: "CONTROL SAYS CONTACT WHERE NOTHING WAS MET",
+    UNMET: IN_THE_AIR,
     DEAD: "NO CONTACT. IS THE PROBE ALIVE",
     ELSEWHERE: "RESULT IS NOT IN MACHINE COORDINATES",
     TURNED: "ROTARY AXIS NOT IN PLACE",

@@ -38,8 +38,9 @@ STOPS = (
     common.UNTOUCHED,
     "POSITIONS ARE IN INCHES",
     MIRRORED,
+    common.IN_THE_AIR,
 )
-ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES, OTHERWISE = range(9001, 9009)
+ON_THE_WAY, OLD_PLACE, DEAD, DEFLECTED, NOT_THERE, UNTOUCHED, INCHES, OTHERWISE, UNMET = range(9001, 9010)
 OUTPUT = r"\AM9[45] ?/\d{1,3}\Z"  # an output of the PLC on (94) and off (95); / alone would skip a block
 FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.[a-z]{1,4}")
 
@@ -107,7 +108,8 @@ def move(job: Job, leg: Leg) -> Iterator[str]:
     goal = {name: leg.to[name] for name in "XYZ" if name in leg.target}
     yield f"M125 {_slashed(job, goal)} P#9011 F{number(job.options['positioning_feed'])}"
     short = _distance(job, goal, 5020)
-    yield f"IF [[{TRIPPED} != 0] || [[{short}] > {number(job.options['tolerance'])}]] THEN GOTO {ON_THE_WAY}"
+    yield f"IF [[{short}] > {number(job.options['tolerance'])}] THEN GOTO {ON_THE_WAY}"
+    yield f"IF [{TRIPPED} != 0] THEN GOTO {UNMET}"
 
 
 def retract(job: Job, leg: Leg) -> Iterator[str]:
@@ -125,7 +127,8 @@ def retract(job: Job, leg: Leg) -> Iterator[str]:
         beyond = f"ABS[#{FROM} - {number(STEP / 2)}] > {number(STEP / 2 + float(job.options['tolerance']))}"
         yield f"IF [{beyond}] THEN GOTO {OTHERWISE}"
         short = f"ABS[#{FROM} - {number(STEP)}] > {number(job.options['tolerance'])}"
-        yield f"IF [[{TRIPPED} != 0] || [{short}]] THEN GOTO {ON_THE_WAY}"
+        yield f"IF [{short}] THEN GOTO {ON_THE_WAY}"
+        yield f"IF [{TRIPPED} != 0] THEN GOTO {UNMET}"
     yield from move(job, leg)
 
 

@@ -232,8 +232,9 @@ def _stop_if(job: Job, condition: str, text: str) -> Iterator[str]:
 
 
 def _met_nothing(job: Job) -> Iterator[str]:
+    """Behind a move that has arrived."""
     if job.options["met"]:
-        yield from _stop_if(job, f"{_met(job)}!=0", "PROBE MET SOMETHING ON ITS WAY")
+        yield from _stop_if(job, f"{_met(job)}!=0", common.IN_THE_AIR)
 
 
 def _if(condition: str, *then: str) -> Iterator[str]:

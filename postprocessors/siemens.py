@@ -43,7 +43,7 @@ STOPS = (
     common.UNTOUCHED,
     "A TRANSFORMATION WORK OFFSET OR FRAME IS ON",
     "CONTROL IS SET TO INCHES",
-    "CONTROL SAYS CONTACT WHERE NOTHING WAS MET",
+    common.IN_THE_AIR,
 )
 DEFLECTED, MET, DEAD, STALE, TURNED, UNWRITTEN, UNTOUCHED, FRAMED, INCHES, UNMET = range(1, len(STOPS) + 1)
 FRAME = (("TR", ""), ("FI", ""), ("RT", ""), ("SC", "-1."))  # component of a frame, what makes it 0 where no frame is on

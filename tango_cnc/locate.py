@@ -13,31 +13,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
+from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
+from .plan import displaced
 from .plan import plan as planned
-from .plan import refuse
 from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
 
 TOUCHES = 9
 MOST = 11  # where several facets have an edge near, and the time allows
 LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
-PACE = 3000.0  # mm/min between touches
+PACE = 1500.0  # mm/min between touches: no dialect's usual positioning feed is less
+PRICES = (0.0, *(1e-6 * 2.0**step for step in range(10)))  # of a mm of way, in what touches tell, while they take too long
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
-TURNED = 3.0  # deg by which it may be turned then
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
-CLEAR = 10.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
-AGREES = 0.05  # mm between a touch and the table that was found, where nothing else is stated
+CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
-LEAST = 8  # touches that have to agree
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
 NEARER = (
@@ -48,7 +46,6 @@ FARTHER = (
     "It may stand farther away than these searches reach: measure its place with a rule again, correct it in artefact.yaml, or "
     "search farther, 'tango locate' without --within"
 )
-ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ def strategy(cell: Cell, count: int | None = None, within: float = FARTHEST) -> 
     """
     found = _cycle(cell, count or TOUCHES, within)
     for more in range(TOUCHES + 1, MOST + 1 if count is None else 0):
-        if len(beside(found)[0]) <= ASTRAY:
+        if len(beside(found, within)[0]) <= ASTRAY:
             break
         other = _cycle(cell, more, within)
         if len(other.touches) == more and sum(duration(other, PACE).values()) <= LONGEST:
@@ -86,9 +83,9 @@ def strategy(cell: Cell, count: int | None = None, within: float = FARTHEST) -> 
 
 def _cycle(cell: Cell, count: int, within: float) -> Plan:
     """cell, touches, mm by which the table may stand elsewhere → plan of the locating cycle. Raises InputError as `strategy`."""
-    off = _off(cell.artefact, within)
-    approach = Approach(off + CLEAR, off, FEED)
-    best: tuple[float, Indexation] | None = None
+    off, reach = _off(cell.artefact, within), _reach(cell.artefact, within)
+    approach = Approach(reach + CLEAR, reach, FEED)
+    best: tuple[float, Indexation, tuple[str, ...]] | None = None
     short: list[str] = []
     for indexation in _indexations(cell):
         allowed, why = _reached(cell, indexation, approach)
@@ -97,7 +94,7 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
         away, facet = known_to(cell.artefact, names)
         if len(names) >= LEAST and away <= KNOWN:  # six touches always agree
             if best is None or weight > best[0] + 1e-9:
-                best = weight, replace(indexation, facets=names)
+                best = weight, replace(indexation, facets=names), allowed
         else:
             at = (
                 " ".join(f"{name} {math.degrees(value):g}" for name, value in sorted(indexation.position.items())) or "the only one"
@@ -109,11 +106,69 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
             f"{cell.artefact.name}: no indexation of {cell.strategy.name} has flat facets that determine where the table stands, "
             f"touched from {approach.standoff:.0f} mm away:\n" + "\n".join(short) + f"\nallowed: {LEAST} flat facets that face at "
             f"least three ways and stand far apart, so that all are known to {KNOWN:g} mm, at one indexation; add them to one of "
-            "strategy.yaml. Nothing was moved"
+            f"strategy.yaml.{_round(cell.artefact)} Nothing was moved"
         )
-    return _high(
-        planned(replace(cell, strategy=replace(cell.strategy, indexations=(best[1],), approach=approach)), "leave-out"), off
+    return _quick(cell, best[1], best[2], approach, within)
+
+
+def _round(artefact: Artefact) -> str:
+    """artefact → the sentence on facets that do not count as they are not flat; '' where there are none."""
+    count = sum(facet.surface is not None or facet.ball is not None for facet in artefact.facets.values())
+    return (
+        f" {count} of its {len(artefact.facets)} facets are on a cylinder or a ball: they tell no turn about their own axis and do "
+        "not count. A table that has no flat sides is set up with a dial gauge."
+        if count
+        else ""
     )
+
+
+def _quick(cell: Cell, indexation: Indexation, allowed: Sequence[str], approach: Approach, within: float) -> Plan:
+    """cell, indexation with what tells most, its facets that can be touched, approach from far, mm → the plan of its touches.
+
+    Their order is that of the shortest ways, each no higher than a table that stands elsewhere needs. As long as it takes more than
+    `LONGEST`, a mm of way costs more of what the touches tell, and facets are exchanged for others.
+    """
+    off, names = _off(cell.artefact, within), indexation.facets
+    whole = _made(cell, replace(indexation, facets=tuple(allowed)), approach)
+    away = within + math.radians(turned(within)) * displaced.farthest(whole)
+    ways = displaced.ways(displaced.raised(whole, off), away)
+    for price in PRICES:
+        names = _cheaper(cell.artefact, ways, names, off, price) if price else ways.shortest(names)
+        made = _made(cell, replace(indexation, facets=names), approach)
+        found = displaced.lowered(displaced.raised(made, off), away)
+        if sum(duration(found, PACE).values()) <= LONGEST:
+            break
+    return found
+
+
+def _cheaper(artefact: Artefact, ways: displaced.Ways, names: Sequence[str], off: float, price: float) -> tuple[str, ...]:
+    """facets that can be touched and the ways between them, those chosen, mm, what a mm of way costs → others, in their order.
+
+    One is exchanged after the other as long as that helps, none for one that is nearer to an edge than it may be elsewhere.
+    """
+
+    def worth(order: Sequence[str]) -> float:
+        return _spared(_sure(artefact, order, off)) - price * ways.length(order)
+
+    def allowed(order: Sequence[str]) -> bool:
+        return int((_room(artefact, order) < off).sum()) <= near and known_to(artefact, order)[0] <= KNOWN
+
+    near = int((_room(artefact, names) < off).sum())
+    order, better = ways.shortest(names), True
+    while better:
+        better = False
+        for out, other in product(tuple(order), ways.facets):
+            if out not in order or other in order:
+                continue
+            tried = ways.inserted([name for name in order if name != out], other)
+            if worth(tried) > worth(order) + 1e-9 and allowed(tried):
+                order, better = ways.shortest(tried), True
+    return order
+
+
+def _made(cell: Cell, indexation: Indexation, approach: Approach) -> Plan:
+    """cell, indexation, approach from far → the plan of its touches, its ways as for a table that stands where it should."""
+    return planned(replace(cell, strategy=replace(cell.strategy, indexations=(indexation,), approach=approach)), "leave-out")
 
 
 def _off(artefact: Artefact, within: float) -> float:
@@ -122,14 +177,24 @@ def _off(artefact: Artefact, within: float) -> float:
     return min(within + math.radians(turned(within)) * lever, 60.0)
 
 
-def beside(plan: Plan) -> tuple[tuple[str, ...], int]:
-    """plan of the locating cycle → facets with an edge nearer than they may be elsewhere; mm within which all but one have none.
+def _reach(artefact: Artefact, within: float) -> float:
+    """artefact, mm by which it may stand elsewhere → mm along its normal by which the plane of a facet may be elsewhere there."""
+    turn, found = math.radians(turned(within)), [0.0]
+    for facet in artefact.facets.values():
+        arm = float(np.linalg.norm(np.cross(facet.point, facet.normal)))
+        found.append((within + turn * arm + turn**2 / 2 * math.hypot(*facet.point)) / math.cos(turn))
+    return min(max(found), 60.0)
+
+
+def beside(plan: Plan, within: float = FARTHEST) -> tuple[tuple[str, ...], int]:
+    """plan of the locating cycle, mm by which the table may stand elsewhere → facets with an edge nearer than they may be there;
+    mm within which all but one have none.
 
     Beyond an edge a displaced table shows the ball something else, and what is left may not tell its place. 20 mm: as far as it
     searches; 0: not even a table that is known to 1 mm. The stem of the stylus may meet a wall earlier.
     """
     names = [touch.facet for touch in plan.touches]
-    room, off = _room(plan.artefact, names), plan.strategy.approach.search
+    room, off = _room(plan.artefact, names), _off(plan.artefact, within)
     spared = min(max(len(names) - LEAST, 0), ASTRAY)
     least = float(np.sort(room)[spared])
     most = next((within for within in range(int(FARTHEST), 0, -1) if _off(plan.artefact, within) <= least), 0)
@@ -138,7 +203,7 @@ def beside(plan: Plan) -> tuple[tuple[str, ...], int]:
 
 def _advice(plan: Plan) -> str:
     """plan of the locating cycle → what to do where it did not find the table: shorter searches, or longer ones."""
-    short = plan.strategy.approach.search <= _off(plan.artefact, NEAR) + 1e-6
+    short = plan.strategy.approach.search <= _reach(plan.artefact, NEAR) + 1e-6
     return FARTHER if short else NEARER
 
 
@@ -146,9 +211,8 @@ def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tu
     """cell, indexation, approach from far → its facets that a plan can touch so, and in words why not the others."""
     if not indexation.facets:
         return (), " that are flat"
-    tried = replace(cell, strategy=replace(cell.strategy, indexations=(indexation,), approach=approach))
     try:
-        made = planned(tried, "leave-out")
+        made = _made(cell, indexation, approach)
     except InputError as error:
         return (), f" ({error})"
     here = {touch.facet for touch in made.touches}
@@ -173,7 +237,14 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{_advice(plan)}"
         )
     radius = plan.machine.probe.tip_radius
-    kept, found, residual = _agreeing(facets, tip, radius, least, agrees)
+    kept, found, residual = agreeing(facets, tip, radius, least, agrees)
+    if kept is not None and len(kept) < len(facets):
+        (out,) = set(range(len(facets))) - set(kept)
+        room = float(_room(plan.artefact, [facets[out].id])[0])
+        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room):
+            raise InputError(
+                f"facet {facets[out].id}: its touch is {residual[out]:+.2f} mm from where the others place the table. {why}"
+            )
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
@@ -193,83 +264,20 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
-    """as `_agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
+    """as `agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
     steps = (step for step in np.round(np.arange(0.1, LOOSEST + 0.01, 0.1), 1) if step > agrees)
-    enough = next((step for step in steps if _agreeing(facets, tip, radius, least, float(step))[0] is not None), None)
+
+    def places(step: float) -> bool:
+        kept = agreeing(facets, tip, radius, least, step)[0]
+        return kept is not None and (len(kept) == len(facets) or drawn(facets, tip, radius, step) is None)
+
+    enough = next((step for step in steps if places(float(step))), None)
     if enough is None:
         return ""
     return (
         f" If the facets are in their places on the table to {enough:g} mm only, 'tango locate --readings FILE --agrees "
         f"{enough:g}' places it from these same touches; nothing moves."
     )
-
-
-def _agreeing(
-    facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float
-) -> tuple[tuple[int, ...] | None, Array, Array]:
-    """facets, (n, 3) tips at their contacts, how many have to agree, to how many mm → rows that do, six unknowns, (n,) mm; None
-    where too few do.
-
-    A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
-    will do, as long as eight are left: six unknowns and two that could disagree. Where leaving out one touch or another agrees, and
-    the table would stand elsewhere, neither is believed.
-    """
-    every = tuple(range(len(facets)))
-    first: tuple[Array, Array] | None = None
-    for out in range(ASTRAY + 1):
-        fits = []
-        for left in combinations(every, out):
-            kept = tuple(row for row in every if row not in left)
-            if len(kept) < least:
-                continue
-            found, residual = _solved(facets, tip, radius, kept)
-            first = first or (found, residual)
-            fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
-        agreeing = [fit for fit in fits if fit[0] <= agrees]
-        if agreeing:
-            best = min(agreeing, key=lambda fit: fit[0])
-            contradicted = any(
-                np.abs(other[3] - best[3]).max() > agrees for other in agreeing
-            )  # two answers, and nobody knows which
-            contradicted |= out > 0 and _two_against(facets, tip, radius, best, agrees)
-            return None if contradicted else best[1], best[2], best[3]
-    assert first is not None  # nothing left out
-    return None, *first
-
-
-def _two_against(
-    facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array], agrees: float
-) -> bool:
-    """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
-
-    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right looks late (-). A
-    touch that is early itself has met something; one that is late has passed its facet, beside an edge, and that happens less.
-    """
-    kept, residual = best[1], best[3]
-    (out,) = set(range(len(facets))) - set(kept)
-    if residual[out] > 0:
-        return False
-    for pair in combinations(kept, 2):
-        rows = tuple(sorted({*kept, out} - set(pair)))
-        other = _solved(facets, tip, radius, rows)[1]
-        early = other[list(pair)].min() > 0
-        if early and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max():
-            return True
-    return False
-
-
-def _solved(facets: Sequence[Facet], tip: Array, radius: float, kept: Sequence[int]) -> tuple[Array, Array]:
-    """facets, their tips, rows that count → the six unknowns, (n,) mm of every touch."""
-    normal, point = (np.array(f) for f in ([x.normal for x in facets], [x.point for x in facets]))
-
-    def gap(x: Array) -> Array:
-        turned = Rotation.from_rotvec(x[3:])
-        gaps: Array = np.einsum("ni,ni->n", turned.apply(normal), tip - turned.apply(point) - x[:3]) - radius
-        return gaps
-
-    rows = list(kept)
-    found = least_squares(lambda x: gap(x)[rows], np.zeros(6), x_scale=[1, 1, 1, 0.01, 0.01, 0.01]).x
-    return found, gap(found)
 
 
 def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
@@ -380,31 +388,3 @@ def _chosen(artefact: Artefact, names: Sequence[str], count: int, off: float) ->
                 if other not in found and _spared(rows[tried]) > 1.001 * _spared(rows[found]):
                     found, better = tried, True
     return tuple(names[row] for row in sorted(found))
-
-
-def _high(made: Plan, by: float) -> Plan:
-    """plan → the same with every way between two touches as much higher as the table may be, as far as the travels allow."""
-    first = made.touches[0]
-    linear = [made.machine.column(name) for name in made.machine.linear]
-    up = np.zeros(len(made.machine.names))
-    up[linear] = (np.array(first.over) - np.array(first.standoff))[linear]
-    up /= np.linalg.norm(up)
-    room = by
-    for touch in made.touches:
-        for column in linear:
-            travel = made.machine.axes[column].travel
-            if travel is not None and abs(up[column]) > 1e-9:
-                end = travel[1] if up[column] > 0 else travel[0]
-                room = min(room, (end - touch.over[column]) / up[column])
-    if room < by:
-        raise InputError(
-            f"{made.machine.name}: {room:.0f} mm of way are left above the clear level; allowed: {by:.0f} mm, as the table may be "
-            "that much higher than its file says"
-        )
-    higher = tuple(
-        replace(touch, over=tuple(float(v) for v in np.array(touch.over) + by * up), enter=None, leave=None)
-        for touch in made.touches
-    )
-    found = replace(made, touches=higher, turns=made.turns)
-    refuse(found)
-    return found

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tango_cnc.design import broken_off, choose, goals, order, propose, senses, timed
+from tango_cnc.design import broken_off, choose, goals, nested, order, propose, senses, timed
 from tango_cnc.design.problem import Chosen
 from tango_cnc.design.propose import Wish
+from tango_cnc.design.weighed import Weighed, weighed
 from tango_cnc.files import read_cell
 from tango_cnc.records import Approach
 
@@ -67,3 +68,31 @@ def test_no_order_of_three_visits_leaves_more_known_than_the_one_that_is_found(m
 def test_a_check_and_the_determinant_keep_their_order(made: Chosen) -> None:
     other = replace(made, problem=replace(made.problem, criterion=goals.of_limits(made.problem.choice, {})))
     assert broken_off.worth_when_broken_off(other, again(made)) is other
+
+
+def test_what_is_made_by_then_is_what_the_plan_has_made(made: Chosen) -> None:
+    aims = {0.5: 1.0, 0.75: 1.0}
+    exchange = Weighed(made, again(made), 0.0, aims)
+    count = (made.time[:, None] <= np.array(list(aims)) * made.seconds).sum(axis=0)
+    assert exchange.by_then()[0].sum(axis=1) == pytest.approx(count, abs=2)
+
+
+def test_exchanges_that_look_at_a_part_make_it_better_and_keep_the_whole(made: Chosen) -> None:
+    before = timed.broken_off(made, [0.75])[0]
+    found = weighed(made, again(made), {0.75: before / 2})
+    assert timed.broken_off(found, [0.75])[0] < before or found.value < made.value
+    assert found.seconds <= made.problem.seconds
+
+
+def test_a_plan_that_grows_from_a_shorter_one_is_worth_as_much_when_broken_off(made: Chosen) -> None:
+    small = choose.quick(made.problem.of_time(0.75 * made.problem.seconds))
+    found = nested.grown(small, made.problem, again(made))
+    assert found is not None and found.seconds <= made.problem.seconds and found.value < small.value
+    begin = [dict(i.position) for i in small.cell.strategy.indexations[:-1]]
+    assert [dict(i.position) for i in found.cell.strategy.indexations[: len(begin)]] == begin
+
+
+def test_a_plan_says_what_plans_of_its_parts_reach(made: Chosen) -> None:
+    found = nested.with_parts(made, again(made), 0.03, lambda part: choose.quick(part) if part.seconds > 200 else None)
+    assert list(found.designed) == [0.75]
+    assert found.value <= made.value * 1.03**2 and found.seconds <= made.problem.seconds

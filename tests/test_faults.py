@@ -111,7 +111,8 @@ def test_an_alarm_speaks_of_the_change_and_says_what_the_error_is_in_all() -> No
         and "40 µm different from before" in large["on_part"]
     )
     assert large["whole"].startswith(
-        "The whole error (C axis off in Y) is −93 µm in the night ending Tue 27 Oct 2026; it was −113 µm before the change."
+        "The whole error (C axis off in Y), measured in the night ending Tue 27 Oct 2026, is −93 µm; it was −113 µm before the "
+        "change."
     )
     assert large["whole"].endswith("It is smaller than before. Correct the whole error, not the change.")
     assert "not the change" in told(50.0)["whole"]

@@ -22,6 +22,7 @@ from support.histories import EVENTS, knowledge, record
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, add_compensations, compensations, opened, shown
 from tango_cnc.history.copy import copied
+from tango_cnc.history.guards import unguarded
 from tango_cnc.records import InputError, LinkError
 
 Place = Callable[[], str | Path]
@@ -244,6 +245,8 @@ def test_a_broken_chain_is_in_the_backup_and_named_and_the_other_machines_are_wh
             connection.execute(text("DELETE FROM night_record WHERE entry_id = 6"))
         assert set(history.broken()) == {"N"}
     where = str(place)
+    said = CliRunner().invoke(tango, ["history", "verify", "--history", where], standalone_mode=False)
+    assert said.return_value == 1 and "of entry, night_record: its triggers were taken out" in said.output
     made = CliRunner().invoke(tango, ["history", "backup", "--history", where, str(tmp_path / "copy.db")], standalone_mode=False)
     assert made.return_value == 1 and "6 entries" in made.output
     assert "N: its chain is broken" in made.output and "entry 2" in made.output and "M:" not in made.output
@@ -253,7 +256,7 @@ def test_a_broken_chain_is_in_the_backup_and_named_and_the_other_machines_are_wh
     again = CliRunner().invoke(tango, back, standalone_mode=False)
     assert again.return_value == 1 and "N: its chain is broken" in again.output
     with opened(tmp_path / "back.db", create=False) as history:
-        assert len(history.nights("M")) == 3
+        assert len(history.nights("M")) == 3 and unguarded(history.engine) == ()
 
 
 def test_what_cannot_be_read_of_one_machine_is_named_and_the_others_are_verified(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from tango_cnc.link.journal import read_journal
 from tango_cnc.link.protocols.linuxcnc import way_back
 from tango_cnc.link.transport import open_port, parse
 from tango_cnc.plan import plan
-from tango_cnc.records import LinkError
+from tango_cnc.records import InputError
 
 real = pytest.mark.system("linuxcnc", "linuxcncrsh")
 EXAMPLE = Path(__file__).parent.parent / "examples" / "hu40t"
@@ -43,7 +43,7 @@ CLOSE = 1e-4  # mm
 
 
 def test_both_files_have_to_be_named() -> None:
-    with pytest.raises(LinkError, match="no file and no log"):
+    with pytest.raises(InputError, match="no file and no log"):
         open_port(parse("linuxcnc://127.0.0.1:5007", {"file": (), "log": ()}))
 
 

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from urllib.parse import unquote
 
 import pytest
 from support.linkparts import job
@@ -18,7 +19,7 @@ from support.simulated_runs import agree
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.link.protocols import lsv2
-from tango_cnc.link.transport import _lsv2, open_port, parse
+from tango_cnc.link.transport import _lsv2, foreseen, open_port, parse
 from tango_cnc.records import InputError
 
 PROGRAM = b"0 BEGIN PGM TANGO MM\r\n1 ; PROGRAM 4BC33F4A4AB1 PLAN 98C4F7B8ADCC\r\n" + b"2 L Z+100 R0 FMAX\r\n" * 400
@@ -137,6 +138,49 @@ def test_a_program_that_cannot_go_there_is_a_sentence_and_nothing_of_others_is_l
     said = asked(line, put())
     assert said.startswith("! ") and re.search(why, said.replace("%20", " ").replace("%27", "'").replace("%3A", ":")), said
     assert {name: text for name, text in control.files.items() if name != "TNC:\\X.H"} == before
+
+
+def test_one_file_for_program_and_records_is_refused_before_anybody_is_asked():
+    with pytest.raises(InputError, match="which is the file of the records"):
+        foreseen(parse("lsv2://127.0.0.1:1/TNC:/TANGO.TXT?program=TNC:/tango.txt", lsv2.OPTIONS))
+
+
+def test_a_program_that_was_cut_off_is_taken_away(control, port, monkeypatch):
+    line = opened(port, "?program=TNC:/X.H")
+    control.space = 3000
+    assert unquote(asked(line, put())).endswith("; the part of it that lay there was taken away")
+    assert control.files == {}
+    control.space, left = 10**9, [_lsv2.TRIES]
+
+    def cut(command):  # each of the tries, within the program
+        if command != "S_FL" or not left[0]:
+            return ""
+        left[0] -= 1
+        control.files["TNC:\\X.H"] = PROGRAM[:200]
+        return "hangup"
+
+    control.fault = cut
+    assert unquote(asked(line, put())).endswith("; the part of it that lay there was taken away")
+    assert control.files == {}
+    assert asked(line, put()).startswith("PUT ") and control.files == {"TNC:\\X.H": PROGRAM}
+
+
+def test_a_part_is_left_alone_where_it_cannot_be_taken_away_or_the_program_runs(control, port):
+    for what in ({"in_use": {"TNC:\\X.H"}}, {"state": 0}):
+        line = opened(port, "?program=TNC:/X.H")
+        control.files, control.space = {}, 3000
+
+        def cut(command, what=what):
+            if command == "S_FL":
+                vars(control).update(what)
+            return ""
+
+        control.fault = cut
+        said = unquote(asked(line, put()))
+        assert said.endswith("; a part of it may lie there: delete it, and start nothing") and control.files
+        assert not [one for one in control.heard if one.command == "C_FD"] or "in_use" in what
+        control.in_use, control.state, control.fault = set(), 7, lambda command: ""
+        control.heard.clear()
 
 
 @pytest.mark.parametrize("fault", ["hangup", "half", "error", "silent"])

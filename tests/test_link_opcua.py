@@ -86,6 +86,39 @@ def test_a_program_is_put_read_back_and_replaced_only_when_it_is_ours(server):
     other.close()
 
 
+def full(data):
+    raise OSError("no space")
+
+
+@pytest.mark.few(0)
+@pytest.mark.parametrize("spoil", [full, lambda data: data[:70]], ids=["refused", "without a word"])
+def test_a_program_that_was_cut_off_is_erased_and_keeps_no_later_one_out(server, spoil):
+    line = opened(server, f"?program={FOLDER}&name=CUT.MPF")
+    put = b"put " + PROGRAM.hex().encode()
+    server.spoil = spoil
+    said = unquote(asked(line, put))
+    if spoil is full:
+        assert said.startswith("! the program cannot be put at the control: ") and said.endswith("the file is empty")
+    else:
+        assert said.startswith("PUT ")
+    assert bytes(server.files["CUT.MPF"]) == b""
+    server.spoil = lambda data: data
+    server.files["CUT.MPF"][:] = PROGRAM[:30]  # of a computer that was switched off, before the name of the program
+    good = asked(line, put)
+    assert good.startswith("PUT ") and good != said and bytes(server.files["CUT.MPF"]) == PROGRAM
+    line.close()
+
+
+def test_what_cannot_be_erased_is_said(server, monkeypatch):
+    line = opened(server, f"?program={FOLDER}&name=KEPT.MPF")
+    server.keep("KEPT.MPF", PROGRAM)
+    server.spoil, content = full, type(line)._content
+    monkeypatch.setattr(type(line), "_content", lambda self, file, most: content(self, file, most) or PROGRAM[:1])
+    said = unquote(asked(line, b"put " + PROGRAM.hex().encode()))
+    assert said.endswith("a part of it may lie there: delete it, and start nothing")
+    line.close()
+
+
 def test_variables_are_read_in_one_request_and_taken_is_written_in_its_own_type(server):
     line = opened(server)
     server.put(R["record"], 7)
@@ -240,7 +273,7 @@ def test_who_has_the_password_is_let_in_and_nobody_else_and_it_is_shown_to_nobod
         assert result.code == 0, result.err
         for wrong in (url.replace("CELL_WORD", "OTHER_WORD"), url.replace("anna", "otto"), server.url):
             refused = Result("link-test", "-C", cell, "--port", wrong, "--seconds", "1")
-            assert refused.code != 0 and "the control refuses" in refused.err + refused.out, refused.err
+            assert refused.code == 2 and "the control refuses the login" in refused.err + refused.out, refused.err
             assert "falsch7" not in refused.err + refused.out
     files = [*cell.rglob("*"), tmp_path / "said.txt"]
     assert not [file for file in files if file.is_file() and b"geheim9" in file.read_bytes()]
@@ -345,3 +378,17 @@ def test_a_foreign_taken_right_after_ours_ends_the_run_and_is_not_written_over()
     assert conversation(dict(values), lambda now: None) is None
     assert "another program takes the records" in conversation(dict(values), lambda now: now.update(taken=17))
     assert "does not stand there" in conversation(dict(values), lambda now: now.update(taken=3))  # nobody's: it is not kept
+
+
+@pytest.mark.parametrize(("error", "why"), [(OSError("no route"), "no route"), (RuntimeError(), "RuntimeError")])
+def test_a_line_that_is_lost_says_why_in_words_or_by_the_name_of_the_error(server, monkeypatch, error, why):
+    def verb():
+        raise error
+
+    line = opened(server)
+    monkeypatch.setattr("tango_cnc.link.transport._opcua.AGAIN", -1.0)
+    try:
+        with pytest.raises(LinkError, match=rf"cannot be reached any more: {why}$"):
+            line._kept(verb)
+    finally:
+        line.close()

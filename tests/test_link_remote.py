@@ -210,7 +210,7 @@ def test_a_password_that_is_wrong_is_said_without_it(server, monkeypatch):
     monkeypatch.setenv("TANGO_TESTS_WORD", "falsch7")
     with pytest.raises(LinkError) as error:
         open_port(parse(server.url(), remote.OPTIONS))
-    assert "refuses" in str(error.value) and "falsch7" not in str(error.value)
+    assert "refuses" in str(error.value) and "falsch7" not in str(error.value) and error.value.exit_code == 2
 
 
 @pytest.mark.parametrize("server", [marked("ftps")], indirect=True)

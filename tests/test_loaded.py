@@ -108,7 +108,7 @@ def test_a_kept_compensation_closes_its_stories_and_shows_what_was_before() -> N
     (fault,) = told(record, [*SECOND, event(2, "kept", 4)], KNOCK, dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))
     assert "accept" in fault["office"] and "Enter nothing again" in fault["todo"]
     assert "nearly right" in fault["whole"] and "Correct" not in fault["whole"]
-    assert re.search("is .0.5 µm in the night ending .{15}; it was −2 µm before", fault["whole"]), fault["whole"]
+    assert re.search("in the night ending .{15}, is .0.5 µm; it was −2 µm before", fault["whole"]), fault["whole"]
     (again,) = told(at(5, -8.0, 20.0, in_control=KEPT), [*SECOND, event(2, "kept", 4)], KNOCK)
     assert "it was −2 µm before" in again["whole"]  # another number is taken off tonight, and not off that night
     (alone,) = told(record, [*SECOND, event(2, "kept", 4)], dated(written(4, 20.0, 2), at(4, -8.0, 2.0)))

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from support.controls import Ran, run_on
 from support.few import every
 
 from postprocessors import companions, load, names, program, settings
 from sim_controller.languages import macro_b
-from tango_cnc import locate, readback
+from tango_cnc import astray, check, kinematics, locate, readback
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.link.client import Touched
-from tango_cnc.plan import last_motion, plan_hash
-from tango_cnc.records import Artefact, Indexation, InputError, Plan, Readings
+from tango_cnc.plan import displaced, last_motion, plan_hash
+from tango_cnc.plan import plan as planned
+from tango_cnc.records import Array, Artefact, Facet, Indexation, InputError, Plan, Readings
 
 CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
+FACETS = CELL.artefact.facets.items()
 STATUS = {0: "miss", 1: "ok", 2: "early"}
 
 
@@ -31,7 +36,7 @@ def made() -> Plan:
     return locate.strategy(CELL)
 
 
-def displaced(seed: int) -> Artefact:
+def elsewhere(seed: int) -> Artefact:
     rng = np.random.default_rng(seed)
     by, turn = rng.normal(size=3), rng.normal(size=3)
     by *= rng.uniform(0, locate.FARTHEST) / np.linalg.norm(by)
@@ -65,7 +70,7 @@ def touched(true: Artefact) -> Ran:
 
 def found_to(seed: int) -> float | None:
     """seed → mm by which the facets are found elsewhere than they are, None where they are refused. Fails where anything is hit."""
-    true = displaced(seed)
+    true = elsewhere(seed)
     ran = touched(true)
     assert not ran.why and not any(event == "collision" for event, _ in ran.events), seed
     try:
@@ -73,6 +78,48 @@ def found_to(seed: int) -> float | None:
     except InputError:
         return None
     return max(float(np.linalg.norm(np.subtract(got.facets[f].point, true.facets[f].point))) for f in true.facets)
+
+
+def _center(facet: Facet, radius: float) -> Array:
+    """facet, tip radius → (3,) the center of the ball that touches it at its point."""
+    return np.add(facet.point, radius * np.array(facet.normal))
+
+
+def _met(planned: Plan, tip: Array) -> Readings:
+    """plan, (n, 3) tips → readings whose tips these are."""
+    machine = planned.machine
+    position = np.array([touch.contact for touch in planned.touches])
+    linear = [machine.column(name) for name in machine.linear]
+    for row, wanted in enumerate(tip):
+        for _ in range(2):  # linear axes: one step is exact
+            here = kinematics.tip(kinematics.chain(machine), position[row : row + 1])[0]
+            steps = []
+            for column in linear:
+                other = position[row : row + 1].copy()
+                other[0, column] += 1.0
+                steps.append(kinematics.tip(kinematics.chain(machine), other)[0] - here)
+            position[row, linear] += np.linalg.solve(np.array(steps).T, wanted - here)
+    count = len(tip)
+    one, facets = np.ones(count, dtype=np.int64), tuple(touch.facet for touch in planned.touches)
+    feed = np.full(count, locate.FEED)
+    return Readings(
+        machine.names,
+        np.arange(1, count + 1),
+        np.zeros(count),
+        facets,
+        position,
+        last_motion(planned),
+        ("ok",) * count,
+        one,
+        one,
+        feed,
+    )
+
+
+def _refusal(planned: Plan, came: Readings) -> str:
+    with pytest.raises(InputError) as said:
+        locate.locate(planned, came)
+    return str(said.value)
 
 
 def test_a_displaced_table_is_found() -> None:
@@ -83,7 +130,7 @@ def test_a_displaced_table_is_found() -> None:
 @pytest.mark.parametrize("seed", [4, 5])
 def test_a_table_like_its_drawing_is_found_from_the_same_touches_once_that_is_stated(seed: int) -> None:
     """Facets right to 0.1 mm, as of most tables that nobody has calibrated: good enough for searches of a few mm."""
-    true, rng = displaced(seed), np.random.default_rng(seed)
+    true, rng = elsewhere(seed), np.random.default_rng(seed)
     moved = {
         k: replace(f, point=tuple(np.add(f.point, rng.normal(scale=0.1) * np.array(f.normal)))) for k, f in true.facets.items()
     }
@@ -96,6 +143,51 @@ def test_a_table_like_its_drawing_is_found_from_the_same_touches_once_that_is_st
     got = locate.locate(made(), came, 0.3).artefact
     off = [abs(np.dot(np.subtract(got.facets[f].point, true.facets[f].point), true.facets[f].normal)) for f in true.facets]
     assert 0.05 < max(off) < locate.known_to(CELL.artefact, [touch.facet for touch in made().touches], 0.3)[0]
+
+
+@pytest.mark.few(0)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_touch_left_out_is_no_proof_where_the_facets_may_be_beside_their_file(seed: int) -> None:
+    """Facets right to 0.5 mm: eight of nine agree by chance. The table was placed, and known to 0.26 mm; it was 1.2 mm off."""
+    rng = np.random.default_rng(seed)
+    planned, radius = made(), made().machine.probe.tip_radius
+    names = [touch.facet for touch in planned.touches]
+    for _ in range(40):
+        beside = {k: replace(f, point=tuple(np.add(f.point, rng.uniform(-0.5, 0.5) * np.array(f.normal)))) for k, f in FACETS}
+        facets, tip = [CELL.artefact.facets[name] for name in names], np.array([_center(beside[name], radius) for name in names])
+        kept = astray.agreeing(facets, tip, radius, locate.LEAST, locate.AGREES)[0]
+        if kept is not None and len(kept) < len(names):
+            break
+    else:
+        raise AssertionError("none of forty tables agrees by chance")
+    came = _met(planned, tip)
+    with pytest.raises(InputError, match=r"Either it met something else, or .* to 0\.[2-5] mm only; these touches cannot tell"):
+        locate.locate(planned, came)
+    at = float(re.search(r"--agrees (0\.\d)", _refusal(planned, came))[1])  # type: ignore[index]
+    got = locate.locate(planned, came, at)
+    assert got.left_out == ()
+    off = [abs(np.dot(np.subtract(got.artefact.facets[k].point, f.point), f.normal)) for k, f in beside.items()]
+    assert max(off) < 2 * locate.known_to(CELL.artefact, names, at)[0]
+
+
+@pytest.mark.parametrize("larger", [1.02, 1.01, 1.005, 0.99])
+def test_a_table_of_another_size_is_not_placed(larger: float) -> None:
+    """The octagon 1 % larger: without facet 9 a turn takes it up exactly, and the table was placed 8 mm beside the true one."""
+    planned, radius = made(), made().machine.probe.tip_radius
+    other = {k: replace(f, point=tuple(larger * x for x in f.point)) for k, f in FACETS}
+    tip = np.array([_center(other[touch.facet], radius) for touch in planned.touches])
+    with pytest.raises(InputError, match=r"table that is .*% (larger|smaller) than artefact.yaml says|from where the others place"):
+        locate.locate(planned, _met(planned, tip))
+
+
+@pytest.mark.few(0)
+def test_a_touch_that_met_something_else_is_left_out_and_named() -> None:
+    planned, radius = made(), made().machine.probe.tip_radius
+    facets = [CELL.artefact.facets[touch.facet] for touch in planned.touches]
+    tip = np.array([_center(facet, radius) for facet in facets])
+    tip[3] += 12.0 * np.array(facets[3].normal)  # a clamp
+    got = locate.locate(planned, _met(planned, tip))
+    assert got.left_out == (facets[3].id,) and abs(got.moved).max() < 1e-6
 
 
 @pytest.mark.parametrize("draws", [pytest.param(12, marks=pytest.mark.long), pytest.param(1000, marks=pytest.mark.campaign)])
@@ -130,19 +222,58 @@ def test_a_table_whose_place_is_known_better_is_searched_over_less() -> None:
     assert locate.turned(5.0) == locate.LEAST_TURNED and locate.turned(20.0) == locate.TURNED
 
 
-def test_it_takes_less_than_three_minutes() -> None:
-    assert sum(duration(made(), 3000.0).values()) < 180
-    assert len(made().touches) == 9
+@pytest.mark.parametrize("name", names())
+def test_it_takes_less_than_three_minutes_at_the_usual_feed_of_every_dialect(name: str) -> None:
+    feed = settings(load(name), {})["positioning_feed"]
+    assert feed >= locate.PACE and len(made().touches) == 9
+    assert sum(duration(made(), feed).values()) < 180
+
+
+@pytest.mark.parametrize("within", [5.0, 20.0])
+def test_every_way_keeps_off_whatever_a_displaced_table_may_bring_there(within: float) -> None:
+    """Looked at along each way: no corner of the table, however it is moved and turned, comes as near as the usual margin."""
+    cycle = locate.strategy(CELL, within=within)
+    high = displaced.raised(planned(replace(CELL, strategy=cycle.strategy), "leave-out"), 40.0)
+    solid, chain, radius = check.solid(cycle.artefact), kinematics.chain(cycle.machine), cycle.machine.probe.tip_radius
+    rng, least, low = np.random.default_rng(1), np.inf, 0
+    for one, other in pairwise(cycle.touches):
+        ends = np.array([one.leave or one.over, other.enter or other.over])
+        low += bool((ends[:, 2] < high.touches[0].over[2] - 40.0).all())
+        tips = kinematics.tip(chain, ends[0] + np.linspace(0, 1, 40)[:, None] * (ends[1] - ends[0]))
+        for _ in range(40):
+            by, turn = rng.normal(size=3), rng.normal(size=3)
+            by *= within / np.linalg.norm(by)
+            turn *= np.radians(locate.turned(within)) / np.linalg.norm(turn)
+            back = Rotation.from_rotvec(turn).inv().apply(tips - by)  # the tips as the table sees them
+            assert solid.table is not None
+            outside = (back @ solid.table.normal.T - solid.table.offset).max(axis=1).min()
+            balls = (np.linalg.norm(back[:, None] - solid.centre, axis=2) - solid.radius).min()
+            least = min(least, float(outside), float(balls))
+    assert least - radius > 10.0 - 0.01
+    assert low > 4  # of eight: lower than a clear level for every one of them
+
+
+def test_the_order_is_the_shortest_of_all() -> None:
+    rng = np.random.default_rng(4)
+    between, ends = rng.uniform(1, 9, (6, 6)), rng.uniform(1, 9, 6)
+    between += between.T
+    ways = displaced.Ways(tuple("abcdef"), between, ends)
+    found = ways.shortest(("c", "a", "f", "b", "e", "d"))
+    assert sorted(found) == list("abcdef")
+    assert ways.length(found) == pytest.approx(min(map(ways.length, permutations("abcdef"))))
+    assert ways.shortest(("b",)) == ("b",)
+    grown = [ways.length((*"abc"[:at], "e", *"abc"[at:])) for at in range(4)]
+    assert ways.length(ways.inserted(tuple("abc"), "e")) == min(grown) < max(grown)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("example", "count"), every({"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 10}.items(), 2)
+    ("example", "count"), every({"hu40t": 9, "split": 8, "three_axis": 11, "three_axis_calibrated": 11}.items(), 2)
 )
 def test_every_example_takes_less_than_three_minutes(example: str, count: int) -> None:
     """Eight touches have to agree: where several facets have an edge near, and time is left, more are made. Split has no ninth."""
     cycle = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / example))
-    assert sum(duration(cycle, 3000.0).values()) < 180
+    assert sum(duration(cycle, locate.PACE).values()) < 180
     assert len(cycle.touches) == count
 
 
@@ -153,9 +284,9 @@ def test_facets_near_an_edge_are_named_before_anything_moves_with_how_near_the_t
     block = read_cell(Path(__file__).parent.parent / "examples" / "three_axis_calibrated")
     far = locate.strategy(block, 9)
     near, most = locate.beside(far)
-    assert set(near) == {touch.facet for touch in far.touches} and most == 10
+    assert set(near) == {touch.facet for touch in far.touches} - {"24"} and most == 10  # 24: the middle of the top
     assert locate._off(block.artefact, most) <= 20.0 < locate._off(block.artefact, most + 2)
-    assert locate.beside(locate.strategy(block, within=most))[0] == ()
+    assert locate.beside(locate.strategy(block, within=most), most)[0] == ()
 
 
 @pytest.mark.few(2)
@@ -187,7 +318,7 @@ def test_how_well_facets_are_known_is_what_files_that_are_wrong_make_of_it() -> 
     off = []
     for _ in range(200):  # the same table, each facet of it beside its file by 0.05 mm
         really = centres + rng.normal(scale=locate.AGREES, size=(len(names), 1)) * np.array([f.normal for f in facets])
-        x, _ = locate._solved(facets, really, made().machine.probe.tip_radius, range(len(names)))
+        x, _ = astray.solved(facets, really, made().machine.probe.tip_radius, range(len(names)))
         found = locate.moved(small.artefact, x[:3], x[3:])
         off.append([np.dot(np.subtract(found.facets[k].point, f.point), f.normal) for k, f in small.artefact.facets.items()])
     assert float(np.std(off, axis=0).max()) == pytest.approx(told, rel=0.2)
@@ -206,13 +337,14 @@ def test_a_table_that_its_touches_would_tell_badly_is_refused_before_anything_mo
 def test_two_touches_that_met_the_same_wall_are_not_believed_against_one_that_is_right(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The stem of the stylus meets a wall at facets 3 and 4, both too early by the same 0.5 or 1 mm; facet 11 is right."""
+    """The stem of the stylus meets a wall at facets 3 and 4, both too early by the same 0.5 or 1 mm; facet 16 is right."""
     cell = read_cell(Path(__file__).parent.parent / "examples" / "three_axis_calibrated")
     near = locate.strategy(cell, within=10.0)
     monkeypatch.setattr(sys.modules[__name__], "CELL", cell)
     monkeypatch.setattr(sys.modules[__name__], "made", lambda: near)
     monkeypatch.setattr(locate, "FARTHEST", 10.0)
     monkeypatch.setattr(locate, "TURNED", 1.5)
+    monkeypatch.setattr(astray, "TURNED", 1.5)
     assert found_to(seed) is None
 
 
@@ -230,3 +362,9 @@ def test_what_was_just_done_is_no_advice(within: float, advice: str) -> None:
     )
     with pytest.raises(InputError, match=advice):
         locate.locate(cycle, few)
+
+
+def test_a_round_table_is_refused_and_says_that_its_turn_cannot_be_told() -> None:
+    """Huron: nothing but one side of a slot tells how the table is turned, and a table 20 mm away shows another side there."""
+    with pytest.raises(InputError, match=r"14 of its 18 facets are on a cylinder or a ball: .* Nothing was moved"):
+        locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "huron"))

@@ -121,7 +121,7 @@ def test_two_knocks_with_a_quiet_night_between_are_both_told(root: Path, tmp_pat
     with opened(tmp_path / "h.db") as history:
         found, decisions = unclosed(history, "trunnion", records[10]["night"])
     (fault,) = faults(records[10], found, decisions, Units(), texts())
-    assert "Two steps, and it stood still between them: +20 µm in the night ending Thu 8 Oct 2026, +15 µm in" in fault["text"]
+    assert "Two steps, and it stood still between them: +20 µm (night ending Thu 8 Oct 2026) and +15 µm (" in fault["text"]
     assert not fault["drifts"] and fault["todo"].startswith("Ask who was at the machine") and len(fault["ids"]) == 2
 
 

@@ -108,7 +108,7 @@ def test_a_night_is_judged_with_what_the_control_holds(tmp_path: Path) -> None:
     alarm |= {"text": "EY0C has moved", "since": "2026-02-01", "on_part_um": 20.0}
     record = {**own, "verdict": "changed", "kind": "full", "parameters": {"EY0C": moved}, "alarms": [alarm]}
     (fault,) = faults(record, (), {}, Units(), texts())
-    assert "is +20 µm in the night ending" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
+    assert "is +20 µm; it was" in fault["whole"] and "in the control" in fault["whole"], fault["whole"]
     second = loop.store(folder, proposal, LATER)  # on top of it: until it is kept, what the first was proven to take away is off
     for event in ("written", "undecided"):
         loop.note(folder, second, LATER, event)

@@ -79,7 +79,7 @@ def test_two_numbers_of_one_event_name_their_nights() -> None:
     alarm = knock("2026-11-05") | {"night": "2026-11-05", "now": say("night.alarms.still_there", told="+18.6 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[alarm | {"total": 0.0186}]), (), {}, Units(), texts())
     of = day(night(M, 14)["night"], texts())
-    assert f"Still there: +19 µm in the night ending {of}; the number before is that of the night of the alarm." in found["text"]
+    assert f"Still there: +19 µm (night ending {of})." in found["text"]
     half = alarm | {"total": 0.008, "now": say("night.alarms.now", told="+8.0 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[half]), (), {}, Units(), texts())
     assert "by +8 µm since" in found["text"]
@@ -136,7 +136,7 @@ def test_an_alarm_is_a_row_with_its_verdict_and_cause_and_the_rest_is_folded(tmp
         card = site.get("/alarms").text.partition("<article")[2].partition("</article>")[0]
     row, _, rest = card.partition('<details class="rest">')
     shown = " ".join(re.sub(r"<[^>]+>", " ", row.partition(">")[2]).split())
-    assert shown.startswith(f"{M} Yes, but") and "moved along X" in shown and len(shown) < 200
+    assert shown.startswith(f"{M} May I make parts? Yes, but") and "moved along X" in shown and len(shown) < 200
     assert "What it does to parts" in rest and "What to do" in rest and "What it does" not in row
 
 

@@ -114,7 +114,7 @@ def test_a_report_under_a_no_lets_no_part_be_made() -> None:
     assert parts_first(told, do, t) == [t("may.brief_no"), do[0], do[2]]
     assert parts_first(told, [t("morning.cut_off_todo"), *do], t)[:2] == [t("morning.cut_off_todo"), t("may.brief_no")]
     changed = context(records("changed")[1], (), None, t)["answer"]
-    assert parts_first(changed, do, t) == do
+    assert parts_first(changed, do, t) == [do[1], do[0], do[2]]  # the box and the list begin with one thing
 
 
 @pytest.mark.parametrize(("name", "allowed"), [("'f1 '", "without a blank"), ("' f1'", "without a blank")])
@@ -123,6 +123,14 @@ def test_a_facet_that_no_table_of_readings_can_name_is_refused(tmp_path: Path, n
     file.write_text(f"name: x\nfacets:\n  {name}: {{point: [0, 0, 0], normal: [0, 0, 1]}}\n", encoding="utf-8")
     with pytest.raises(InputError, match=allowed):
         read_artefact(file)
+
+
+def test_a_key_that_turns_the_text_behind_it_is_written_out(tmp_path: Path) -> None:
+    file = tmp_path / "artefact.yaml"
+    file.write_text('name: x\nfacets:\n  "a\\u202eb": {point: [0, 0, 0], normal: [0, 0, 1]}\n', encoding="utf-8")
+    with pytest.raises(InputError) as found:
+        read_artefact(file)
+    assert "\u202e" not in str(found.value) and "facets.a\\u202eb" in str(found.value)
 
 
 def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None:
@@ -157,3 +165,10 @@ def test_a_headline_about_a_limit_has_the_date_of_the_night_that_found_it(since:
     record = night(M, 5, "out_of_limits", limits=[BEYOND], behind=behind, night="2026-11-29")
     record["headline"] = headline(record)
     assert wanted in as_decided(record, ()) and since in record["headline"]
+
+
+def test_an_answer_among_the_alarms_stands_behind_its_question(tmp_path: Path) -> None:
+    """Below "Open alarms" the heading "trunnion No" read as no alarm."""
+    assert re.search(
+        rf"{M} May I make parts\? (?:No|Yes, but)", seen(cell(tmp_path / "one", records=records("changed")), "/alarms")
+    )

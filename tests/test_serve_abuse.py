@@ -233,6 +233,53 @@ def test_the_file_of_users_is_kept_from_others(tmp_path: Path) -> None:
             add_user(tmp_path / "other.json", name, password, "view")
 
 
+def test_one_address_leaves_connections_for_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """1500 half-open connections of one computer kept everybody out for 15 s."""
+    monkeypatch.setattr(patience, "OF_ONE", 3)
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port = found.getsockname()[1]
+    app = create(Settings((cell(tmp_path / "one", records=[]),)))
+    server = uvicorn.Server(uvicorn.Config(app, port=port, http=patience.Patient, log_level="warning", proxy_headers=False))
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    while not server.started:
+        time.sleep(0.05)
+    ask = b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n"
+
+    def asked() -> bytes:
+        with socket.create_connection(("127.0.0.1", port), timeout=60) as one:
+            try:
+                one.sendall(ask)
+                return one.recv(4096)
+            except OSError:
+                return b""
+
+    try:
+        held = [socket.create_connection(("127.0.0.1", port), timeout=60) for _ in range(3)]
+        assert b"200" not in asked()
+        for one in held:
+            one.close()
+        until = time.monotonic() + 60
+        while b"200" not in asked():
+            assert time.monotonic() < until
+            time.sleep(0.05)
+    finally:
+        server.should_exit = True
+        thread.join(20)
+
+
+def test_headers_have_a_limit_and_large_pages_are_compressed(tmp_path: Path) -> None:
+    folders = tuple(cell(tmp_path / f"{i}", f"machine {i}") for i in range(2))
+    with TestClient(create(Settings(folders)), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert site.get("/", headers={"x-much": "a" * 17_000}).status_code == 431
+        (folders[0] / "report.html").write_text("<p>long</p>" * 9000)
+        slug = next(iter(site.app.state.tango.places.machines()))  # type: ignore[attr-defined]
+        answer = site.get(f"/machine/{slug}/report/alone")
+        assert answer.headers["content-encoding"] == "gzip" and answer.text.count("long") == 9000
+        assert "content-encoding" not in site.get("/healthz").headers
+
+
 def test_a_connection_that_says_too_little_too_slowly_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a head, half a body, half a head after an answer; hundreds of them would take every place of the server."""
     monkeypatch.setattr(patience, "WAIT", 1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,10 @@ from starlette.testclient import TestClient
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.link.lock import holding
+from tango_cnc.report.morning import context, render
+from tango_cnc.report.svg import dates
+from tango_cnc.report.texts import texts
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.places import AGAIN, Places
 from tango_cnc.web.settings import Settings
@@ -176,6 +181,9 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
         assert "2 of 20" in page and "2026-10-25T020000Z" in page
         for asked in (["nightly", "--status"], ["fleet"]):  # they said Yes as well
             assert "Measuring, 2 min left" in CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        text = site.get(f"/machine/{M}/run").text  # its program was killed a moment ago
+        assert "See at the control whether it still goes on" in text and "min to go" not in text
     for asked in (["nightly", "--status"], ["fleet"]):
         told = CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
         assert "Measuring" not in told and "Not yet" in told
@@ -255,3 +263,59 @@ def test_a_history_whose_file_is_the_same_is_not_asked_again(tmp_path: Path) -> 
     places.forget()
     assert machines() == 4
     places.close()
+
+
+def test_pages_of_something_older_or_narrower_say_the_answer_of_today(tmp_path: Path) -> None:
+    """A report of last week said Yes, and a run of yesterday was green, on a machine that makes no parts."""
+    place = struck(tmp_path / "one")
+    (place / "report.html").write_text("<p>Yes</p>")
+    run = Recorded(place, 1)
+    run.begin()
+    run.touch()
+    run.end()
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("run", "report", "files"):
+            text = re.sub(r"<[^>]*>|\s+", " ", site.get(f"/machine/{M}/{path}").text)
+            assert re.search(r"May I make parts\?\s+Yes, but\s+Measure the first part", text), path
+        (place / "report.html").unlink()
+        assert "Yes, but" in site.get(f"/machine/{M}/report").text
+
+
+def test_squares_of_the_map_have_the_names_of_their_facets(tmp_path: Path) -> None:
+    """Touches that are left were read as numbers of facets."""
+    place = cell(tmp_path / "one", records=[])
+    run = Recorded(place)
+    run.begin()
+    run.touch("3")
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        drawn = site.get(f"/machine/{M}/run").text.partition("What is still to come</h2>")[2].partition("</svg>")[0]
+    names = re.findall(r'font-size="8.5" fill="[^"]*">([^<]*)<', drawn)
+    assert {"3", "105"} <= set(names) and len(names) == len(set(names)) == drawn.count("<title>") and "X →" in drawn
+    run.gone()
+
+
+def test_who_has_an_alarm_and_who_owns_the_machine_stand_together(tmp_path: Path) -> None:
+    """The telephone number of the owner was gone once somebody had acknowledged the alarm."""
+    place = struck(tmp_path / "one")
+    (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 100000\nowner: Ann Meier, 4711\n")
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(ALARM, "acknowledge", "bob", utc="2026-10-26T06:00:00+00:00"))
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert "Owner of the machine: Ann Meier, 4711." in site.get(f"/machine/{M}").text
+    good = cell(tmp_path / "two", records=[night(M, 0)])
+    (good / "nightly.yaml").write_text("nightly: 1\nstale_days: 100000\nowner: Ann Meier, 4711\n")
+    with TestClient(create(Settings((good,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        assert re.search(r"<dt>Whom to ask</dt><dd>Call Ann Meier, 4711", site.get(f"/machine/{M}").text), "also beside a Yes"
+
+
+def test_the_first_night_compares_with_nothing() -> None:
+    """The page said that nothing had changed."""
+    first = night(M, 0) | {"headline": say("night.words.first_time")}
+    assert context(first, (), None, texts())["first_time"] and not context(night(M, 0), (), None, texts())["first_time"]
+    assert "What changed</dt><dd>It was measured for the first time" in render(first)
+
+
+def test_dates_of_a_curve_name_their_month() -> None:
+    """11-01 is the eleventh of January to some, and the first of November to others."""
+    months = texts()("date.months").split()
+    assert [name for _, name in dates(date(2026, 10, 31), 0, 29, 5, months)][-1] == "29 Nov"

@@ -104,7 +104,7 @@ def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan, def
     ("options", "profile", "text"),
     [
         ({}, {"miss": "alarm"}, "no contact"),
-        ({}, {"status": "sticks"}, "PROBE MET SOMETHING ON ITS WAY"),
+        ({}, {"status": "sticks"}, "CONTROL SAYS CONTACT WHERE NOTHING WAS MET"),
         ({}, {"waits": False}, "MET SOMETHING ON ITS WAY OR A FRAME IS ACTIVE"),
         ({"contact": "V.A.MEASURE"}, {}, "V.A.MEASURE.X"),
         ({"machine_position": "V.A.MPOS"}, {}, "V.A.MPOS.X"),

@@ -19,7 +19,7 @@ from support.nights import into, knock, night, thirty
 from support.server import cell
 
 from tango_cnc.cli import tango
-from tango_cnc.commands._common import table
+from tango_cnc.commands._common import table, wide
 from tango_cnc.history import opened
 from tango_cnc.report import characters
 from tango_cnc.report.characters import Course, bar, colored, courses, ends, marks, sparkline, width
@@ -285,3 +285,22 @@ def test_lists_of_a_simulated_machine_say_so(tmp_path: Path) -> None:
 
 def test_the_width_is_that_of_the_terminal_and_forty_at_least() -> None:
     assert (width({"COLUMNS": "100"}), width({"COLUMNS": "12"})) == (100, 40)
+
+
+@pytest.mark.parametrize("columns", [40, 80])
+@pytest.mark.parametrize("words", [("history", "show", "last", "-C"), ("nightly", "--status", "-C")])
+def test_no_line_is_wider_than_the_terminal_and_no_word_is_cut(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], columns: int
+) -> None:
+    """Lines of 120 to 235 columns were broken by the terminal, within words."""
+    whole = called(*words, str(folder)).stdout
+    for place in ("_common", "_nightly_status", "history"):
+        monkeypatch.setattr(f"tango_cnc.commands.{place}.on_terminal", lambda: columns)
+    text = called(*words, str(folder)).stdout
+    long = [line for line in text.splitlines() if wide(line) > columns and len(line.split()) > 1]
+    assert not long and all(word in text for word in whole.split())
+
+
+def test_letters_that_take_two_columns_leave_a_table_in_line() -> None:
+    text = table([["machine", "x"], ["旋盤 一号", "1"], ["lathe", "2"]], "<<")
+    assert {wide(line[:-1]) for line in text.splitlines()} == {11}

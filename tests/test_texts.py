@@ -89,7 +89,7 @@ def test_what_to_do_begins_with_what_to_do() -> None:
             "name",
             "nothing",
         ),
-        *("orient", "put", "read", "run", "see", "state", "tell", "touch", "wait", "warm", "watch"),
+        *("orient", "put", "read", "run", "see", "show", "state", "tell", "touch", "wait", "warm", "watch"),
     )
     no_order = ("todo.line", "todo.diagnosis", "mail.do", "diagnosis_said.touches_were_not_fitted_do")  # parts of a sentence
     found = {k: texts()._flat[k] for k in texts().keys if _orders(k)}

@@ -50,6 +50,7 @@ class Profile:
     read_ahead: bool = True
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     macros: tuple[str, ...] = ("M19",)  # M codes that the builder has made macros for
+    sticks: bool = False  # #25022 says contact behind a probing move that met nothing, too
     old_contact: bool = False  # #24301 … are not written: those of the touch before remain
 
 
@@ -277,7 +278,11 @@ class Control:
             if key - 50000 == abs(int(wired)) % 50000:
                 return float(self._motion.deflected == (wired > 0))
             return 0.0
-        fixed = {9011: self._profile.probe["P"], 25022: self._tripped, 4006: 20.0 if self._inch else 21.0}
+        fixed = {
+            9011: self._profile.probe["P"],
+            25022: 1.0 if self._profile.sticks else self._tripped,
+            4006: 20.0 if self._inch else 21.0,
+        }
         return fixed[key] if key in fixed else self._variables.get(key, 0.0)
 
     def _target(self, axes: Mapping[str, float]) -> dict[str, float]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from unicodedata import combining, east_asian_width
 
 import click
 from click.core import ParameterSource
@@ -216,13 +217,36 @@ def table(rows: list[list[str]], align: str, columns: int | None = None) -> str:
     """
     if columns is not None:
         return _within(rows, align, columns)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(align))]
-    return "\n".join("  ".join(f"{cell:{a}{w}}" for cell, a, w in zip(row, align, widths, strict=True)).rstrip() for row in rows)
+    widths = [max(wide(row[i]) for row in rows) for i in range(len(align))]
+    return "\n".join("  ".join(_padded(cell, a, w) for cell, a, w in zip(row, align, widths, strict=True)).rstrip() for row in rows)
+
+
+def wide(text: str) -> int:
+    """text → columns that it takes on a terminal: a Chinese or Japanese letter takes two, a mark above a letter none."""
+    return sum(0 if combining(c) else 2 if east_asian_width(c) in "WF" else 1 for c in text)
+
+
+def _padded(text: str, align: str, columns: int) -> str:
+    blanks = " " * (columns - wide(text))
+    return text + blanks if align == "<" else blanks + text
+
+
+def fitted(text: str) -> str:
+    """text of lines → the same; on a terminal a line that is wider goes on below itself, and no word is cut."""
+    columns = on_terminal()
+    if columns is None:
+        return text
+    lines = []
+    for line in text.splitlines():
+        indent = " " * (len(line) - len(line.lstrip()))
+        whole = textwrap.TextWrapper(columns, indent, f"{indent}  ", break_long_words=False, break_on_hyphens=False)
+        lines += whole.wrap(line.strip()) if wide(line) > columns else [line]
+    return "\n".join(lines)
 
 
 def _within(rows: list[list[str]], align: str, columns: int) -> str:
     before = table([row[:-1] for row in rows], align[:-1]).splitlines()
-    used = max(map(len, before)) + 2
+    used = max(map(wide, before)) + 2
     if used - 2 > columns:
         return "\n".join(line for row in rows[1:] for line in _block(rows[0], row, columns))
     below = columns - used < LEAST
@@ -233,7 +257,7 @@ def _within(rows: list[list[str]], align: str, columns: int) -> str:
             lines += [*textwrap.wrap(text, columns, drop_whitespace=False), *last]
             continue
         last = textwrap.wrap(row[-1], columns - used) or [""]
-        lines += [f"{text:<{used}}{last[0]}".rstrip(), *(" " * used + line for line in last[1:])]
+        lines += [f"{_padded(text, '<', used)}{last[0]}".rstrip(), *(" " * used + line for line in last[1:])]
     return "\n".join(lines)
 
 

@@ -83,9 +83,7 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "seconds_per_indexation": found.costs[1],
         }
     if sees is None and not ready.problem.criterion.determinant:
-        values = timed.broken_off(found, (*sequence.FRACTIONS, 1.0))
-        parts = zip((*sequence.FRACTIONS, 1.0), values, strict=True)
-        data["broken_off"] = [{"part": p, "value": propose.reached(ready, float(v))[0] if v < np.inf else None} for p, v in parts]
+        data["broken_off"] = _broken_off(ready, found)
     if sees is not None:
         data["check"] = {
             "power": POWER,
@@ -98,6 +96,19 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "unseen": [n for n, s in sees.others.items() if not math.isfinite(s)],
         }
     return data
+
+
+def _broken_off(ready: Setting, found: Chosen) -> list[dict[str, Any]]:
+    """setting, plan → of parts of the time what they are worth, what a plan of that time is, and how many times that it is."""
+    parts, said = (*sequence.FRACTIONS, 1.0), []
+    for part, phi in zip(parts, timed.broken_off(found, parts), strict=True):
+        one: dict[str, Any] = {"part": part, "value": propose.reached(ready, float(phi))[0] if phi < np.inf else None}
+        if part < 1:
+            other = found.designed.get(part)
+            one["designed"] = None if other is None else propose.reached(ready, other)[0]
+            one["times"] = None if other is None or phi == np.inf else float((phi / other) ** 0.5)
+        said.append(one)
+    return said
 
 
 def _with_time(found: Chosen) -> float:
@@ -149,7 +160,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
             f"every touch again with a stylus of {own['length_mm']:g} mm: {own['together']}, in twice the time; more: {more}"
         )
     if "broken_off" in data:
-        said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %" for b in data["broken_off"])
+        said = ", ".join(f"{_known(b['value'])} at {100 * b['part']:.0f} %{_beside(b)}" for b in data["broken_off"])
         lines.append(f"broken off, what 'tango estimate' then makes of it ({unit}): {said}")
     if "check" in data:
         lines += [*_longer(data["time_s"], data["check"]["full_run_s"]), *_seen(data["check"])]
@@ -179,6 +190,14 @@ def _not_usual(ready: Setting, data: dict[str, Any]) -> list[str]:
     if ready.wish.minutes is not None or usual is None or data["time_s"] <= 60 * usual or "check" in data:
         return []
     return [f"the usual {usual:g} minutes do not do for this goal here, so it takes as long as it needs (--minutes states a time)"]
+
+
+def _beside(part: Mapping[str, Any]) -> str:
+    """a part of the time → how it compares with a plan of that time, if there is one."""
+    if part.get("designed") is None:
+        return ""
+    times = "" if part["times"] is None else f"{part['times']:.2f} times the "
+    return f" ({times}{part['designed']:.3g} of a plan of that time)"
 
 
 def _known(value: float | None) -> str:

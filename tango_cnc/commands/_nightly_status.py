@@ -30,7 +30,7 @@ from ..report.texts import Texts, code
 from ..report.tonight import by_tonight
 from ..report.units import Units
 from ..texts import joined
-from ._common import on_terminal, table, write_json
+from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
 
@@ -124,7 +124,7 @@ def status(
         first, *lines = _lines(found, folder, where, t)
         told = _answer(folder, place, found.left, t)
         for line in (first, *([f"  {told}"] if told else []), *lines):
-            click.echo(line)
+            click.echo(fitted(line))
     return int(found.wants_somebody)
 
 

@@ -19,7 +19,7 @@ from ..records import InputError
 from ..report.repeated import shortened
 from ..report.units import shown
 from ..texts import say
-from ._common import json_option, on_terminal, table, write_json
+from ._common import fitted, json_option, on_terminal, table, write_json
 from ._many_nights import TEMPERATURE, broken_chains, each_of, followed, heads, lines, trend_of
 from ._shop import headlines, here, note_simulated
 
@@ -162,13 +162,13 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
         return
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
     t = here()
-    click.echo("\n".join(message(record, (), (), None, history.decisions(machine), t)))
+    click.echo(fitted("\n".join(message(record, (), (), None, history.decisions(machine), t))))
     rows = [heads(t, "parameter", "value", "std", "change", "")]
     for name, p in (record.get("parameters") or {}).items():
         factor, unit = shown(p["unit"])
         change = "" if p.get("change") is None else f"{p['change'] * factor:+.2f}"
         rows.append([name, f"{p['value'] * factor:.2f}", f"{p['std'] * factor:.2f}", change, unit])
-    click.echo(table(rows, "<>>><"))
+    click.echo(table(rows, "<>>><", on_terminal()))
 
 
 @command.command()
@@ -322,7 +322,9 @@ def export(context: click.Context, history: History, machine: str, output: Path,
 @json_option
 def verify(history: History, machine: str | None, digest: str | None, json_file: str | None) -> int:
     """Follows the chain of hashes: is everything as it was added, and nothing gone?"""
-    wrong = history.verify()
+    from ..history.guards import unguarded
+
+    wrong = (*history.verify(), *unguarded(history.engine))
     newest = history.newest_hashes()
     if digest is not None and not history.holds(digest.strip().lower()):
         wrong = (*wrong, say("cli.history.cut_off", digest=digest))

@@ -81,14 +81,17 @@ def command(
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         if only_program:
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
-            click.echo(f"{programs[0].file}: run it ({lasts}), then 'tango locate --readings FILE'")
+            click.echo(
+                f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then 'tango locate -C {folder} "
+                '--port "file:///FOLDER/TANGO.TXT?from=last" --yes\' makes readings of that file and says where the table stands'
+            )
             return
         approach = made.strategy.approach
         notice = (
             f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
             f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
         )
-        near, most = locate.beside(made)
+        near, most = locate.beside(made, within)
         if most < within:
             notice += (
                 f" Facets {', '.join(near)} have an edge nearer than that: a table more than {most} mm away may show the "
@@ -129,6 +132,12 @@ def command(
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
     click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
+    if found.left_out:
+        worst = float(found.residual[np.argmax(np.abs(found.residual))])
+        click.echo(
+            f"facet {found.left_out[0]} does not count: its touch is {worst:+.2f} mm from where the others place the "
+            "table. Something else was met there: see what it is before you go on"
+        )
     click.echo(f"facets that are right to {agrees:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}")
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 

@@ -16,7 +16,7 @@ import click
 from .. import __version__
 from ..estimate import Estimate
 from ..files import of_stylus, read_cell, read_readings, read_terms, write_text
-from ..files.nightly import history_of, read_nightly
+from ..files.nightly import NAME, history_of, read_nightly
 from ..files.origin import Origin, check_values, current, look_up
 from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
@@ -127,7 +127,7 @@ def command(
         not no_pictures,
     )
     known = look_up(source)
-    made = paper(folder, source, operator, owner or nightly.owner, known=known)
+    made = paper(folder, source, operator, owner or nightly.owner, folder / NAME, known=known)
     result, judgement = judged(cell, readings, items, degree, source=source, run=made.plan, origin=known)
     past = trend(folder, cell.machine.name, list(effects(result)), texts_of(templates))
     found = gather(
@@ -275,9 +275,10 @@ def nights(
     from ..report.age import measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
-    from ..report.morning import volumes_of
+    from ..report.morning import brief_of, volumes_of
     from ..report.orders import orders
     from ..report.pace import ahead
+    from ..report.reach import to_ask
 
     machine = chain.name
     with opened(place, create=False) as whole:
@@ -311,6 +312,9 @@ def nights(
             old=too_old,
             probe=all_of_probe(found),
             answers_for=settings.answers_for,
+            brief=brief_of(found[0]) if found else "",
+            asks=to_ask(record, found, t),
+            chain=history.newest_hashes().get(machine),
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3

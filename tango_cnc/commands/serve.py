@@ -12,6 +12,7 @@ import click
 from ..records import InputError
 from ._common import cells_in, folders_option
 
+FILES = 65_536
 PLACE = "Keep 60"  # in the list of commands
 
 
@@ -118,6 +119,7 @@ def command(
         from ..report.units import Units
 
         app.state.tango.units = Units("inch")
+    _more_files()
     taken = listening(host, port)
     port = taken.getsockname()[1]
     count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
@@ -147,6 +149,15 @@ def _add(accounts: Any, users: Path, name: str, role: str) -> None:
     password = click.prompt("Password", hide_input=True, confirmation_prompt=True)
     accounts.add_user(users, name, password, role)
     click.echo(f"{name}, {role} → {users}")
+
+
+def _more_files() -> None:
+    """As many open files as the system allows: a cell with a history of its own needs three, a connection one."""
+    with suppress(ImportError, ValueError, OSError):  # Windows has no such limit
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most if 0 < most < FILES else FILES, most))
 
 
 def _is_loopback(host: str) -> bool:

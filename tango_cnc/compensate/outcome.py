@@ -21,7 +21,12 @@ from .space import Held, Poses, sample
 SEEN = 0.9  # of what was changed, so that touches can decide
 LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 HELPED = 0.5  # of what was changed: less is no help
+ALL = 0.85  # of what was changed: an interval that ends below it is less than all of it
 KINEMATICS = "the kinematics"
+NOT_WHOLE = (
+    "That is not all of it: look whether every file was loaded, and whether the machine was as warm as in the run that the "
+    "compensation was made from"
+)
 TRY_KINEMATICS = (
     "Nothing proves yet that the control uses the kinematics: before a part relies on them, touch one facet at two indexations "
     "with tool center point control on (docs/compensate.md)"
@@ -127,7 +132,8 @@ def outcome(kept: Kept, result: Estimate, proposal_held: list[Held], *, tcp: boo
         why = "these touches see too little of what was changed" if helped is None else share
         text = f"{why}: that decides nothing. {again}"
     elif verdict == "undecided":
-        text = f"{left}; {share}{calculated}. The gain is too small for these touches. {again}, or with more touches"
+        why = NOT_WHOLE if partly(helped) else "The gain is too small for these touches"
+        text = f"{left}; {share}{calculated}. {why}. {again}, or with more touches"
     elif verdict == "no help":
         text = (
             f"{no_help(before, promised, measured)}; {share}. Now {undo}, and note it: {rolled_back(kept)}. "
@@ -179,7 +185,8 @@ def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | 
     """what was before, promised, is left; share of what the run could see that is gone → the verdict.
 
     No help is what has evidence against it: less than half is gone, or so much more than all that no less is left than
-    before. The sizes alone prove nothing: where little was to be gained, their intervals overlap in any case.
+    before. A wide interval of what is left agrees with any promise: where less than all of it is gone, nothing is decided.
+    The sizes alone prove nothing: where little was to be gained, their intervals overlap in any case.
     """
     if helped is None or spans(helped):
         return "undecided"
@@ -188,7 +195,14 @@ def judged(before: Figure, promised: Figure, measured: Figure, helped: Figure | 
         return "no help"
     if not (less(measured, before) or HELPED < helped.low < 2 - HELPED):
         return "undecided"
-    return "kept" if measured.low <= promised.high else "not as promised"
+    if measured.low > promised.high:
+        return "not as promised"
+    return "undecided" if partly(helped) else "kept"
+
+
+def partly(helped: Figure) -> bool:
+    """share that is gone → whether it is decidedly more than half and decidedly less than all of it."""
+    return HELPED < helped.high < ALL
 
 
 def spans(helped: Figure) -> bool:

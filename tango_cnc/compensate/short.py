@@ -17,12 +17,14 @@ from .loop import Kept
 from .outcome import (
     HELPED,
     KINEMATICS,
+    NOT_WHOLE,
     TRY_KINEMATICS,
     Outcome,
     judged,
     less,
     listed,
     no_help,
+    partly,
     promises,
     rolled_back,
     said_share,
@@ -296,7 +298,7 @@ def _said(
         text = f"{left}, but no more than {promised.high:.2f} µm were promised; {what}; {gone}. To go back, {undo}"
     else:
         what = f"whether {_some(parts.unsure)} is in the control" if parts.unsure else "whether it has helped"
-        text = f"{left}; these touches cannot tell {what}; {gone}"
+        text = f"{left}; these touches cannot tell {what}; {gone}{f'. {NOT_WHOLE}' if partly(helped) else ''}"
         return Outcome(before, promised, measured, verdict, text, unsure=parts.unsure or (WHOLE,))
     return Outcome(before, promised, measured, verdict, text)
 

@@ -21,6 +21,7 @@ ALIKE = 1.0  # K: a smaller difference is no other machine, as for the nights
 BLIND = 1.25  # K, standard deviation of a growth beyond which touches do not show it
 MAYBE = 5.0  # K by which a machine of which nobody knows may be warmer or colder
 MOVES = 3.0  # K by which it may have moved its axes besides, where it has grown
+NOT_ALL = "not as promised"
 SURE = 2.5  # standard deviations of a growth that is named
 Fits = Callable[[Before], Shares]
 
@@ -132,7 +133,15 @@ def whole_as_warm(found: Outcome, warm: Warmth, *, missing: bool) -> Outcome:
 
 
 def if_alike(found: Outcome, warm: Warmth) -> Outcome:
-    """outcome, warmth → the outcome that says that it holds for a machine as warm as it was, where nothing tells how warm it is."""
+    """outcome, warmth → the outcome that says that it holds for a machine as warm as it was, where nothing tells how warm it is,
+    and that a promise that was not kept may be warmth.
+    """
+    if warm.kelvin is None and found.verdict == NOT_ALL:
+        why = (
+            "nothing says how warm the machine was, and one that was warmer or colder than in the run that the compensation was "
+            "made from leaves more, too: state by how much with --warmer (0: it was as warm) before you look for a file"
+        )
+        return replace(found, text=f"{why}. {_first(found.text)}")
     if not warm.open or found.verdict == "undecided":
         return found
     text = (

@@ -169,7 +169,7 @@ class Parts:
             made = judged(problem, cell, planned)
             if made.seconds <= problem.seconds:
                 return made
-            cell = _shorter(made, made.seconds - problem.seconds, again)
+            cell = shorter(made, made.seconds - problem.seconds, again)
         return None
 
 
@@ -188,7 +188,7 @@ def worth_when_broken_off(found: Chosen, again: float, loss: float = LOSS) -> Ch
         with suppress(InputError):  # nothing left that proves the probe
             made = parts.made(way, again)
             for other in [] if made is None else [made, on_the_way(made, again)]:
-                if other.value <= found.value * (1 + loss) ** 2 and _serves(other, found) and _better(other, best):
+                if other.value <= found.value * (1 + loss) ** 2 and stands(other, found) and _better(other, best):
                     best = other
     return best
 
@@ -204,7 +204,7 @@ def _way(parts: Parts, weight: float) -> list[int]:
     return way
 
 
-def _serves(one: Chosen, other: Chosen) -> bool:
+def stands(one: Chosen, other: Chosen) -> bool:
     """→ whether a plan is worth making, if another one is."""
     return serves(one.problem, one.information) and (believed(one) or not believed(other))
 
@@ -218,14 +218,14 @@ def _better(one: Chosen, other: Chosen) -> bool:
     return bool(np.log(first[both]).sum() < np.log(second[both]).sum())
 
 
-def _shorter(found: Chosen, over: float, again: float) -> Cell:
-    """plan, s that it takes too long, s of one more touch in a row → cell whose strategy is without what tells least."""
+def shorter(found: Chosen, over: float, again: float, first: int = 0) -> Cell:
+    """plan, s that it takes too long, s of one more in a row, first visits that stay → cell without what tells least."""
     criterion, keys = found.problem.criterion, [(t.indexation, t.facet) for t in found.plan.touches]
     left, seconds = Counter(keys), max(again, found.costs[0] * len(keys) / len(set(keys)) - again)
     state, now = state_of(criterion, found.information), smooth(criterion, found.information)
     out = set[int]()
     while over > 0:
-        some = [n for n, key in enumerate(keys) if n not in out and (left[key] > 1 or not stays(found, key))]
+        some = [n for n, key in enumerate(keys) if n not in out and key[0] >= first and (left[key] > 1 or not stays(found, key))]
         if not some:
             break
         lost = without_each(criterion, state, now, found.rows[some], POWER)

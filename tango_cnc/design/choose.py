@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +24,11 @@ from .broken_off import LOSS, worth_when_broken_off
 from .candidates import WIDE
 from .criterion import parts, value
 from .early import in_vain
-from .enough import serves
+from .enough import believed, serves
 from .exchange import Draft
 from .here import certified_here, most_in_a_row
 from .in_a_row import shared
+from .nested import with_parts
 from .on_the_way import on_the_way
 from .problem import Chosen, Problem, lighter
 from .proving import proving
@@ -86,10 +88,25 @@ class Undetermined(NoTime):
         self.found = found
 
 
-def chosen(problem: Problem, early: bool = False) -> Chosen:
-    """problem, whether to give up early what seems in vain → plan. Raises InputError when the time is too short."""
+def chosen(problem: Problem, early: bool = False, loss: float = LOSS) -> Chosen:
+    """problem, whether to give up early, what the whole may lose for parts → plan. Raises InputError when time is too short."""
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
+    made, relaxed = _searched(problem, again, early)
+    made = with_parts(made, again, loss, partial(_of_part, again=again)) if early else worth_when_broken_off(made, again, 0.0)
+    return certified(made, _lifted(made.problem, relaxed))
+
+
+def _of_part(problem: Problem, again: float) -> Chosen | None:
+    """problem of a part of the time, s of one more touch in a row → its plan; None where none is worth making."""
+    with suppress(NoTime, NoWay):
+        found = _searched(problem, again, True)[0]
+        return found if serves(problem, found.information) and believed(found) else None
+    return None
+
+
+def _searched(problem: Problem, again: float, early: bool) -> tuple[Chosen, Relaxed]:
+    """problem, s of one more touch in a row, whether to give up early what seems in vain → plan, relaxed design."""
     # The first choice, a quick one, says what touches and turns cost.
     _hopeless(problem)
     what = f"a plan of {problem.seconds / 60:.1f} min"
@@ -115,8 +132,7 @@ def chosen(problem: Problem, early: bool = False) -> Chosen:
     made, relaxed = best
     problem.say(f"{what}: the order of its touches")
     made = on_the_way(made, again) if made is first else made
-    made = worth_when_broken_off(used_up(shared(made, again), again), again, LOSS if early else 0.0)
-    return certified(made, _lifted(made.problem, relaxed))
+    return used_up(shared(made, again), again), relaxed
 
 
 def quick(problem: Problem) -> Chosen:

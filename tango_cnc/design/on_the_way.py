@@ -59,8 +59,8 @@ class Tour:
 class Exchange:
     """Touches of a plan while they are exchanged: how often each is made, what is known by them, and the time that is left."""
 
-    def __init__(self, found: Chosen, again: float, spare: float) -> None:
-        """plan, s of one more touch of the facet that has just been touched, s left over."""
+    def __init__(self, found: Chosen, again: float, spare: float, stay: int = 0) -> None:
+        """plan, s of one more touch of the facet that has just been touched, s left over, first visits that stay as they are."""
         problem, self.again, self.spare = found.problem, again, spare
         choice, visits = problem.choice, visits_of(found)
         self.criterion, self.information, barred = problem.criterion, found.information, problem.barred
@@ -85,11 +85,11 @@ class Exchange:
             self.tours.append(Tour(np.arange(begin, len(self.facet)), legs.between(dict(visit.position), facets), way))
         self.rows, self.count, self.stays = np.array(rows), np.array(counts), np.array(last)
         self.visit = np.concatenate([np.full(len(t.rows), v) for v, t in enumerate(self.tours)])
-        self.touch = _touching(found)
+        self.touch, self.first = _touching(found), stay
 
     def tours_anew(self) -> None:
         """The shortest way through what is touched at each visit that was found; the time left grows by it."""
-        for tour in self.tours:
+        for tour in self.tours[self.first :]:
             some = sorted(tour.way)
             way = [some[i] for i in order.path(tour.legs[np.ix_(some, some)])]
             gained = order.length(tour.way, tour.legs) - order.length(way, tour.legs)
@@ -102,7 +102,7 @@ class Exchange:
         for tour in self.tours:
             new = self.count[tour.rows] == 0
             price[tour.rows[new]] = tour.more()[0][new] + self.touch
-        return np.where(self.count >= MOST, np.inf, price)
+        return np.where((self.count >= MOST) | (self.visit < self.first), np.inf, price)
 
     def take(self, row: int) -> None:
         """A touch once more."""
@@ -145,7 +145,11 @@ class Exchange:
     def given_up(self) -> list[list[int]]:
         """→ what could be given up: a touch, or two facets of which one comes after the other."""
         visits = np.bincount(self.visit[self.count > 0], minlength=len(self.tours))
-        one = [i for i in np.flatnonzero(self.count) if self.count[i] > 1 or (not self.stays[i] and visits[self.visit[i]] > 1)]
+        one = [
+            i
+            for i in np.flatnonzero(self.count)
+            if self.visit[i] >= self.first and (self.count[i] > 1 or (not self.stays[i] and visits[self.visit[i]] > 1))
+        ]
         alone = {i for i in one if self.count[i] == 1}
         found = [[int(i)] for i in one]
         for v, tour in enumerate(self.tours):
@@ -157,7 +161,7 @@ class Exchange:
     def improve(self) -> bool:
         """→ whether an exchange was found that makes the plan better; it is made."""
         now = value(self.criterion, self.information)
-        few = _few(self.criterion, self.information)
+        few = few_of(self.criterion, self.information)
         state, begin = state_of(few, self.information), smooth(few, self.information)
         some = self.given_up()
         single = np.array(sorted({i for rows in some for i in rows}), dtype=int)
@@ -210,15 +214,15 @@ class Exchange:
         return (*made, *found.cell.strategy.indexations[len(visits) :])
 
 
-def on_the_way(found: Chosen, again: float) -> Chosen:
-    """plan, s of one more touch of the facet that has just been touched → a plan of the same visits that is no worse."""
+def on_the_way(found: Chosen, again: float, stay: int = 0) -> Chosen:
+    """plan, s of one more touch in a row, first visits that stay as they are → a plan of the same visits that is no worse."""
     if again <= 0 or found.seconds > found.problem.seconds:
         return found
     problem = found.problem.in_a_row(1)
     start = replace(found, problem=problem, costs=(found.costs[0] / found.problem.times, found.costs[1]))
     best, spare = start, problem.seconds - found.seconds
     for _ in range(PLANS):
-        exchange = Exchange(start, again, spare)
+        exchange = Exchange(start, again, spare, stay)
         exchange.tours_anew()
         for _ in range(ROUNDS):
             if not exchange.improve():
@@ -251,7 +255,7 @@ def _touching(found: Chosen) -> float:
     return sum(s for move, s in moves if move.kind in order.TOUCHING) / len(found.rows)
 
 
-def _few(criterion: Criterion, information: Array) -> Criterion:
+def few_of(criterion: Criterion, information: Array) -> Criterion:
     """criterion, A → the same; of the worst of many those that are worst now."""
     if criterion.worst is None or len(criterion.worst) <= LOOKED:
         return criterion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -80,6 +80,7 @@ class Chosen:
     time: Array  # (n,) s at which each touch is done
     rows: Array  # (n, p) of the touches in their order
     here: float = -np.inf  # bound on φ of any touches at the indexations of this plan
+    designed: Mapping[float, float] = field(default_factory=dict)  # parts of the time: φ of a plan of each, where there is one
 
 
 def lighter(problem: Problem) -> Problem:

@@ -112,7 +112,8 @@ class Node:
         for key, value in self.raw.value:
             if not isinstance(key, Scalar):
                 raise self.wrong("keys that are plain words or numbers")
-            result.append((str(key.value), Node(self.file, value, f"{self.path}.{key.value}" if self.path else str(key.value))))
+            name = "".join(f"\\u{ord(c):04x}" if _unseen(c) else c for c in str(key.value))  # it would turn the message round
+            result.append((str(key.value), Node(self.file, value, f"{self.path}.{name}" if self.path else name)))
         return result
 
     def fields(self, required: Collection[str], optional: Collection[str] = ()) -> dict[str, Node]:

@@ -36,6 +36,7 @@ def alarm(
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
     told = {**a, "night": asked or str(a.get("night") or "")}  # what stands behind a limit has no id
+    asks = str(record.get("deputy") or ""), str(record.get("owner") or "")
     part = _part(told, u, t)
     return {
         **a,
@@ -57,7 +58,7 @@ def alarm(
         "instead": [named(str(x), t, machine) for x in a.get("instead") or ()],
         "owner": owner,
         "nobody": not owner and not record.get("deputy") and decision is None,
-        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, str(record.get("deputy") or "")),
+        "who": _who(owner, decision, asked, today or str(record.get("night") or ""), t, *asks),
         "silent": days_between(asked, today or str(record.get("night") or "")) if asked and decision is None else 0,
         "decision": decision,
         "drifts": False,
@@ -69,12 +70,16 @@ def alarm(
     }
 
 
-def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: str = "") -> str:
-    """owner, decision, date on which an answer was asked for or '', date, texts, deputy → who has it, and whom else to ask."""
+def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: str, first: str) -> str:
+    """owner, decision, date on which an answer was asked for or '', date, texts, deputy, owner of the machine → who has it, and
+    whom else to ask.
+    """
     if decision is not None:
+        other = t("morning.has_owner", owner=first) if first and str(decision.owner) not in first else ""
         told = t("morning.has", owner=owner, decided=t(f"decision.{decision.action}"))
         told += t("morning.has_since", date=day(local_day(decision.utc), t)) if decision.utc else ""
-        return f"{told} {t('morning.has_until', date=day(decision.until, t))}" if decision.until else told
+        until = t("morning.has_until", date=day(decision.until, t)) if decision.until else ""
+        return " ".join(x for x in (told, until, other) if x)
     if not owner:
         return t("morning.nobody_but", other=deputy) if deputy else t("morning.nobody")
     days = days_between(asked, today) if asked else 0

@@ -52,6 +52,9 @@ def audit(f: Facts, t: Texts) -> list[tuple[str, str]]:
     versions = [f"tango_cnc {paper.version}", *(f"{name} {number}" for name, number in paper.versions.items())]
     if origin and origin.get("tool_version"):
         versions.append(t("audit.run_version", version=origin["tool_version"]))
+    if f.nights is not None and f.nights.chain is not None:  # answer, trend and alarms are of it
+        number, digest = f.nights.chain
+        rows.append((t("audit.history"), t("audit.history_text", number=number, digest=digest)))
     return [
         *rows,
         (t("audit.reported"), f"{paper.made.astimezone():%Y-%m-%d %H:%M:%S %Z}"),

@@ -286,7 +286,10 @@ def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, heigh
     if points.get("limit"):
         limit = float(np.copysign(points["limit"], np.mean(y)))
         marks.append(Mark(t("trend.allowed", limit=f"{abs(limit):g}", unit=unit), y=limit, color=INK, dash="7 3"))
-    return chart(series, Frame(width, height, points["title"], points["x_label"], unit, first_day=points["first"]), marks)
+    months = t("date.months").split()
+    return chart(
+        series, Frame(width, height, points["title"], points["x_label"], unit, first_day=points["first"], months=months), marks
+    )
 
 
 def tip(
@@ -324,7 +327,7 @@ def tip(
         allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
         marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
     span = f"{day(nights[0][0], t)} … {day(nights[-1][0], t)}"
-    frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first)
+    frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first, months=t("date.months").split())
     return chart(series, frame, marks)
 
 

@@ -167,7 +167,8 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     )
     newer = "_newer" if age == "newer" else ""
     owner = n.owner or f.paper.owner
-    todo = t(f"todo.nights{newer}", owner=owner) if owner else t(f"todo.nights{newer}_nobody")
+    whom = "_also" if n.asks and n.asks in n.todo else "" if owner else "_nobody"  # nobody calls two people about one alarm
+    todo = t(f"todo.nights{newer}{whom}", owner=owner)
     told = n.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     tone = LEVELS[told.may]
     return [Check("nights", level, word, text, todo, trust=False, said=f"verdict.nights_{age}", tone=tone, label=told.word)]

@@ -91,6 +91,9 @@ class NewestNight:
     probe: bool = False  # whether all that is open is of the probe
     answers_for: float = 7.0  # days for which a result is an answer
     former: tuple[Said, ...] = ()  # what is said of the cell beside its nights: one that was cut off
+    brief: str = ""  # `cause` with the size that counts alone
+    asks: str = ""  # whom to call, as one of `todo`
+    chain: tuple[int, str] | None = None  # number and hash of the newest entry of the history
 
     def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:
         """units, texts, machine, limit of the tool tip in mm that is asked for → whether parts may be made, as on its page."""

@@ -89,7 +89,8 @@ def uncertainty(f: Facts, t: Texts) -> list[str]:
     sources_of_scale = []
     if artefact.scale_bar is not None and f.result.model.bar is not None:
         bar = artefact.scale_bar
-        sources_of_scale.append(t("uncertainty.bar", length=f"{bar.length:g}", std=f"{bar.uncertainty * 1e3:g}"))
+        length, std = f"{bar.length * u.per_mm:.7g}", f"{bar.uncertainty * 1e3 * u.per_micron:.3g}"
+        sources_of_scale.append(t("uncertainty.bar", length=length, large=u.large, std=std, small=u.small))
     if calibrated:
         sources_of_scale.append(t("uncertainty.calibrated", count=calibrated))
     if sources_of_scale:

@@ -54,7 +54,13 @@ def may(f: Facts, t: Texts) -> Told:
     newest = grown(f) and own.numbers != "" and f.wishes.limit is not None  # the larger number is the newer one
     night = replace(night, numbers=own.numbers) if newest else night
     basis = _by_night(f, t)
-    return Told(night, basis + _by_option(f, t), "" if night.may == "yes" else f.nights.cause, _run(f, not newest, t), True)
+    return Told(
+        night,
+        basis + _by_option(f, t),
+        "" if night.may == "yes" else f.nights.brief or f.nights.cause,
+        _run(f, not newest, t),
+        True,
+    )
 
 
 def _after(own: Answer, f: Facts, t: Texts) -> Answer:
@@ -175,12 +181,12 @@ def _most(f: Facts, own: Answer, t: Texts) -> str:
 
 
 def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
-    """answer, what to do, texts → the same; under a No it begins with it, and nothing in it lets parts be made meanwhile.
+    """answer, what to do, texts → the same, which begins as the answer does: under a No nothing in it lets parts be made meanwhile.
 
     To look at a machine that may still move stays before that.
     """
-    if told.may != "no" or told.word == t("may.not_yet"):
-        return list(do)
-    none, moving = t("may.brief_no"), {t("morning.cut_off_todo")}
-    rest = [x for x in do if x not in (none, t("morning.parts_first"), t("may.brief_probe"))]
-    return [*(x for x in rest if x in moving), none, *(x for x in rest if x not in moving)]
+    none, some, moving = t("may.brief_no"), (t("morning.parts_first"), t("may.brief_probe")), {t("morning.cut_off_todo")}
+    stopped = told.may == "no" and told.word != t("may.not_yet")
+    first = [none] if stopped else [x for x in some if x in do]
+    rest = [x for x in do if x not in (none, *some)]
+    return [*(x for x in rest if x in moving), *first, *(x for x in rest if x not in moving)]

@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup
 
 from ..records import InputError, Machine
-from ..texts import say
+from ..texts import Said, say
 from . import svg
 from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, dates_cut_off, measuring, renamed
@@ -154,6 +154,7 @@ def context(
             t,
         ),
         "who": who_of(told, asked, found, t),
+        "whom": t("morning.call", owner=named) if (named := asked["owner"] or asked["deputy"]) else "",
         "count": len(still_open(found)),
         "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
         "has": bool(found and found[0]["decision"]),
@@ -208,6 +209,7 @@ def _suspected(
 def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, Any]:
     """record, units, texts, machine → how the page says a sentence, a date, a moment; reasons of a doubt and what was edited."""
     return {
+        "first_time": _says(record.get("headline"), "night.words.first_time"),
         "sentence": lambda text: sentence(t.of(text or ""), u),
         "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
         "reasons": [
@@ -220,6 +222,11 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
     }
+
+
+def _says(text: Any, key: str) -> bool:
+    """text of a record, beginning of a key → whether it, or a text within it, has one."""
+    return isinstance(text, Said) and (text.key.startswith(key) or any(_says(x, key) for x in text.values.values()))
 
 
 def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapping[str, Any] | None = None) -> Mapping[str, Any]:

@@ -53,8 +53,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     # A cause that was found comes before what a large scatter asks for by itself.
     open_checks.sort(key=lambda c: not (c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings))
     do = [line for c in open_checks if c.trust or trust.level != "stop" for line in _todo(c, f, said, t)]
-    do = [x for x in (since_then(f, t, "todo.grown") if grown(f) else "", *do) if x]
-    do = parts_first(told, do, t)
+    do = parts_first(told, [x for x in (*_first(f, said, t), *do) if x], t)
     data = charts.turning(f, t)
     words = {key: t(f"volume.{key}") for key in ("scale", "hatched")}
     values = {
@@ -105,12 +104,24 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     return values if f.wishes.pictures else values | _bare(values)
 
 
+def _first(f: Facts, said: Told, t: Texts) -> list[str]:
+    """facts, answer, texts → what to do before what the checks ask for: about parts, whom to call, and what to look for."""
+    before = _of_nights(f, said, t)[:-1]
+    return [*before, since_then(f, t, "todo.grown") if grown(f) else ""]
+
+
+def _of_nights(f: Facts, said: Told, t: Texts) -> list[str]:
+    """facts, answer, texts → what the nights ask for, as on the page of the machine; the last of it is about what is wrong."""
+    if f.nights is None or said.answer.may == "yes":
+        return []
+    return [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
+
+
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
-    """check, facts, answer, texts → what to do about it; what is wrong stands in front."""
-    if c.name == "nights" and f.nights is not None and f.nights.todo and said.answer.may != "yes":
-        known = [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
-        *before, last = known or [""]  # what is wrong stands before what is to be done about it, not before what comes first
-        return [x for x in (*before, f"{f.nights.cause} {last}".strip(), c.todo) if x]
+    """check, facts, answer, texts → what to do about it; what is wrong stands in front, where the first box does not name it."""
+    if c.name == "nights" and f.nights is not None and (own := _of_nights(f, said, t)):
+        cause = f.nights.brief or f.nights.cause
+        return [x for x in (f"{'' if cause == said.cause else cause} {own[-1]}".strip(), c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:

@@ -72,6 +72,7 @@ class Frame:
     names: tuple[str, ...] = ()
     from_zero: bool = False
     first_day: date | None = None  # x are days from it, and the axis has dates
+    months: Sequence[str] = ()  # their names, for those dates
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
@@ -91,14 +92,16 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     return found
 
 
-def dates(first: date, low: float, high: float, most: int) -> list[tuple[float, str]]:
-    """day of x = 0, range in days, how many at most → (x, 11-23), or (x, 2026-11) where they are far apart; the last day is one."""
+def dates(first: date, low: float, high: float, most: int, months: Sequence[str]) -> list[tuple[float, str]]:
+    """day of x = 0, range in days, how many at most, names of the months → (x, 23 Nov), or (x, 2026-11) where they are far apart;
+    the last day is one.
+    """
     last = math.floor(high + 1e-9)
     step = next((s for s in STEPS if (high - low) / s <= most), STEPS[-1])
     found = []
     for v in range(last, math.ceil(low - 1e-9) - 1, -step):
         day = first + timedelta(days=v)
-        found.append((float(v), f"{day:%Y-%m}" if step > 30 else f"{day:%m-%d}"))
+        found.append((float(v), f"{day:%Y-%m}" if step > 30 else f"{day.day} {months[day.month - 1]}"))
     return found[::-1]
 
 
@@ -229,7 +232,7 @@ class _Plot:
                 if i % every == 0:
                     parts.append(label(self.x(i), self.bottom + 14, name))
         elif f.first_day is not None:
-            for v, name in dates(f.first_day, self.x0, self.x1, max(2, int((self.right - self.left) / 46))):
+            for v, name in dates(f.first_day, self.x0, self.x1, max(2, int((self.right - self.left) / 46)), f.months):
                 parts.append(f'<path d="M{self.x(v):.1f} {self.bottom:.1f}v4" stroke="{SOFT}"/>')
                 parts.append(label(self.x(v), self.bottom + 15, name))
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from ..nearest import printable
 from ..records import InputError, TangoError
 
 TEMPLATES = "templates"
+SUFFIXES = (".html", ".typ", ".css", ".js")
 
 
 class _Compiled(jinja2.BytecodeCache):
@@ -66,8 +68,8 @@ def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> 
         where = f"{error.filename or error.name}:{error.lineno}"
         raise InputError(f"{where}: {printable(str(error.message))}; correct the template") from None
     except (jinja2.UndefinedError, jinja2.TemplateNotFound) as error:
-        said = printable(str(error.message))
-        raise InputError(f"{name}: {said}; allowed: what the template of the program uses (docs/report.md)") from None
+        said, where = printable(str(error.message)), _where(error, name)
+        raise InputError(f"{where}: {said}; allowed: what the template of the program uses (docs/report.md)") from None
     except UnicodeDecodeError:
         raise InputError(f"{name}: it is not UTF-8 text; save the template as UTF-8") from None
     except TangoError:
@@ -75,8 +77,16 @@ def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> 
     except Exception as error:
         if not _of_a_shop(env):
             raise
-        said = printable(str(error), 200)
-        raise InputError(f"{name}: {said} ({type(error).__name__}); correct the template, or one that it includes") from None
+        said, where = printable(str(error), 200), _where(error, name)
+        raise InputError(f"{where}: {said} ({type(error).__name__}); correct the template, or one that it includes") from None
+
+
+def _where(error: Exception, name: str) -> str:
+    """what a template has raised, its name → file and line of the mistake: in a template of the shop where one had a part in it."""
+    files = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
+    made = [f"{file}:{line}" for file, line in files if Path(file).suffix in SUFFIXES and not Path(file).is_relative_to(OURS)]
+    own = [f"{file}:{line}" for file, line in files if Path(file).is_relative_to(OURS)]
+    return [name, *own, *made][-1]
 
 
 def _of_a_shop(env: jinja2.Environment) -> bool:

@@ -22,6 +22,7 @@ import jinja2
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
+from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
@@ -41,6 +42,7 @@ from .settings import Role, Settings, may
 from .users import Known, SignIn, SignIns
 
 PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
+LARGE = 50_000  # bytes from which a page is compressed: the list of 200 machines has 15 times that
 LOG = logging.getLogger("tango.serve")
 
 
@@ -92,6 +94,7 @@ def create(settings: Settings) -> Starlette:
 
     app = Starlette(routes=[*_routes(), *_static()], exception_handlers={HTTPException: _refused}, lifespan=life)
     app.state.tango = state
+    app.add_middleware(GZipMiddleware, minimum_size=LARGE, compresslevel=1)
     app.add_middleware(Guard, settings=settings)
     return app
 

@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ..report.texts import texts_of
 from .settings import Settings
 
-LARGEST = 16 * 1024  # bytes of a body
+LARGEST = 16 * 1024  # bytes of a body, and of all headers
 LONGEST = 2048  # of an address
 COOKIE = "tango_sign_in"
 HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9._-]+))(?::\d{1,5})?")
@@ -123,6 +123,8 @@ class Guard:
         name = host_of(host)
         if name is None or name not in self._settings.names:
             return self._told(421, "name")
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > LARGEST:
+            return self._told(431, "head", most=LARGEST)
         if len(scope.get("raw_path", b"")) + len(scope.get("query_string", b"")) > LONGEST:
             return self._told(414, "address", most=LONGEST)
         client = scope["client"][0] if scope.get("client") else ""

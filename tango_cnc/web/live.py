@@ -16,6 +16,7 @@ from starlette.concurrency import run_in_threadpool
 
 from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
 from ..link.journal import ReadSoFar, read_on
+from ..link.lock import at_work
 from ..link.progress import QUIET, progress
 from ..records import Cell
 from ..report.days import at
@@ -125,9 +126,12 @@ def minutes_left(run: LiveRun | None, now: float) -> int | None:
 
 
 def quiet(run: LiveRun, now: float) -> int | None:
-    """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on; else None."""
-    since = now - run.touched
-    return round(since / 60) if run.state == "running" and since > QUIET else None
+    """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on, or nobody is at work in its
+    cell any more: its program was killed; else None.
+    """
+    since, place = now - run.touched, run.file.parent
+    cell = place.parent.parent if place.parent.name == "nights" else place
+    return max(1, round(since / 60)) if run.state == "running" and (since > QUIET or not at_work(cell)) else None
 
 
 def _facets(cell: Cell | None) -> dict[int, str]:

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from ...files.targets import same
-from ...records import InputError, LinkError
+from ...records import InputError
 from ..address import Address
 from ..ways import Way
 from ._line import REST, SLICE, Lost, reason
@@ -77,13 +77,13 @@ class LinuxCnc(Tcp):
 
 
 def foreseen(address: Address) -> None:
-    """port → nothing. Raises LinkError where a file is not named, InputError unless both may be replaced.
+    """port → nothing. Raises InputError where a file is not named, and unless both may be replaced.
 
     They may when nothing is there, or what a run has left there.
     """
     missing = [name for name in ("file", "log") if name not in address.options]
     if missing:
-        raise LinkError(
+        raise InputError(
             f"port {address.url}: found no {' and no '.join(missing)}; e.g. ?file=/tmp/tango.ngc&log=/tmp/tango-readings.txt"
         )
     program, log = Path(address.options["file"]), Path(address.options["log"])

@@ -21,7 +21,7 @@ from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._remote import HEAD, LIES, START, Remote, foreseen
+from ._remote import HEAD, START, Remote, foreseen
 from ._stores import needed
 
 PATIENCE = 10.0  # s for one telegram
@@ -187,6 +187,12 @@ class Lsv2:
             if self._secure and self._line.last_response is not rsp.T_OK:
                 raise self._refused(path)
 
+    def remove(self, path: str) -> None:
+        """path → the file is there no more."""
+        with self._asked():
+            if not self._control.delete_file(_named(path)):
+                raise self._refused(path)
+
     def close(self) -> None:
         """Logs out and hangs up."""
         with contextlib.suppress(Exception):
@@ -242,6 +248,10 @@ def _forget_typed() -> None:
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
+class Runs(LinkError):
+    """The control says that its program runs: nothing is asked for, nothing taken away."""
+
+
 class AtRest(Remote):
     """The record file and the program; a connection for each request, none in between."""
 
@@ -292,14 +302,22 @@ class AtRest(Remote):
                 break
             if left:
                 time.sleep(BETWEEN)
-        why += LIES if verb == b"put" and self._writing else ""
+        if verb == b"put":
+            program = bytes.fromhex(value.decode("ascii"))
+            why += self._left(self._place(program), program)
         return ANSWER + f"! {quote(why[:LONGEST])}".encode()
 
+    def _open(self) -> Lsv2:
+        """→ connected and logged in. Raises Runs where the control says that its program runs."""
+        self._store = there = Lsv2(self._parts.hostname or "", self._parts.port or PORT, self._address.options.get("password", ""))
+        if there.runs():
+            self._hang_up()
+            raise Runs("its program runs")
+        return there
+
     def _done(self, verb: bytes, value: bytes) -> bytes:
-        there = Lsv2(self._parts.hostname or "", self._parts.port or PORT, self._address.options.get("password", ""))
         try:
-            if there.runs():
-                return ANSWER + b"RUNS"
+            there = self._open()
             if verb == b"open":
                 if not self._known:
                     self._mark(there)
@@ -310,12 +328,10 @@ class AtRest(Remote):
             while piece := self._new(there):
                 lines += piece.replace(ANSWER, b"?")
             return lines + ANSWER + b"LOOK"
+        except Runs:
+            return ANSWER + b"RUNS"
         finally:
-            there.close()
-
-    def _left(self, name: str, program: bytes) -> str:
-        """place of a program that was cut off, the program → what became of the part of it: it lies there."""
-        return LIES
+            self._hang_up()
 
     def _mark(self, there: Lsv2) -> None:
         """Notes where the record file ends now: what stands in it is of another run."""

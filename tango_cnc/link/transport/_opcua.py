@@ -15,7 +15,8 @@ from ..address import Address
 from ..nodes import read_nodes
 from ..ways import Way
 from ._line import Lost, reason
-from ._remote import HEAD, OURS
+from ._refused import RefusedError
+from ._remote import HEAD, LIES, OURS, began
 from ._stores import needed
 
 ANSWER = 4.0  # s that a server may take to answer
@@ -26,6 +27,8 @@ BETWEEN = 2.0  # s between two tries
 READ, ERASE = 1, 2 | 4  # modes of a FileType: read; write after everything has been erased
 TEXT = 300  # characters of an alarm
 NAME = "TANGO.MPF"
+LOGIN = ("UserAccessDenied", "IdentityToken")
+BROKEN = ("Session", "Connection", "SecureChannel", "Timeout", "Shutdown")  # of errors of a connection
 
 
 def foreseen(address: Address) -> None:
@@ -58,6 +61,7 @@ class OpcUa:
         self._ids = _parsed(address)
         self._request, self._before = b"", b""
         self._client: Any = None
+        self._writing = False  # a program goes there, or has gone
         self._open()
 
     def _open(self) -> None:
@@ -74,6 +78,10 @@ class OpcUa:
             client.connect()
         except self._ua.UaStatusCodeError as error:
             client.disconnect()
+            if any(word in type(error).__name__ for word in LOGIN):
+                raise RefusedError(
+                    f"the control refuses the login ({error}): correct user= and password= in the port's URL"
+                ) from None
             raise LinkError(f"the control refuses: {error}") from None
         except Exception as error:
             with contextlib.suppress(Exception):
@@ -111,9 +119,7 @@ class OpcUa:
                 return verb()
             except self._ua.UaStatusCodeError as error:
                 why = str(error)
-                if not any(
-                    word in type(error).__name__ for word in ("Session", "Connection", "SecureChannel", "Timeout", "Shutdown")
-                ):
+                if not _broke(error):
                     return f"! {quote(why)}"
             except LinkError as error:
                 return f"! {quote(str(error))}"
@@ -121,7 +127,7 @@ class OpcUa:
                 why = reason(error) or type(error).__name__
             self.close()
             if time.monotonic() > until:
-                raise Lost(f"the control cannot be reached any more: {why}")
+                raise Lost(f"the control cannot be reached any more: {why}{LIES if self._writing else ''}")
             time.sleep(BETWEEN)
 
     def write(self, data: bytes) -> int:
@@ -178,12 +184,36 @@ class OpcUa:
             methods = self._methods(place)
         file = (place, methods)
         head = self._content(file, HEAD)
-        if head and not OURS.search(head):
+        if head and not OURS.search(head) and not began(head, program):
             raise LinkError("the file at the control is no program of 'tango plan'; it would be lost: another name")
-        with self._opened(file, ERASE) as (call, handle):
-            for at in range(0, len(program), PIECE):
-                call("Write", handle, self._ua.Variant(program[at : at + PIECE], self._ua.VariantType.ByteString))
-        return hashlib.sha256(self._content(file, len(program) + 1)).hexdigest()
+        self._writing = True
+        try:
+            with self._opened(file, ERASE) as (call, handle):
+                for at in range(0, len(program), PIECE):
+                    call("Write", handle, self._ua.Variant(program[at : at + PIECE], self._ua.VariantType.ByteString))
+            back = self._content(file, len(program) + 1)
+        except (self._ua.UaStatusCodeError, LinkError) as error:
+            if _broke(error):
+                raise
+            raise LinkError(f"the program cannot be put at the control: {error}{self._left(file, program)}") from None
+        if len(back) < len(program):
+            self._left(file, program)  # a disk that was full without a word; what was read says that it is not the program
+        self._writing = False
+        return hashlib.sha256(back).hexdigest()
+
+    def _left(self, file: tuple[Any, dict[str, Any]], program: bytes) -> str:
+        """node of a file with its methods, program that was cut off → what became of the part of it, as the end of a sentence."""
+        try:
+            if not program.startswith(self._content(file, len(program))):
+                return ""  # the file of before
+            with self._opened(file, ERASE):
+                pass
+            if self._content(file, 1):
+                return LIES
+        except (self._ua.UaStatusCodeError, LinkError):
+            return LIES
+        self._writing = False
+        return "; the part of it that lay there was erased, and the file is empty"
 
     def _methods(self, node: Any) -> dict[str, Any]:
         """node → {name: method of it}, whatever name space the server puts them into."""
@@ -236,6 +266,11 @@ class OpcUa:
                     break
                 data += piece
         return data
+
+
+def _broke(error: BaseException) -> bool:
+    """error of the library → whether it is one of the connection, which may be made anew."""
+    return any(word in type(error).__name__ for word in BROKEN)
 
 
 WAYS = {"opcua": Way(OpcUa, "host", foreseen=foreseen)}

@@ -24,7 +24,12 @@ STATUS = {  # of SMB, where the system has no number for it
 
 
 class RefusedError(LinkError):
-    """The control answers and lets nobody in by this name: another try may lock the name, and a password helps."""
+    """The control answers and lets nobody in by this name: another try may lock the name, and a password helps.
+
+    What opens a port ends with the status of wrong input for it: nothing was sent, and the same command would be refused again.
+    """
+
+    exit_code = InputError.exit_code
 
 
 def refused(why: object) -> RefusedError:

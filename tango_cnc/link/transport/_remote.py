@@ -56,7 +56,9 @@ def _paths(address: Address) -> None:
 
 
 def _same(one: str, other: str) -> bool:
-    return posixpath.normpath(one).upper() == posixpath.normpath(other).upper()
+    """two paths at a control → whether they are one file; a Heidenhain path has its backslashes and no slash in front."""
+    first, second = (posixpath.normpath("/" + path.replace("\\", "/").lstrip("/")).upper() for path in (one, other))
+    return first == second
 
 
 class Remote:
@@ -193,7 +195,7 @@ class Remote:
         if _same(name, self._path):
             raise Lost(f"program and records are one file, {name}; state two names")
         before = there.read(name, 0, HEAD)
-        if before and not OURS.search(before) and not _began(before, program):
+        if before and not OURS.search(before) and not began(before, program):
             raise Lost(f"{name} is at the control already and is no program of 'tango plan'; it would be lost: another name")
         self._writing = True
         there.write(name, program)
@@ -212,7 +214,7 @@ class Remote:
         self._hang_up()
 
 
-def _began(there: bytes, program: bytes) -> bool:
+def began(there: bytes, program: bytes) -> bool:
     """bytes that lie at the control, program → whether they are the beginning of one of ours that was cut off before its name."""
     named = OURS.search(program)
     ends = 0 if named is None else named.end()

@@ -13,7 +13,7 @@ from starlette.routing import Route
 from ...report.days import at
 from ..app import machine_of, needs, page, role_of, state_of
 from ..settings import may
-from .machine import run_of, simulated
+from .machine import answer_today, run_of, simulated
 
 OWN = ("report.html", "report.pdf", "readings.csv", "readings.json", "estimate.json", "commissioning.yaml")
 FOLDERS = ("program", "compensations")
@@ -53,6 +53,7 @@ def files(request: Request) -> Response:
         rows=rows,
         may_write=_may_write(request),
         simulated=made_up,
+        today=answer_today(request, found),
         programs=programs,
         locked=locked and not _may_write(request),
     )

@@ -14,11 +14,10 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
-from ...link.lock import at_work
 from ...link.progress import journals
 from ...report.age import measured_on
 from ...report.alarm import sentence
-from ...report.answer import dates_cut_off
+from ...report.answer import Answer, dates_cut_off
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
@@ -81,6 +80,12 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     first, last = (day(signs[end][0], t, year) for end, year in ((-1, False), (0, True)))
     key = "web.nights_of" if every > len(signs) else "web.nights" if every > 1 else "web.nights_one"
     return t(key, count=len(signs), all=every, first=first, last=last)
+
+
+def answer_today(request: Request, machine: Served) -> Answer | None:
+    """request, machine → the answer of its page, for pages that show something older or narrower; None without a night."""
+    found = morning_of(request, machine, busy_of(request, machine)).get("answer")
+    return found if isinstance(found, Answer) else None
 
 
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
@@ -201,11 +206,7 @@ def unmeasured(ran: str, busy: str, machine: Served, state: PagesState) -> str:
 def busy_of(request: Request, machine: Served) -> str:
     """request, machine → how long it still measures, in words; '' where it does not."""
     left = minutes_left(run_of(request, machine), time.time())
-    return (
-        ""
-        if left is None or machine.folder is None or not at_work(machine.folder)
-        else state_of(request).texts("web.left_short", minutes=left)
-    )
+    return "" if left is None else state_of(request).texts("web.left_short", minutes=left)
 
 
 def limits_of(request: Request, machine: Served) -> Mapping[str, float]:

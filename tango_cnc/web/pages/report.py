@@ -29,11 +29,11 @@ def report(request: Request) -> Response:
     """request → a page around the report of the cell, or one that says how to write it."""
     needs(request, "view")
     found = machine_of(request)
-    from .machine import simulated
+    from .machine import answer_today, simulated
 
     made_up = simulated(request, found)
     if file_of_cell(found) is None:
-        return page(request, "no_report.html", 404, machine=found, simulated=made_up)
+        return page(request, "no_report.html", 404, machine=found, simulated=made_up, today=answer_today(request, found))
     return _framed(request, found, "", "", made_up)
 
 
@@ -68,9 +68,16 @@ def _asked(request: Request) -> tuple[Served, Mapping[str, Any], str]:
 
 def _framed(request: Request, machine: Served, night: str, back: str, made_up: bool) -> Response:
     """request, machine, date of a night or '', address of its page, whether no machine was measured → the page around a report."""
-    answer = page(
-        request, "framed.html", machine=machine, night=night, back=back, source=f"{request.url.path}/alone", simulated=made_up
-    )
+    from .machine import answer_today
+
+    values: dict[str, Any] = {
+        "machine": machine,
+        "night": night,
+        "back": back,
+        "source": f"{request.url.path}/alone",
+        "simulated": made_up,
+    }
+    answer = page(request, "framed.html", **values, today=answer_today(request, machine))
     answer.headers["content-security-policy"] = f"{POLICY}; frame-src 'self'"
     return answer
 

@@ -26,9 +26,11 @@ from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, called, quiet, title, touched_by
 from ..places import Served
+from .machine import answer_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
+APART = (24.0, 28.0)  # px between facets of the map, across and down: a square with a name above it
 WIDE, NARROW = 860.0, 360.0  # px of a chart on a desk and on a phone
 
 
@@ -48,6 +50,7 @@ def run(request: Request) -> Response:
         machine=found,
         run=chosen,
         simulated=chosen is not None and chosen.simulated,
+        today=answer_today(request, found),
         step=Markup(step),
         mark=_mark(chosen),
         follow=_follow(request, found, chosen),
@@ -178,7 +181,7 @@ def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
 
 
 def _map(run: LiveRun, cell: Cell, heading: str) -> str:
-    """Facets from above; those on top of each other are moved apart by their height, so that each can be seen."""
+    """Facets from above, each below its name; those on top of each other are moved apart, so that each can be seen."""
     made = Counter(e.facet for e in run.readings)
     facets = [f for f in cell.artefact.facets.values() if f.id in made or f.id in run.left]
     if not facets:
@@ -196,8 +199,8 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     for f, p in zip(facets, points, strict=True):
         x = wide / 2 + (p[0] - centre[0]) / span * (wide - 60)
         y = high_px / 2 - (p[1] - centre[1]) / span * (high_px - 60)
-        while any(abs(x - a) < 17 and abs(y - b) < 17 for a, b in taken):
-            x, y = (x + 18, y) if x + 18 < wide - 10 else (12, y + 18)
+        while any(abs(x - a) < APART[0] and abs(y - b) < APART[1] for a, b in taken):
+            x, y = (x + APART[0] + 1, y) if x + APART[0] + 1 < wide - 10 else (14, y + APART[1] + 1)
         taken.append((x, y))
         left = run.left.get(f.id, 0)
         share = made[str(f.id)] / (made[str(f.id)] + left) if made[str(f.id)] + left else 0.0
@@ -207,7 +210,12 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         parts.append(f'<g>{tip}<rect x="{x - 8:.1f}" y="{y - 8:.1f}" width="16" height="16" fill="#fff" {stroke}/>')
         full = GOOD if not left else "#9fd0bf"
         parts.append(f'<rect x="{x - 8:.1f}" y="{y + 8 - 16 * share:.1f}" width="16" height="{16 * share:.1f}" fill="{full}"/>')
-        parts.append(f'<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
+        name = (
+            f'<text x="{x:.1f}" y="{y - 10:.1f}" text-anchor="middle" font-size="8.5" fill="{SOFT}">{escape(str(f.id)[:6])}</text>'
+        )
+        parts.append(f'{name}<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
+    axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
+    parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
     return "".join([*parts, "</svg>"])
 
 

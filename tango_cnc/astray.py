@@ -1,0 +1,141 @@
+"""Touches of the locating cycle that met something else than their facet: which one does not count, and when that is no proof."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from .records import Array, Facet
+
+AGREES = 0.05  # mm between a touch and the table that was found, where nothing else is stated
+DRAWN = 0.5  # mm to which a table that nobody has calibrated may have its facets beside each other
+LEAST = 8  # touches that have to agree
+ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
+TURNED = 3.0  # deg by which it may be turned then
+
+
+def agreeing(
+    facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float
+) -> tuple[tuple[int, ...] | None, Array, Array]:
+    """facets, (n, 3) tips at their contacts, how many have to agree, to how many mm → rows that do, six unknowns, (n,) mm; None
+    where too few do.
+
+    A displaced table may meet the ball beside the facet that is meant, so up to `ASTRAY` touches are left out, the fewest that
+    will do, as long as eight are left: six unknowns and two that could disagree. Where leaving out one touch or another agrees, and
+    the table would stand elsewhere, neither is believed.
+    """
+    every = tuple(range(len(facets)))
+    first: tuple[Array, Array] | None = None
+    for out in range(ASTRAY + 1):
+        fits = []
+        for left in combinations(every, out):
+            kept = tuple(row for row in every if row not in left)
+            if len(kept) < least:
+                continue
+            found, residual = solved(facets, tip, radius, kept)
+            first = first or (found, residual)
+            fits.append((float(np.abs(residual[list(kept)]).max()), kept, found, residual))
+        agreeing = [fit for fit in fits if fit[0] <= agrees]
+        if agreeing:
+            best = min(agreeing, key=lambda fit: fit[0])
+            contradicted = any(
+                np.abs(other[3] - best[3]).max() > agrees for other in agreeing
+            )  # two answers, and nobody knows which
+            contradicted |= out > 0 and two_against(facets, tip, radius, best, agrees)
+            return None if contradicted else best[1], best[2], best[3]
+    assert first is not None  # nothing left out
+    return None, *first
+
+
+def no_proof(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[int, Array, Array], agrees: float, room: float) -> str:
+    """facets, their tips, the row that would be left out with what the others say, mm, mm from its point to its edge → why that is
+    no proof; '' where it is one.
+
+    Two touches that could disagree with six unknowns agree by chance once one of nine may be left out, and always where a table
+    of another size can be turned so that it fits.
+    """
+    out, found, residual = best
+    if (loose := drawn(facets, tip, radius, agrees)) is not None:
+        return (
+            f"Either it met something else, or artefact.yaml has the facets in their places to {loose:g} mm only; these touches "
+            f"cannot tell. 'tango locate --readings FILE --agrees {loose:g}' places the table from all of them, and nothing "
+            "moves. If something stood in the way, take it away and touch again"
+        )
+    larger, fits = grown(facets, tip, radius)
+    if fits <= max(agrees, DRAWN) and abs(larger) > 1e-3:
+        return (
+            f"All of them fit as well a table that is {abs(larger):.1%} {'larger' if larger > 0 else 'smaller'} than artefact.yaml "
+            "says; these touches cannot tell. Is it another table? Measure one of its widths. If something was met there instead "
+            "of the facet, take it away and touch again"
+        )
+    if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > TURNED:
+        return f"The others fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched: is it that of artefact.yaml?"
+    turned = Rotation.from_rotvec(found[3:])
+    off, normal = tip[out] - turned.apply(facets[out].point) - found[:3], turned.apply(facets[out].normal)
+    aside = float(np.linalg.norm(off - (off @ normal) * normal))
+    if residual[out] < 0 and aside + radius < room:
+        return (
+            f"It came late although the ball must have met this facet, {aside:.0f} mm from its point: the table is not the one of "
+            "artefact.yaml, or another facet is in its place there"
+        )
+    return ""
+
+
+def grown(facets: Sequence[Facet], tip: Array, radius: float) -> tuple[float, float]:
+    """facets, their tips → by which share the table is larger than its file if all of them count, mm that are left of the worst."""
+    middle = np.mean([facet.point for facet in facets], axis=0)
+
+    def gap(x: Array) -> Array:
+        turned = Rotation.from_rotvec(x[3:6])
+        normal = turned.apply([facet.normal for facet in facets])
+        point = turned.apply(middle + (1.0 + x[6]) * (np.array([facet.point for facet in facets]) - middle))
+        gaps: Array = np.einsum("ni,ni->n", normal, tip - point - x[:3]) - radius
+        return gaps
+
+    found = least_squares(gap, np.zeros(7), x_scale=[1, 1, 1, 0.01, 0.01, 0.01, 0.01]).x
+    return float(found[6]), float(np.abs(gap(found)).max())
+
+
+def drawn(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) -> float | None:
+    """facets, their tips, mm → the mm to which a table that nobody has calibrated agrees with every touch; None beyond `DRAWN`."""
+    most = float(np.abs(solved(facets, tip, radius, range(len(facets)))[1]).max())
+    drawn = math.ceil(most * 10 - 1e-9) / 10
+    return drawn if agrees < drawn <= DRAWN else None
+
+
+def two_against(
+    facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array], agrees: float
+) -> bool:
+    """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
+
+    The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right, on the same wall or
+    on the opposite one, disagrees with both.
+    """
+    kept, residual = best[1], best[3]
+    (out,) = set(range(len(facets))) - set(kept)
+    for pair in combinations(kept, 2):
+        rows = tuple(sorted({*kept, out} - set(pair)))
+        other = solved(facets, tip, radius, rows)[1]
+        early = other[list(pair)].min() > 0
+        if early and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max():
+            return True
+    return False
+
+
+def solved(facets: Sequence[Facet], tip: Array, radius: float, kept: Sequence[int]) -> tuple[Array, Array]:
+    """facets, their tips, rows that count → the six unknowns, (n,) mm of every touch."""
+    normal, point = (np.array(f) for f in ([x.normal for x in facets], [x.point for x in facets]))
+
+    def gap(x: Array) -> Array:
+        turned = Rotation.from_rotvec(x[3:])
+        gaps: Array = np.einsum("ni,ni->n", turned.apply(normal), tip - turned.apply(point) - x[:3]) - radius
+        return gaps
+
+    rows = list(kept)
+    found = least_squares(lambda x: gap(x)[rows], np.zeros(6), x_scale=[1, 1, 1, 0.01, 0.01, 0.01]).x
+    return found, gap(found)
