@@ -51,7 +51,7 @@ def estimated(folder: Path, *more: str) -> tuple[int, dict[str, Any]]:
 @pytest.mark.long
 @pytest.mark.parametrize(("share", "size"), [(0.3, LATE), (0.05, 0.1)])
 def test_no_verdict_is_better_without_the_outliers(cell: Path, tmp_path: Path, share: float, size: float) -> None:
-    """Which of the touches of a ball are wrong was undecided with 30 %: their loss gave a scale off by nine of its deviations, exit 0."""
+    """Which touches of a ball are wrong was undecided with 30 %: their loss gave a scale off by nine of its deviations, exit 0."""
     folder = spoilt(cell, tmp_path / "cell", share, size)
     (code, all_of_them), (left, without) = estimated(folder), estimated(folder, "--exclude-outliers")
     assert all_of_them["verdict"] != "trustworthy"
