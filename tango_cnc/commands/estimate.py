@@ -65,9 +65,9 @@ def command(
 ) -> int:
     """Estimates the machine's error parameters, the stylus and the table from readings.
 
-    Only rows with status ok are used. Outliers are listed and kept, unless --exclude-outliers is given. This makes no verdict better.
-    Exit     status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the mistake that explains it
-    best is named.
+    Only rows with status ok are used. Outliers are listed and kept, unless --exclude-outliers is given, which makes no
+    verdict better. Exit status 1 when the result is implausible, half of the plan is missing or no parameter is trusted; the
+    mistake that explains it best is named.
     """
     cell = read_cell(folder)
     source = current(folder, file)
