@@ -87,7 +87,7 @@ def command(
             result, judgement = judged(
                 cell, readings, items, source=source, fit=lambda: _estimated(cell, readings, items, degree, frame)
             )
-    excluded, fewer = result.outliers, readings
+    excluded, fewer = result.model.touches.number[result.unused], readings
     if exclude_outliers and len(excluded):
         fewer = without(readings, result.model.touches, result.unused)
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
