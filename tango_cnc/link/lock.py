@@ -148,13 +148,20 @@ def broken_off(folder: Path) -> float | None:
     has not said that its program is over; nobody is at work there; and no night has measured since.
     """
     try:
-        at = (folder / JOURNAL).stat().st_mtime
-        if not 0 <= time.time() - at < OVER or not _goes_on(folder / JOURNAL) or at_work(folder):
+        last = newest_run(folder)
+        at = last.stat().st_mtime
+        if not 0 <= time.time() - at < OVER or not _goes_on(last) or at_work(folder):
             return None
         later = (f.stat().st_mtime for f in (folder / "nights").glob("*/readings*.csv"))
         return None if any(measured > at for measured in later) else at
     except OSError:
         return None
+
+
+def newest_run(folder: Path) -> Path:
+    """folder of a cell → journal of its last run, whatever its readings are called; that of readings.csv where there is none."""
+    own = (f for f in folder.glob("*.journal") if "." not in f.stem and not f.stem.startswith("commission"))
+    return max(own, key=lambda f: f.stat().st_mtime, default=folder / JOURNAL)
 
 
 def _goes_on(journal: Path) -> bool:
