@@ -97,6 +97,7 @@ def _start(readings: str) -> list[str]:
     return [
         f"Call SetVar({_STOPPED}, 1)",
         *_stop(f"GetOEMLED({_PROBE}) <> 0", "PROBE IS DEFLECTED"),
+        *_stop('InStr(Format(0.5, "0.0"), ",") > 0', "WINDOWS WRITES A DECIMAL COMMA. SET ITS REGION TO A POINT"),
         *(f"Call SetVar({_FRAME + i}, GetOEMDRO({_MACHINE + i}) - GetOEMDRO({_WORK + i}))" for i in range(6)),
         f"Call SetVar({_MISSED}, 0)",
         *_mark("TANGO START ", readings, "NO START MARK IN THE PROGRAM"),

@@ -173,6 +173,16 @@ def test_every_clause_that_nothing_answers_is_named(tmp_path: Path) -> None:
         assert clause in missing
 
 
+def test_the_head_of_a_sheet_says_what_it_lacks(tmp_path: Path) -> None:
+    assert page.headline(signed(tmp_path, sheet(1.0))) == "All figures conform."
+    bare = tmp_path / "bare.yaml"
+    bare.write_text("limits: {straightness EXZ: 10}\n", encoding="utf-8")
+    found = made(read_order(bare, TODAY), sheet(1.0), GOOD, CELL, MEASURED, (), (), "1", TODAY)
+    head = page.headline(found)
+    assert found.conforms and "must not be signed" in head and "traceability" in head
+    assert head in page.typst(found, repr) and page.as_json(found)["headline"] == head
+
+
 def test_a_clause_that_is_answered_in_part_names_what_is_not_stated(tmp_path: Path) -> None:
     part = tmp_path / "part.yaml"
     stated = "laboratory: Measuring room\nsigned_by: A. Person\nconditions: {air_temperature: 20 °C, warm_up: 1 h}\n"

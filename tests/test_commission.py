@@ -211,9 +211,14 @@ def test_a_signal_the_wrong_way_round_stops_the_program_up_there_and_the_text_sa
 
 @pytest.mark.parametrize(("name", "habit"), [("centroid", {"sticks": True}), ("fagor", {"status": "sticks"})])
 def test_a_control_that_says_contact_where_nothing_was_met_is_no_wrong_frame(name: str, habit: dict[str, Any]) -> None:
-    what, events = seen(name, Case("miss", habit))
+    what, events = seen(name, Case("miss", {"habits": habit}))
     assert verdicts(what, "FAIL") == ["miss"] and not set(NEAR) & set(events)
     assert "CONTROL SAYS CONTACT WHERE NOTHING WAS MET" in what.said
+
+
+def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None:
+    what, events = seen("mach3", Case("records", {"habits": {"comma": True}}))
+    assert verdicts(what, "FAIL") == ["records"] and not set(NEAR) & set(events)
 
 
 def restated(case: Case, number: float, machine: Machine) -> Machine:

@@ -333,7 +333,7 @@ def test_help_of_the_command_is_asked_for_often(capsys: pytest.CaptureFixture[st
     assert "--minutes" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("option", ["--minutes", "--within", "--stylus-within"])
+@pytest.mark.parametrize("option", ["--minutes", "--within", "--stylus-within", "--early"])
 def test_a_number_that_is_none_is_refused(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "nan"], standalone_mode=False) == 2
     assert f"'{option}': nan is not in the range" in capsys.readouterr().err

@@ -40,6 +40,22 @@ def test_what_moved_along_its_own_axis_is_explained_by_none_of_two(example: str,
     assert d.verdict == "unexplained" and [r.shape for r in d.unexplained] == ["undecided"]
 
 
+@pytest.mark.long
+def test_a_machine_that_drifts_along_one_axis_is_no_scale_that_grows() -> None:
+    """A scale of Z has one direction, a machine that drifts has three: the touches show neither, and both are named."""
+    b = blind.bench()
+    effect = {"cause": "thermal_drift", "amplitude": 0.00484, "direction": [-0.092, -0.075, 1.43], "tau": 1872.0}
+    world = replace(b.world, effects=(effect,), noise=blind.NOISE)
+    d = diagnose(
+        b.cell.machine,
+        b.cell.artefact,
+        simulate(b.cell.machine, b.cell.artefact, b.cell.strategy, world, seed=5200053),
+        b.cell.terms,
+    )
+    assert "thermal_drift" in {f.cause for f in d.findings} | {name for f in d.findings for name, _, _ in f.alternatives}
+    assert d.verdict == "unexplained"
+
+
 def test_the_side_of_an_axis_is_the_direction_of_touch_where_all_come_against_it() -> None:
     b = blind.bench()
     touches = from_readings(b.cell.machine, b.cell.artefact, b.clean)

@@ -378,3 +378,17 @@ def test_a_foreign_taken_right_after_ours_ends_the_run_and_is_not_written_over()
     assert conversation(dict(values), lambda now: None) is None
     assert "another program takes the records" in conversation(dict(values), lambda now: now.update(taken=17))
     assert "does not stand there" in conversation(dict(values), lambda now: now.update(taken=3))  # nobody's: it is not kept
+
+
+@pytest.mark.parametrize(("error", "why"), [(OSError("no route"), "no route"), (RuntimeError(), "RuntimeError")])
+def test_a_line_that_is_lost_says_why_in_words_or_by_the_name_of_the_error(server, monkeypatch, error, why):
+    def verb():
+        raise error
+
+    line = opened(server)
+    monkeypatch.setattr("tango_cnc.link.transport._opcua.AGAIN", -1.0)
+    try:
+        with pytest.raises(LinkError, match=rf"cannot be reached any more: {why}$"):
+            line._kept(verb)
+    finally:
+        line.close()

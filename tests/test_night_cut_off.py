@@ -135,6 +135,9 @@ def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell
     os.utime(cell / JOURNAL, (time.time() - 25 * 3600, time.time() - 25 * 3600))
     assert broken_off(cell) is None, "no program goes on for a day"
     (cell / JOURNAL).unlink()
+    other = ("--readings", cell / "after.csv")  # as after a compensation
+    assert Result("run", "-C", cell, *other, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
+    assert broken_off(cell) == (cell / "after.journal").stat().st_mtime
     assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
     assert broken_off(cell) is None
 

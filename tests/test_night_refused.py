@@ -121,7 +121,7 @@ def test_a_night_that_was_neither_kept_nor_told_is_told_by_the_next_one(cell: Pa
     told = (tmp_path / "board.txt").read_text(encoding="utf-8")
     said = f"{night_of(lost.astimezone())}: not measured: the night left neither a result nor a message that waits"
     assert said in told and "a full disk" in told
-    assert f"its readings are in nights/{cut_off:%Y-%m-%dT%H%M%SZ}" in told
+    assert f"every touch had been made and is in nights/{cut_off:%Y-%m-%dT%H%M%SZ}/readings.csv, and nothing" in told
     with opened(cell / "history.db", create=False) as history:
         assert [n.status for n in history.nights()][-2:] == ["failed", "failed"] and history.verify() == ()
     assert not disk.unfinished()

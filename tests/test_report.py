@@ -596,6 +596,11 @@ def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(fa
         if f.value is None:
             assert rows[f.name]["value"] == "–"
             assert all(motion in rows[f.name]["note"] for motion in f.mixed)
+    listed = " ".join(page.context(facts, texts())["unseen"])
+    assert all(f.name in listed for f in sheet.figures if f.value is None)
+    assert texts()("unseen.none") not in listed
+    assert any(text.startswith("EZZb") for text in page.as_json(facts)["not_identifiable"])
+    assert "EYY1 may hold EAY" in listed
     alone = [r for r in rows.values() if texts()("iso.alone") in r["note"]]
     assert {r["name"] for r in alone} >= {"C to B", "C to X"}
 

@@ -170,6 +170,12 @@ def test_a_machine_in_inches_is_found_at_the_step(made: Plan) -> None:
     stopped(ran, "POSITIONS ARE IN INCHES", 1)
 
 
+def test_a_windows_that_writes_a_decimal_comma_is_found_before_anything_moves(made: Plan) -> None:
+    ran = run(lines_of(made), made, comma=True)
+    assert "WINDOWS WRITES A DECIMAL COMMA" in ran.why and not ran.flags(made) and not ran.out
+    assert not [event for event, _ in ran.events if event in ("skip", "contact", "collision")]
+
+
 def test_a_board_that_probes_along_one_axis_only_is_found(made: Plan) -> None:
     ran = run(lines_of(made), made, one_axis=True)
     assert "PROBE MET SOMETHING ON ITS WAY OR UNITS ARE NOT MM" in ran.why and not ran.flags(made)

@@ -17,6 +17,7 @@ def as_json(found: Signed) -> dict[str, Any]:
     return {
         "format": "tango-acceptance/1",
         "conforms": found.conforms,
+        "headline": headline(found),
         "stands": found.stands or None,
         "figures": [
             {
@@ -74,11 +75,19 @@ HEAD = ["figure", "value", "at least … at most", "U (k = 2)", "guard band", "l
 COPIES = "End of the sheet. It may be copied in full; a part of it only where the laboratory agrees."
 
 
+def headline(found: Signed) -> str:
+    """sheet → the sentence at its head: do the figures conform, and may the sheet be signed?"""
+    if found.stands:
+        return "No statement of conformity is made."
+    text = "All figures conform" if found.conforms else "Not all figures conform"
+    if not found.missing:
+        return f"{text}."
+    return f"{text}, but the sheet is incomplete and must not be signed. It lacks: {'; '.join(found.missing)}."
+
+
 def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     """sheet, what makes a string literal of typst → source of one page."""
-    overall = "All figures conform." if found.conforms else "Not all figures conform."
-    if found.stands:
-        overall = "No statement of conformity is made."
+    stands = f"No interval stands: {found.stands}" if found.stands else ""
     head = ", ".join(f"text({quoted(c)})" for c in HEAD)
     body = ", ".join(f"text({quoted(c)})" for row in found.rows for c in cells(row))
     missing = {clause: f"missing: {found.lacks[clause]}" if clause in found.lacks else "missing" for clause in found.missing}
@@ -94,7 +103,7 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
 #set table.cell(breakable: false)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
 
-#text(10pt, weight: "bold", {quoted(overall)}) #text({quoted(f"No interval stands: {found.stands}" if found.stands else "")})
+#text(10pt, weight: "bold", {quoted(headline(found))}) #text({quoted(stands)})
 
 #table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt,
   table.header({head}), {body})

@@ -86,7 +86,7 @@ def command(
                 "the figures come from a fit with every error motion; --terms S4 judges the touches by a fit that has them, too"
             )
         lines += [f"missing for ISO/IEC 17025: {c}" + (f": {found.lacks[c]}" if c in found.lacks else "") for c in found.missing]
-        lines.append("every figure conforms" if found.conforms else "not every figure conforms")
+        lines.append(page.headline(found))
         click.echo("\n".join(lines))
     return int(not found.conforms or bool(found.missing))
 

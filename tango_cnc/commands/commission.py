@@ -138,7 +138,10 @@ def command(
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
-    if someone and answers == "ask" and not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
+    if not (someone and answers == "ask"):
+        for text, _ in by_hand_first(made, wanted, controller.post).values():
+            click.echo(f"not asked: {text} If not, do not start the program.", err=True)
+    elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
     _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe

@@ -89,6 +89,13 @@ class Finite(click.FloatRange):
 @click.option(
     "--volume", metavar="X0:X1,Y0:Y1,Z0:Z1", help="Where parts are made, mm in the table frame, instead of above the facets."
 )
+@click.option(
+    "--early",
+    type=Finite(0.0, 100.0),
+    default=3.0,
+    show_default=True,
+    help="Percent that the whole plan may lose so that a run that is broken off is worth more.",
+)
 @click.option("--compare", is_flag=True, help="Also a regular plan of that time, and the best of 100 random ones.")
 @click.option("--styli", is_flag=True, help="Also say which ISO figures the plan decides, and what a second stylus would add.")
 @click.option(
@@ -118,6 +125,7 @@ def command(
     again: tuple[Path, ...],
     judge: Path | None,
     volume: str | None,
+    early: float,
     compare: bool,
     styli: bool,
     picture: Path | None,
@@ -160,6 +168,7 @@ def command(
         degree,
         stylus,
     )
+    asked = replace(asked[0], loss=early / 100), asked[1]
     if again:
         asked = _also(cell, asked[0], again), asked[1]
     if judge is not None and readings is not None:

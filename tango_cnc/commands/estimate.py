@@ -18,7 +18,8 @@ from ..files import blamed_on, read_cell, read_readings, read_terms
 from ..files.checked import resumed
 from ..files.origin import current
 from ..identify import never_seen, summary
-from ..iso230.signed import withheld
+from ..iso230.also import said_also
+from ..iso230.signed import withheld_and_also
 from ..judgement import Judgement
 from ..records import Cell, InputError, Parameter, Readings, TangoError, TermItem
 from ..report.units import shown
@@ -93,15 +94,18 @@ def command(
     if frame is None and judgement.verdict != "implausible":
         judgement = _predicting(cell, without(fewer, result.model.touches, result.unused), items, degree, judgement)
     gone = sorted({*blamed, *(int(i) for i in excluded)})
-    figures = withheld(result)
+    figures, also = withheld_and_also(result)
     data = as_json(result, figures, judgement)
+    data["may_also_hold"] = {name: list(motions) for name, motions in also.items()}
     data["scale_bar_not_used"] = bar = bar_left_out(cell.artefact, result.model.touches.facet)
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
         scales = [text] if (text := _scales.said(folder, result)) else []
         sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement)]
-        click.echo("\n".join([*told(judgement), as_text(result, figures), *scales, *([bar] if bar else []), *sound]))
+        click.echo(
+            "\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *([bar] if bar else []), *sound])
+        )
     if exclude_outliers and gone:
         click.echo(f"{len(gone)} touches excluded: {', '.join(map(str, gone))}", err=True)
     skipped = int((~readings.ok).sum())

@@ -88,12 +88,12 @@ class Undetermined(NoTime):
         self.found = found
 
 
-def chosen(problem: Problem, early: bool = False) -> Chosen:
-    """problem, whether to give up early what seems in vain → plan. Raises InputError when the time is too short."""
+def chosen(problem: Problem, early: bool = False, loss: float = LOSS) -> Chosen:
+    """problem, whether to give up early, what the whole may lose for parts → plan. Raises InputError when time is too short."""
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     made, relaxed = _searched(problem, again, early)
-    made = with_parts(made, again, LOSS, partial(_of_part, again=again)) if early else worth_when_broken_off(made, again, 0.0)
+    made = with_parts(made, again, loss, partial(_of_part, again=again)) if early else worth_when_broken_off(made, again, 0.0)
     return certified(made, _lifted(made.problem, relaxed))
 
 

@@ -18,6 +18,7 @@ from ..touches import from_readings
 from . import candidates, check, choose, goals, how_long, prior, region, timed
 from . import regular as plain
 from .balls import information
+from .broken_off import LOSS
 from .candidates import Candidates
 from .criterion import value
 from .enough import determined, serves
@@ -48,6 +49,7 @@ class Wish:
     stylus: float = check.STYLUS  # mm within which it comes back to the spindle, for a check
     gate: str = "none"  # of the profile
     typed: str = ""  # the command line that asks for it, without --terms, where there is one
+    loss: float = LOSS  # of the uncertainty of the whole plan, for a run that is broken off
 
 
 @dataclass(frozen=True)
@@ -186,7 +188,7 @@ def _proposed(ready: Setting) -> Chosen:
     try:
         if wish.goal.word == "check" and wish.minutes is None:
             return worth_making(_usual_check(problem))
-        found = choose.chosen(problem, early=bool(wish.goal.word))
+        found = choose.chosen(problem, early=bool(wish.goal.word), loss=wish.loss)
         return worth_making(found) if wish.goal.word or not determined(problem, found.information) else found
     except choose.TooShort as error:
         raise InVain(error.found, "even the shortest plan takes longer") from None

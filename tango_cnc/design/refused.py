@@ -58,7 +58,9 @@ def undetermined(found: Chosen) -> str:
     """plan that does not serve → why."""
     if found.problem.choice.twice:
         return "such a check would see no change smaller than 0.1 mm"
-    return f"its {len(found.rows)} touches do not determine all that the goal asks for"
+    unknown = len(found.rows) - to_spare(found)
+    why = f"; 'tango estimate' has {unknown} unknowns of them" if to_spare(found) < SPARE else ""
+    return f"its {len(found.rows)} touches do not determine all that the goal asks for{why}"
 
 
 def refused(ready: Setting, error: InVain) -> InputError:

@@ -3,6 +3,9 @@
 A table that moved along its own turning axis, and this axis that moved along itself on what carries it, differ in no touch. Each
 of them has two more directions, which follow the noise of one run differently: evidence of all directions would tell these two
 causes apart by chance. So another cause is compared in the directions that it shares with the name as well, at their price.
+
+A name of one direction, such as a scale that grows, is cheaper than a body that may drift in any of three. A body that drifts along
+one axis of its frame is as plain, and a machine is built so that most do. So it is compared so, too, at the price of one direction.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ import numpy as np
 
 from ..records import InputError
 from ._candidates import Candidate
-from ._catalogue import Catalogue, Chosen, cost, total
+from ._catalogue import FEWEST_TRIED, Catalogue, Chosen, cost, total
 from ._space import Space, orthonormal
 
 SAME = 0.99  # part (squared) of a direction of one cause that another one follows; evidence then decides what the touches tell
@@ -27,6 +30,12 @@ def alike(
     every cause with how much less it is in the directions alone that it shares with the name, where that is not as much.
     """
     found = {o.candidate.cause: (o, behind) for o, behind in known}
+    if one.columns.shape[1] == 1:
+        for other in _along_one(place, cat, one.candidate):
+            behind = best - total(place, [*others, other])
+            if other.candidate.cause not in found or behind < found[other.candidate.cause][1]:
+                found[other.candidate.cause] = other, behind
+        return list(found.values())
     own = orthonormal(one.columns)
     for candidate in _variants(cat, one.candidate):
         columns = place.project(candidate.columns)
@@ -47,6 +56,19 @@ def alike(
         if candidate.cause not in found or reached - value < found[candidate.cause][1]:
             found[candidate.cause] = Chosen(candidate, columns, whole), reached - value
     return list(found.values())
+
+
+def _along_one(place: Space, cat: Catalogue, one: Candidate) -> Iterator[Chosen]:
+    """space, catalogue, a name of one direction → others with its moment and course, each along one axis of its frame."""
+    for candidate in _variants(cat, one):
+        tried = int((cat.group == cat.causes.index(candidate.cause)).sum())
+        for axis in np.eye(3):
+            try:
+                single = cat.rebuild(candidate.cause, {**candidate.setting, "direction": axis.tolist()})
+            except InputError:  # it has no direction of its own
+                break
+            if single.columns.shape[1] == 1:
+                yield Chosen(single, place.project(single.columns), cost(single, len(axis) * max(tried, FEWEST_TRIED), place.m))
 
 
 def _variants(cat: Catalogue, one: Candidate) -> Iterator[Candidate]:

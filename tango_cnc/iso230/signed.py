@@ -17,6 +17,7 @@ from ..estimate import Estimate
 from ..features import bar_left_out
 from ..identify import Selection
 from ..records import Array, TangoError
+from .also import also_held
 from .doubt import UNDECIDED, Doubt, most, undecided, worst
 from .expansion import expanded, feels, felt_by, with_column
 from .interval import Spread, of_drawn, of_turned, of_volume
@@ -137,11 +138,23 @@ def _over(w: Whole) -> dict[str, tuple[float, float]]:
 
 def withheld(result: Estimate) -> tuple[str, ...]:
     """estimate → a sentence for every ISO figure that these touches do not decide; one where they are too few for any."""
+    return _open(result)[0]
+
+
+def withheld_and_also(result: Estimate) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
+    """estimate → as `withheld`; of every parameter, the angular error motions that it may hold, as touches do not separate them."""
+    texts, angular = _open(result)
+    return texts, also_held(list(result.parameters), result.model.touches.machine, angular)
+
+
+def _open(result: Estimate) -> tuple[tuple[str, ...], list[tuple[str, tuple[str, ...]]]]:
+    """estimate → sentences on what is withheld; of every angular error motion that is, those that it is mixed with."""
     try:
         all_of_it = whole(result)
-        return tuple(doubt[1] for ask in _asked(all_of_it)[0] if (doubt := undecided(ask, all_of_it)))
+        found = [(ask, doubt) for ask in _asked(all_of_it)[0] if (doubt := undecided(ask, all_of_it))]
     except TangoError as error:
-        return (str(error),)
+        return (str(error),), []
+    return tuple(text for _, (_, text) in found), [(ask.own, mixed) for ask, (mixed, _) in found if ask.kind == "angular"]
 
 
 def ways_out(w: Whole, by_length: Sequence[str] = ()) -> tuple[str, ...]:

@@ -144,12 +144,13 @@ def ended(folder: Path, stamps: Sequence[str]) -> dict[str, str]:
 def broken_off(folder: Path) -> float | None:
     """folder of a cell → when its last run broke off, s since 1970, where the control may still execute the program; else None.
 
-    That is: its journal of the last day ends with a touch, the beginning, or an end that is not complete and for which the control
-    has not said that its program is over; nobody is at work there; and no night has measured since.
+    That is: its newest journal (of `--readings` besides), of the last day, ends with a touch, the beginning, or an end that is not
+    complete and for which the control has not said that its program is over; nobody is at work there; and no night has measured
+    since.
     """
     try:
-        last = newest_run(folder)
-        at = last.stat().st_mtime
+        found = [(file.stat().st_mtime, file) for file in folder.glob("*.journal")]
+        at, last = max(found, default=(0.0, folder / JOURNAL))
         if not 0 <= time.time() - at < OVER or not _goes_on(last) or at_work(folder):
             return None
         later = (f.stat().st_mtime for f in (folder / "nights").glob("*/readings*.csv"))

@@ -222,10 +222,13 @@ def _lost(world: Ports, stamp: str) -> str:
     t = texts()
     try:
         waits = any(old == stamp for old, _ in world.disk.unsent())
-        kept = any(world.disk.read(stamp, name) is not None for name in ("readings.csv", "readings.partial.csv"))
+        whole = world.disk.read(stamp, "readings.csv") is not None
+        kept = whole or world.disk.read(stamp, "readings.partial.csv") is not None
     except OSError:
-        waits = kept = False
+        waits = kept = whole = False
     why = t("night.cut_off") if waits or kept else t("night.cut_off_silent")
+    if whole:
+        return joined("", (why, t("night.readings_whole", file=f"nights/{stamp}/readings.csv")))
     return joined("", (why, t("night.readings_left", folder=f"nights/{stamp}") if kept else ""))
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ..identify import never_seen
+from ..iso230.also import also_held, said_also
 from ..iso230.signed import OnPart
 from ..iso230.temperature import scale
 from .facts import Facts
@@ -37,6 +39,22 @@ def iso_at(f: Facts, t: Texts) -> str:
         state = t("iso.temperature_assumed", size=f"{2e6 * scale(warm, True).std:.0f}")
     text = f.wishes.units.sentence(t("iso.at", reference=t.of(f.sheet.reference.text), state=state))
     return text[0].upper() + text[1:]
+
+
+def not_seen(f: Facts) -> list[str]:
+    """facts → sentences: what the touches do not show of the fitted terms, as `tango estimate` has them."""
+    return [*(c.text for c in f.result.selection.unseen), *never_seen(f.cell.machine, list(f.result.parameters))]
+
+
+def withheld(f: Facts, t: Texts) -> list[str]:
+    """facts, texts → sentences: ISO figures that are withheld, and error motions that parameters may hold."""
+    if isinstance(f.sheet, str):
+        return [f"{f.sheet}."]
+    open_figures = [g for g in f.sheet.figures if g.value is None]
+    angular = [(g.name, g.mixed) for g in open_figures if g.kind == "angular"]
+    also = said_also(also_held(list(f.result.parameters), f.cell.machine, angular))
+    names = ", ".join(dict.fromkeys(t.of(g.name) for g in open_figures))
+    return [*([t("unseen.figures", names=names)] if names else []), *(t.of(text) for text in also)]
 
 
 def _iso_row(f: Facts, t: Texts, g: OnPart, note: str) -> dict[str, Any]:

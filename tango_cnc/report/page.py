@@ -20,7 +20,7 @@ from .course import course
 from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
-from .figures import iso, iso_at, uncertainty
+from .figures import iso, iso_at, not_seen, uncertainty, withheld
 from .may import Told, grown, may, parts_first
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
@@ -93,7 +93,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "motions": [_safe(s) for s in charts.motions(f, t)],
         "iso": iso(f, t),
         "iso_at": iso_at(f, t),
-        "unseen": [t.of(c.text) for c in f.result.selection.unseen],
+        "unseen": [*(t.of(text) for text in not_seen(f)), *withheld(f, t)],
         "uncertainty": uncertainty(f, t),
         "trend": _trend(f, t),
         "compensations": [_compensation(c, u, t) for c in f.compensations],
@@ -408,7 +408,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
         "volume_worst_um": None if within is None else within[0] * 1e3,
         "outliers": [int(i) for i in f.result.outliers],
-        "not_identifiable": [c.text for c in f.result.selection.unseen],
+        "not_identifiable": not_seen(f),
         "not_identifiable_figures": [f.sheet] if isinstance(f.sheet, str) else list(f.sheet.not_identifiable),
         "files": [{"file": name, "bytes": size, "sha256": digest} for name, size, digest in f.paper.files],
     }

@@ -21,7 +21,7 @@ from .._shared.alarm import Alarm, Silence
 from ..rs274.axes import INCH, Frames
 from ..rs274.expressions import NIST, Key, Reader
 from ..rs274.program import line as read_line
-from .basic import Host, Script
+from .basic import LIBRARY, Host, Script
 
 __all__ = ["Control", "Profile", "default_profile"]
 
@@ -44,6 +44,7 @@ class Profile:
     shortest: float = 0.254  # mm, of a G31: RS274/NGC's hundredth of an inch, which Mach3 is remembered to have inherited
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     rounded: float = 0.0  # mm that the DROs come in whole steps of; 0: as they are
+    comma: bool = False  # a Windows whose region has a decimal comma: Format writes it
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
@@ -178,6 +179,7 @@ class Control:
 
     def _host(self) -> Host:
         return {
+            **({"format": lambda value, form: LIBRARY["format"](value, form).replace(".", ",")} if self._profile.comma else {}),
             "getvar": lambda number: self._get(int(number)),
             "setvar": lambda number, value: self._numbers.__setitem__(int(number), float(value)),
             "getoemdro": self._dro,

@@ -73,7 +73,7 @@ EXPERIMENT = Experiment(
     "else set the control to a decimal point; state print_format, places, conversion or output; "
     "check line ends and parity of the port",
     judge,
-    re.compile(r"IDENTIFIERS|FORMAT ERROR"),
+    re.compile(r"IDENTIFIERS|FORMAT ERROR|DECIMAL COMMA"),
     settles=re.compile(r"DPRNT|SPRINT|^print_format|^places|^conversion|^output|PUT of a number|decimal point|mask|#WRITE"),
     rests=("print_format", "places", "conversion", "output", "mask", "readings", "log"),
     on=("port",),

@@ -28,6 +28,7 @@ NAME, VALUE, PRECISE = r"[A-Z][A-Za-z]{0,9}", r"[^\"&]+", r"Format\([^\"&]+, \"0
 WORDS = rf"(?: & \" [A-Z]\" & {PRECISE})+"
 WORD = re.compile(r'" ([A-Z])" & Format\(([^"&]+), "0\.0000"\)')
 IF = re.compile(r"If (.+) Then")
+COMMA = 'InStr(Format(0.5, "0.0"), ",") > 0'  # whether this Windows writes one; here it does not
 SETS = re.compile(rf"Call SetVar\((\d+), ({VALUE})\)")
 ASSIGN = re.compile(rf"({NAME}) = (.+)", re.IGNORECASE)
 TAKEN = re.compile(  # names that mean something else: no value is given to them
@@ -171,7 +172,7 @@ def _step(rows: list[str]) -> tuple[Action, int]:
         return Wait(), 3
     if match := IF.fullmatch(line):
         inner = rows[1 : rows.index("End If")] if "End If" in rows else []
-        return _conditional(spelt(match[1], (TRUTH,)), inner), len(inner) + 2
+        return _conditional("[0 EQ 1]" if match[1] == COMMA else spelt(match[1], (TRUTH,)), inner), len(inner) + 2
     for word in ("START", "END"):
         if rows[: len(LOOK)] == [text.format(word) for text in LOOK]:
             return Look(word), len(LOOK)
