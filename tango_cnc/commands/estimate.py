@@ -89,7 +89,7 @@ def command(
             )
     excluded, fewer = result.outliers, readings
     if exclude_outliers and len(excluded):
-        fewer = without(readings, result.model.touches, result.out)
+        fewer = without(readings, result.model.touches, result.unused)
         result, judgement = judged(cell, fewer, items, source=source, fit=lambda: _estimated(cell, fewer, items, degree, frame))
     if frame is None and judgement.verdict != "implausible":
         judgement = _predicting(cell, without(fewer, result.model.touches, result.unused), items, degree, judgement)
