@@ -121,6 +121,9 @@ def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell
     assert broken_off(cell) == at
     with holding(cell, "tango run"):
         assert broken_off(cell) is None
+    (cell / JOURNAL).rename(cell / "after.journal")  # of 'tango run --readings after.csv'
+    assert broken_off(cell) == at
+    (cell / "after.journal").rename(cell / JOURNAL)
     night = cell / "nights" / "2026-10-04T020000Z"
     night.mkdir(parents=True)
     (night / "readings.csv").write_text("")

@@ -159,6 +159,12 @@ def broken_off(folder: Path) -> float | None:
         return None
 
 
+def newest_run(folder: Path) -> Path:
+    """folder of a cell → journal of its last run, whatever its readings are called; that of readings.csv where there is none."""
+    own = (f for f in folder.glob("*.journal") if "." not in f.stem and not f.stem.startswith("commission"))
+    return max(own, key=lambda f: f.stat().st_mtime, default=folder / JOURNAL)
+
+
 def _goes_on(journal: Path) -> bool:
     """journal → whether by its last entry the program was begun and is not known to be over."""
     with journal.open("rb") as file:

@@ -11,7 +11,7 @@ from pathlib import Path
 from ..records import TangoError
 from .entries import Again, Begun, Doubted, End, Entry, Reading, Segment
 from .journal import read_on
-from .lock import JOURNAL, at_work, begun
+from .lock import JOURNAL, at_work, begun, newest_run
 
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on
 
@@ -34,7 +34,7 @@ class Progress:
 
 def journals(folder: Path) -> list[Path]:
     """cell → its journals: of the last run and of a night at work (or cut off), the newest first, then those set aside."""
-    present = [folder / JOURNAL, *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
+    present = [newest_run(folder), *(folder / "nights" / stamp / JOURNAL for stamp in begun(folder))]
     there = sorted((f for f in present if f.is_file()), key=lambda f: f.stat().st_mtime, reverse=True)
     return [*there, *sorted(folder.glob("readings.*.journal"), reverse=True)]
 
