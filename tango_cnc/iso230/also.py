@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..records import Machine
-from ..texts import say
-from .doubt import listed
+from ..texts import joined, say
 
 TURNED = {("A", "Y"): "Z", ("A", "Z"): "Y", ("B", "Z"): "X", ("B", "X"): "Z", ("C", "X"): "Y", ("C", "Y"): "X"}
 # A turn about X, and what lies along Y goes along Z: a squareness is a slope in a straightness.
@@ -41,5 +40,5 @@ def also_held(
 
 def said_also(found: Mapping[str, Sequence[str]]) -> list[str]:
     """parameters: the motions that each may hold → one sentence; [] where there is none."""
-    parts = [say("iso_said.also.one", name=name, motions=listed(tuple(motions))) for name, motions in found.items()]
-    return [say("iso_said.also.all", parts="; ".join(parts))] if parts else []
+    parts = [say("iso_said.also.one", name=name, motions=", ".join(motions)) for name, motions in found.items()]
+    return [say("iso_said.also.all", parts=joined("; ", parts))] if parts else []

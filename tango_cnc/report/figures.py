@@ -50,7 +50,7 @@ def withheld(f: Facts, t: Texts) -> list[str]:
     """facts, texts → sentences: ISO figures that are withheld, and error motions that parameters may hold."""
     if isinstance(f.sheet, str):
         return [f"{f.sheet}."]
-    open_figures = [g for g in f.sheet.figures if g.value is None]
+    open_figures = [g for g in f.sheet.figures if g.value is None and not g.name.endswith((" ends", " zone"))]
     angular = [(g.name, g.mixed) for g in open_figures if g.kind == "angular"]
     also = said_also(also_held(list(f.result.parameters), f.cell.machine, angular))
     names = ", ".join(dict.fromkeys(t.of(g.name) for g in open_figures))
