@@ -39,7 +39,7 @@ from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
 from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
-from .users import UsersFile, SignIn, SignIns
+from .users import SignIn, SignIns, UsersFile
 
 PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
 LARGE = 50_000  # bytes from which a page is compressed: the list of 200 machines has 15 times that
