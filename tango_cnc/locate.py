@@ -141,7 +141,7 @@ def _quick(cell: Cell, indexation: Indexation, allowed: Sequence[str], approach:
     return found
 
 
-def _cheaper(artefact: Artefact, ways: displaced.Ways, names: Sequence[str], off: float, price: float) -> tuple[str, ...]:
+def _cheaper(artefact: Artefact, ways: displaced.LocatingWays, names: Sequence[str], off: float, price: float) -> tuple[str, ...]:
     """facets that can be touched and the ways between them, those chosen, mm, what a mm of way costs → others, in their order.
 
     One is exchanged after the other as long as that helps, none for one that is nearer to an edge than it may be elsewhere.

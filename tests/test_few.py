@@ -77,7 +77,8 @@ def test_a_plug_in_that_the_last_commit_has_not_is_new(tmp_path: Path) -> None:
 TESTS = Path(__file__).parent
 # Whole sessions, commands and campaigns, of which no test is quick.
 WHOLE = """
-    compensate_verdicts compensate_walk demo diagnose_blind dialects grblhal_commission history_import iso230_exact
+    best_judge compensate_verdicts compensate_walk demo diagnose_blind dialects exclude_outliers grblhal_commission
+    history_import iso230_exact
     link_9600 link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt night_in_control
     night_within plan_long plausible_copied run_stylus scales_said serve_abuse serve_attacks serve_browser

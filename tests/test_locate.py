@@ -257,7 +257,7 @@ def test_the_order_is_the_shortest_of_all() -> None:
     rng = np.random.default_rng(4)
     between, ends = rng.uniform(1, 9, (6, 6)), rng.uniform(1, 9, 6)
     between += between.T
-    ways = displaced.Ways(tuple("abcdef"), between, ends)
+    ways = displaced.LocatingWays(tuple("abcdef"), between, ends)
     found = ways.shortest(("c", "a", "f", "b", "e", "d"))
     assert sorted(found) == list("abcdef")
     assert ways.length(found) == pytest.approx(min(map(ways.length, permutations("abcdef"))))

@@ -109,6 +109,20 @@ def test_a_night_waits_until_a_program_that_was_left_behind_must_be_over(cell: P
     assert executed_until(cell, STAMP, made) is None
 
 
+def test_a_night_waits_for_the_program_of_a_run_that_was_killed_outside_the_nights(cell: Path, night: Path) -> None:
+    """After a `tango run` that was killed a night passed its preflight, and sent its program to a control that still moved."""
+    made, tonight = plan(read_cell(cell)), f"{datetime.now(UTC) + timedelta(minutes=1):%Y-%m-%dT%H%M%SZ}"
+    shutil.copy(night / JOURNAL, cell / JOURNAL)
+    shutil.rmtree(cell / "nights")
+    until = executed_until(cell, tonight, made)
+    assert until is not None and until > datetime.now(UTC)
+    assert silence_after(newest_run(cell, tonight)[1], made) > 0.0
+    assert executed_until(cell, STAMP, made) is None
+    (cell / JOURNAL).unlink()
+    assert Result("run", "-C", cell, "--port", Control(cell).url).code == 0
+    assert executed_until(cell, tonight, made) is None
+
+
 def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell: Path) -> None:
     """Its page said to look at the machine, and the list beside it: Yes."""
     assert broken_off(cell) is None

@@ -108,7 +108,7 @@ def test_a_subprogram_on_okuma_that_runs_out_is_refused() -> None:
         ("$IF P5>=3\n", "$IF P5>=300\n", "3 touches in a row"),
         (f"{DEFLECTED}G100", f"{DEFLECTED.replace('!=0', '==5')}G100", "although the probe is deflected"),
         ('#ERROR ["TANGO PROBE IS DEFLECTED"]\nM30\n', "M30\n", "no line that an [$]IF may have"),
-        ('ON ITS WAY"]\nM30\n', 'ON ITS WAY"]\n', "no line that an [$]IF may have"),
+        ('NOTHING WAS MET"]\nM30\n', 'NOTHING WAS MET"]\n', "no line that an [$]IF may have"),
         ("$ENDIF\nG100", "G100", "no line that an [$]IF may have"),
         ("#RTCP OFF\n", "", "something moves before #RTCP OFF"),
         ("\nD0\n", "\n", "before D0 has taken the tool offset away"),

@@ -115,7 +115,7 @@ def test_what_is_dangerous_on_mach4_is_named(old: str, new: str, words: str) -> 
         ("[#5021 - 1.5 - #29101]", "[#5021 - 1.5]", "found an unprotected move of .* mm; allowed: 1.5 mm"),
         ("L1\n", "\n", "no line that a program of this kind"),
         ("M115 /X[-98. ", "M115 /X[98. ", r"found X 98\.000 mm"),
-        ("> 0.02]] THEN GOTO 9001", "> 200.]] THEN GOTO 9001", "although a protected move has been stopped short"),
+        ("383.]] > 0.02] THEN GOTO 9001", "383.]] > 200.] THEN GOTO 9001", "although a protected move has been stopped short"),
         ("THEN GOTO 9003", "THEN GOTO 9999", "no place where this program stops"),
         (">= 3] THEN GOTO 9003", ">= 300] THEN GOTO 9003", "3 touches in a row"),
         ("] > 1.] THEN GOTO 9002", "] > 100.] THEN GOTO 9002", "the latched position of X has changed"),

@@ -57,6 +57,15 @@ def test_the_auditor_sees_what_the_answer_rests_on(facts: Facts, tmp_path: Path)
     assert "nightly.yaml" in {name for name, *_ in files}
 
 
+def test_a_report_says_neither_yes_nor_no_while_the_machine_measures(facts: Facts, tmp_path: Path) -> None:
+    """It said Yes while a night was at work, where the pages and `--status` said Measuring."""
+    known = nights(cell(tmp_path / "one", records=[night("HU40T-like", 0)]), facts.cell.machine, Units(), texts())
+    assert known is not None and not known.busy
+    assert page.as_json(replace(facts, nights=known))["may_make_parts"] != "wait"
+    busy = replace(facts, nights=replace(known, busy=True))
+    assert page.as_json(busy)["may_make_parts"] == "wait" and "Keep the door shut" in page.render(busy)
+
+
 @pytest.mark.parametrize(("text", "kept"), [("W" * 300, False), ("0123456789abcdef" * 4, True), ("C axis, 4711", True)])
 def test_a_name_as_long_as_a_line_breaks_on_paper_and_a_hash_can_be_copied(text: str, kept: bool) -> None:
     """A long name was cut off at the edge of the paper."""

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
+from ..link import lock
 from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
-from ..link.lock import cut_off
 from ..link.measure import silence_after
 from ..link.readings import readings_of
 from ..link.rest import durations
@@ -25,6 +25,7 @@ from ..texts import say
 
 PLANNED = "planned.json"  # what the run of a night was to touch
 JOURNAL = "readings.journal"
+STAMP = "%Y-%m-%dT%H%M%SZ"
 LONGER = 1.5  # times its predicted time that a program is taken to last at most, with the wait for its start
 KEPT = ("readings.csv", "readings.partial.csv")
 
@@ -35,20 +36,29 @@ def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
 
 
 def newest_run(folder: Path, stamp: str) -> tuple[str, tuple[Entry, ...]]:
-    """cell, stamp of tonight → stamp of the last night before that has a journal, and what can be read of it; ("", ()) for none.
+    """cell, stamp of tonight → stamp of the last run before that has a journal, and what can be read of it; ("", ()) for none.
 
-    One that broke off may still be executed by a control that nobody can ask, whoever ended the night.
+    That of a night is the stamp of its night; that of `tango run` is when its last segment began. One that broke off may still be
+    executed by a control that nobody can ask, whoever ended it.
     """
-    found = [f for f in (folder / "nights").glob("*/*.journal") if f.parent.name < stamp]
-    with suppress(TangoError, OSError, ValueError):  # ValueError: no night has a journal
-        last = max(found, key=lambda f: (f.parent.name, f.stat().st_mtime))
-        return last.parent.name, tuple(salvaged(look_at(last))[0])
-    return "", ()
+    found = [(f.parent.name, f.stat().st_mtime, f) for f in (folder / "nights").glob("*/*.journal")]
+    runs = [(night, _read(f)) for night, _, f in sorted(found) if night < stamp][-1:]
+    own = _read(lock.newest_run(folder))
+    begun = [f"{datetime.fromisoformat(e.utc).astimezone(UTC):{STAMP}}" for e in own if isinstance(e, Segment)]
+    runs += [(moment, own) for moment in begun[-1:] if moment < stamp]
+    return max(runs, key=lambda run: run[0], default=("", ()))
+
+
+def _read(journal: Path) -> tuple[Entry, ...]:
+    """journal → what can be read of it; () where nothing can."""
+    with suppress(TangoError, OSError, ValueError):
+        return tuple(salvaged(look_at(journal))[0])
+    return ()
 
 
 def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
-    """cell, stamp of tonight, plan of all touches → until when at the latest a control may execute the program of the last run of a
-    night before; None where it came to its end, or none was.
+    """cell, stamp of tonight, plan of all touches → until when at the latest a control may execute the program of the last run
+    before; None where it came to its end, or none was.
 
     It began after its stamp, and waited for its start no longer than a run does.
     """
@@ -56,7 +66,7 @@ def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
     if not silence_after(entries, whole):
         return None
     try:
-        moment = datetime.strptime(began[:18], "%Y-%m-%dT%H%M%SZ").replace(tzinfo=UTC)
+        moment = datetime.strptime(began[:18], STAMP).replace(tzinfo=UTC)
     except ValueError:
         return None
     return moment + timedelta(seconds=LONGER * sum(durations(whole).values()))
@@ -67,7 +77,7 @@ def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -
 
     A journal that no plan of the cell fits stays as it is, and so does one that cannot be read: a night is not held up by it.
     """
-    for stamp in cut_off(folder):
+    for stamp in lock.cut_off(folder):
         night = folder / "nights" / stamp
         if not (night / JOURNAL).is_file() or any((night / name).exists() for name in KEPT):
             continue

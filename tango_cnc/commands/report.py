@@ -23,6 +23,7 @@ from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
 from ..link.lock import broken_off, cut_off, ended
+from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
 from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
@@ -315,6 +316,7 @@ def nights(
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
             chain=history.newest_hashes().get(machine),
+            busy=minutes_left(folder, now.timestamp()) is not None,
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3

@@ -1,4 +1,4 @@
-"""Ways above a table that may stand elsewhere than its file says: in which order, and how high above what is on it.
+"""LocatingWays above a table that may stand elsewhere than its file says: in which order, and how high above what is on it.
 
 Everything on the table may be some millimeters away in any direction. A way between two touches is as high as the highest of it
 that can come under this one way, and a margin more; before the first touch and after the last the probe is at the clear level.
@@ -26,7 +26,7 @@ def farthest(plan: Plan) -> float:
 
 
 @dataclass(frozen=True)
-class Ways:
+class LocatingWays:
     """Every way between two touches of one indexation, and those from the clear level: mm that the probe goes."""
 
     facets: tuple[Id, ...]  # n
@@ -48,7 +48,7 @@ class Ways:
         return min(((*order[:at], other, *order[at:]) for at in range(len(order) + 1)), key=self.length)
 
 
-def ways(plan: Plan, away: float) -> Ways:
+def ways(plan: Plan, away: float) -> LocatingWays:
     """plan of one indexation, mm by which what is on the table may be elsewhere → the ways between its touches, each with each."""
     shared, facet, at = _rows(plan)
     here, up = shared.standoff(facet, at)
@@ -57,7 +57,7 @@ def ways(plan: Plan, away: float) -> Ways:
     rise, fall = _lifts(shared, away, here[first], here[second], up[first], np.minimum(level[first], level[second]))
     aside = here[second] + fall[:, None] * up[first] - here[first] - rise[:, None] * up[first]
     between = (rise + fall + np.linalg.norm(aside, axis=1)).reshape(len(here), len(here))
-    return Ways(tuple(touch.facet for touch in plan.touches), between, level - np.einsum("ij,ij->i", here, up))
+    return LocatingWays(tuple(touch.facet for touch in plan.touches), between, level - np.einsum("ij,ij->i", here, up))
 
 
 def raised(plan: Plan, by: float) -> Plan:

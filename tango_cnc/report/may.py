@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .age import nights_old
-from .answer import Answer, answer
+from .answer import Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts, effects
@@ -36,7 +36,12 @@ class Told:
 
 
 def may(f: Facts, t: Texts) -> Told:
-    """facts, texts → whether parts may be made."""
+    """facts, texts → whether parts may be made; neither yes nor no while the machine measures."""
+    told = _known(f, t)
+    return replace(told, answer=measuring(told.answer, t)) if f.nights is not None and f.nights.busy else told
+
+
+def _known(f: Facts, t: Texts) -> Told:
     stated = f.wishes.stated
     strict = None if stated is None else replace(f, wishes=replace(f.wishes, limit=stated, stated=None))
     own = _but(_own(f, t), None if strict is None else _own(strict, t), f, t)

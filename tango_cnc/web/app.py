@@ -39,7 +39,7 @@ from .guard import COOKIE, Buckets, Guard, same
 from .live import Journals, Looks
 from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
-from .users import Known, SignIn, SignIns
+from .users import SignIn, SignIns, UsersFile
 
 PAGE = re.compile(r"/(alarms|machine/[A-Za-z0-9_-]{1,80}(/[A-Za-z0-9_-]{1,20}){0,2})")  # to which a sign-in leads back
 LARGE = 50_000  # bytes from which a page is compressed: the list of 200 machines has 15 times that
@@ -64,7 +64,7 @@ class PagesState:
     deciding: threading.Lock = field(default_factory=threading.Lock)
     units: Units = field(default_factory=Units)
     looks: Looks = field(default_factory=Looks)
-    known: Known | None = None  # the users file
+    known: UsersFile | None = None  # the users file
 
 
 def create(settings: Settings) -> Starlette:
@@ -84,7 +84,7 @@ def create(settings: Settings) -> Starlette:
         texts_of(settings.templates),
         env,
         Buckets(rate=1 / 60, most=5),
-        known=None if settings.users is None else Known(settings.users),
+        known=None if settings.users is None else UsersFile(settings.users),
     )
 
     @contextlib.asynccontextmanager

@@ -103,7 +103,7 @@ def _write(file: Path, users: Mapping[str, tuple[str, Role]]) -> None:
 
 
 @dataclass
-class Known:
+class UsersFile:
     """The users of a file as it is now; it is read again where it has changed."""
 
     file: Path
