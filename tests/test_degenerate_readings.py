@@ -35,13 +35,18 @@ def three(rows: list[Row]) -> list[Row]:
     return rows[:3]
 
 
+def one(rows: list[Row]) -> list[Row]:
+    """A run that was interrupted after its first touch."""
+    return rows[:1]
+
+
 def missed(rows: list[Row]) -> list[Row]:
     return [row | {"status": "miss"} for row in rows]
 
 
 @pytest.mark.few(1)
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("spoil", [one_place, one_facet, three, missed])
+@pytest.mark.parametrize("spoil", [one_place, one_facet, three, one, missed])
 def test_a_sentence_and_no_traceback(
     spoil: Callable[[list[Row]], list[Row]], command: str, simulated: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

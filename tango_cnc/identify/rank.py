@@ -61,9 +61,9 @@ def _own_sizes(model: Model) -> Array:
         x = model.touches.axis(axis)
         span = float(np.ptp(x))
         shape = np.vander((x - x.mean()) / (span or 1.0), max(power for _, power in places) + 1, increasing=True)
-        own = np.abs(
-            np.diag(linalg.lapack.dgeqrf(np.asfortranarray(shape), overwrite_a=True)[0])
-        )  # the triangle of a QR, and no more
+        triangle = linalg.lapack.dgeqrf(np.asfortranarray(shape), overwrite_a=True)[0]  # of a QR, and no more
+        own = np.zeros(shape.shape[1])  # of more powers than touches nothing is left
+        own[: len(x)] = np.abs(np.diag(triangle))
         for j, power in places:
             size[j] = own[power] * span**power
     return size
