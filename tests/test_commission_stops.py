@@ -19,7 +19,7 @@ import pytest
 from support.controls import golden
 from support.proof_parts import keys_of
 
-from postprocessors import load
+from postprocessors import load, unverified
 from tango_cnc import commission
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.commission import _with_text
@@ -347,3 +347,40 @@ def test_where_nobody_has_said_it_the_text_is_blamed_and_the_probe_named() -> No
     assert found["alive"].verdict == "OPEN"
     later = {j.experiment.belief: j.verdict for j in commission.judge(replace(what, records=records(1)))}
     assert "nobody knows" not in later["miss"].found, "what is recorded shows that the probe was heard"
+
+
+@pytest.mark.parametrize(("post", "text", "word", "key"), [
+    ("fanuc", "115 ILLEGAL VARIABLE NUMBER #4008", "#4008", "length_check"),
+    ("fanuc", "IMPROPER M-CODE M19", "M19", "orient"),
+    ("fanuc", "PS0114 ILLEGAL EXPRESSION FORMAT IF[#4022EQ51.1]THEN#3000=86", "#4022", "must_be_off"),
+    ("mitsubishi", "P34 G-CODE ERR G69", "G69", "reset"),
+    ("mazak", "807 ILLEGAL FORMAT G69", "G69", "reset"),
+    ("centroid", "906 line 12: bad G code G69", "G69", "reset"),
+    ("siemens", "TRAFOOF", "TRAFOOF", "trafoof"),
+    ("siemens", "12340 channel 1 block N10 number of parameters too large CYCLE800()", "CYCLE800", "cycle800"),
+    ("heidenhain", "Undefined code word DIST", "DIST", "distance"),
+    ("heidenhain", "Function FN 18 not permitted SYSREAD ID210 NR4", "ID210 and NR4", "scaling_check"),
+    ("heidenhain", "NC function not permitted: PLANE RESET", "PLANE RESET", "plane_reset"),
+])  # fmt: skip
+def test_a_word_of_the_program_in_the_text_of_the_control_is_named_with_its_key(post: str, text: str, word: str, key: str) -> None:
+    """Nothing is blamed: the text only names the word, and no experiment fails by it."""
+    doubts = unverified(load(post), {})
+    program = (
+        "\n".join(d.partition(", e.g.")[0] for d in doubts)
+        + "\nIF[#4022EQ51.1]THEN#3000=86\nIF[#4008NE49]THEN#3000=85\nPLANE RESET STAY\nID210 NR4"
+    )
+    told = commission.stopped_by(text, doubts, program)
+    assert f"{word} {'are' if ' and ' in word else 'is'} in the program, from {key} under controller" in told, told
+    assert "in the program, from" not in commission.stopped_by(text, doubts, "G1 X0"), "a word that the program does not have"
+
+
+def test_a_text_without_a_word_of_the_program_names_none() -> None:
+    doubts = unverified(load("heidenhain"), {})
+    program = "\n".join(d for d in doubts if " = " in d)
+    for text in (
+        "Function of the program is locked",
+        "Position of the axis in the table",
+        "Tool call: no tool",
+        "SW0100 PARAMETER",
+    ):
+        assert " in the program" not in commission.stopped_by(text, doubts, program)

@@ -158,7 +158,7 @@ def command(
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     failed = told(cell, post, judged, programs[0].mark, control, json_file)
     if not seen.ended:
-        _broken_off(seen, not failed)
+        _broken_off(seen, not failed, "\n".join(line for program in programs for line in program.lines()))
     if failed:
         raise click.exceptions.Exit(FAILED)
     if json_file != "-":
@@ -307,13 +307,13 @@ def _kept(address: str, post: Any, begun: bool) -> bool | None:
     return None if answer == "?" else answer == "y"
 
 
-def _broken_off(seen: Any, alone: bool) -> None:
-    """what came of a program without end, whether no belief has failed → what to do next; raises LinkError then."""
+def _broken_off(seen: Any, alone: bool, program: str) -> None:
+    """what came of a program without end, whether no belief has failed, program → what to do next; raises LinkError then."""
     from ..commission import stopped_by
 
     text = f"the program did not come to its end: {len(seen.records)} of {len(seen.plan.touches)} moves were made"
     if seen.said:
-        text += f". {stopped_by(seen.said)}" if alone else ""
+        text += f". {stopped_by(seen.said, seen.doubts, program)}" if alone else ""
     else:
         text += ". What does the screen of the control show? Pass it on: tango commission --said 'TEXT', or answer at a terminal"
     text += ". Then commission again: what has passed is not tried twice"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from itertools import pairwise
 
 from .experiment import Ruling
 
@@ -13,6 +14,11 @@ NOT_KNOWN = re.compile(  # alarms of controls that cannot read a block, or have 
 )
 WORD = re.compile(r"[$#]?[A-Z][A-Z0-9_.]*[A-Z0-9_]|#\d+")
 AXIS = re.compile(r"[.]?[XYZABC]\d?")  # what a post adds to the name of a variable
+SPOKEN = re.compile(  # words of programs that stand in sentences too: one of them alone says nothing
+    r"AXIS|BLOCK|CALL|CODE|CYCLE|ERROR|FORMAT|FORM|FUNCTION|LINE|MOVE|NAME|NUMBER|PLANE|POSITION|PROBE|PROGRAM|REFERENCE|RESET|"
+    r"SKIP|SPINDLE|STOP|SYNC|SYSTEM|TABLE|TEST|TOOL|TOUCH|TRACK|WAIT|WITH|WORD"
+)
+ASIDE = re.compile(r'"[^"]*"|\([^()]*[a-z ][^()]*\)|;.*')  # strings and comments of a program
 KEYED = re.compile(r"[a-z_0-9]+ = ")  # a doubt that a key of the profile settles
 
 
@@ -49,3 +55,34 @@ def ruled(said: str, word: str, doubt: str) -> Ruling:
         else f"the program relies on this: {doubt}. Look it up in the manual of the control (docs/controls/)"
     )
     return Ruling("FAIL", f"the program stopped: {said}. The control does not know {word}", do=do)
+
+
+def mentioned(said: str, doubts: Iterable[str], program: str) -> str:
+    """text of a stop, doubts of the header, text of the program → which words of the program it names and the keys that they come
+    from, a sentence that blames none; empty where it names no word of it.
+    """
+    text = re.sub(r"\b([GM])[- ]?(?:FUNCTION|CODE)?[- ]+(\d+)\b", r"\1\2", said.upper())
+    single = [w for w in WORD.findall(text) if not SPOKEN.fullmatch(w) and (re.search(r"\d", w) or len(w) >= 4)]
+    spoken = re.findall(r"[A-Z]+", text)
+    pairs = [f"{one} {two}" for one, two in pairwise(spoken) if SPOKEN.fullmatch(one) and SPOKEN.fullmatch(two)]
+    blocks = ASIDE.sub(" ", program)
+    stated = [d.partition(", e.g.")[0] for d in doubts if KEYED.match(d)]
+    by_key: dict[str, list[str]] = {}
+    for word in dict.fromkeys([*single, *pairs]):
+        if _stands(word, blocks):
+            keys = [d.partition(" = ")[0] for d in stated if _stands(word, d) or (word[0] == "#" and _stands(word[1:], d))]
+            by_key.setdefault(" or ".join(keys), []).append(word)
+    if len(by_key) > 1:
+        by_key.pop("", None)
+    return "; ".join(
+        f"{' and '.join(words)} {'is' if len(words) == 1 else 'are'} in the program"
+        + (f", from {keys} under controller: in tango.yaml" if keys else "")
+        for keys, words in by_key.items()
+    )
+
+
+def _stands(word: str, text: str) -> bool:
+    """word, text → whether it stands there whole; `G69` in `G49G69G80`, too."""
+    after = r"(?![\d.])" if word[-1].isdigit() else r"(?![A-Za-z0-9_])"
+    before = r"(?<![A-Za-z_$#])" if word[0].isalpha() else r"(?<![\w.])"
+    return re.search(before + re.escape(word) + after, text) is not None

@@ -12,7 +12,7 @@ from ..records import Plan
 from . import experiments as folder
 from .digits import pointless
 from .experiment import Experiment, Question, Ruling, Seen, unmade_of
-from .lacking import NOT_KNOWN, lacking, ruled
+from .lacking import NOT_KNOWN, lacking, mentioned, ruled
 
 ELSEWHERE = (  # texts of stops that are no belief about the control, and what to look at
     (
@@ -53,7 +53,7 @@ ELSEWHERE = (  # texts of stops that are no belief about the control, and what t
         "a macro or subprogram that the program calls is not there: bring every file of program/ to the control, into the folder "
         "that docs/controls/ names",
     ),
-    (re.compile(r"EMERGENCY|E-STOP|RESET|DOOR"), "the machine was stopped from outside: start again"),
+    (re.compile(r"EMERGENCY|E-STOP|(?<!PLANE )(?<!FUNCTION )RESET|DOOR"), "the machine was stopped from outside: start again"),
 )
 
 LISTED = "look it up in the list of alarms of the control"
@@ -114,12 +114,12 @@ def judge(seen: Seen) -> list[Judged]:
     return judged
 
 
-def stopped_by(said: str) -> str:
-    """text of a stop that no experiment knows → what to look at."""
-    found = next(
-        (do for words, do in ELSEWHERE if words.search(said.upper())), UNREAD if NOT_KNOWN.search(said.upper()) else LISTED
-    )
-    return f"{said!r}: {found}"
+def stopped_by(said: str, doubts: Iterable[str] = (), program: str = "") -> str:
+    """text of a stop that no experiment knows, doubts of the header, text of the program → what to look at."""
+    text = said.upper()
+    found = next((do for words, do in ELSEWHERE if words.search(text)), UNREAD if NOT_KNOWN.search(text) else LISTED)
+    words = mentioned(said, tuple(doubts), program)
+    return f"{said!r}: {words}: it may be what the control means. Otherwise {found}" if words else f"{said!r}: {found}"
 
 
 def answerable(asked: Mapping[str, Mapping[str, Question]], seen: Seen) -> dict[str, dict[str, str]]:
