@@ -91,7 +91,7 @@ def full(data):
 
 
 @pytest.mark.few(0)
-@pytest.mark.parametrize("spoil", [full, lambda data: data[:70]], ids=["refused", "without a word"])
+@pytest.mark.parametrize("spoil", [full, lambda data: data[:50]], ids=["refused", "without a word"])
 def test_a_program_that_was_cut_off_is_erased_and_keeps_no_later_one_out(server, spoil):
     line = opened(server, f"?program={FOLDER}&name=CUT.MPF")
     put = b"put " + PROGRAM.hex().encode()

@@ -136,3 +136,19 @@ def test_the_page_of_a_night_that_did_not_measure_knows_the_one_before(cell: Pat
     page = next(cell.glob("nights/*/morning.html")).read_text(encoding="utf-8")
     first = page.partition("For the engineer")[0]
     assert "Sat 24 Oct 2026" in first and "Nobody knows" in first and "never measured" not in page  # it is too long ago
+
+
+def test_a_night_refused_for_its_name_is_not_kept_in_the_history_of_the_cell_that_has_the_name(tmp_path: Path) -> None:
+    """The sound cell was called not measured, minutes after its own good night."""
+    for name in ("one", "two"):
+        shutil.copytree(GOLDEN, tmp_path / name)
+        (tmp_path / name / "nightly.yaml").write_text("nightly: 1\nhistory: ../fleet.db\n", encoding="utf-8")
+    own = read_cell(tmp_path / "one").machine.name
+    with opened(tmp_path / "fleet.db") as history:
+        history.add_night(record(1, own, cell=str(tmp_path / "one")))
+        before = history.newest_hashes()
+    found = CliRunner().invoke(tango, ["nightly", "-C", str(tmp_path / "two")], standalone_mode=False)
+    assert found.return_value == 3 and "NOT MEASURED" in found.output and str(tmp_path / "one") in found.output
+    with opened(tmp_path / "fleet.db", create=False) as history:
+        assert history.newest_hashes() == before and history.verify() == ()
+    assert not list((tmp_path / "two" / "nights").glob("*/unkept.json"))

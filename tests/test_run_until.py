@@ -10,6 +10,7 @@ import pytest
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.demo import _controller
+from tango_cnc.design.until import why_short
 
 
 @pytest.fixture
@@ -50,3 +51,11 @@ def test_a_goal_that_says_no_limit_is_refused_before_anything_moves(
     said = capsys.readouterr().err
     assert "allowed:" in said and "--until:" in said and "--goal" not in said
     assert not (cell / "readings.csv").exists() and not (cell / "readings.journal").exists()
+
+
+def test_a_goal_that_chance_kept_from_being_reached_blames_no_machine() -> None:
+    """Touches that scattered exactly as stated, none missed: the sentence sent a person to look for scatter and for misses."""
+    assert "Nothing is wrong with the machine" in why_short(0, 1.2, 20) and "No touch missed" in why_short(0, 1.2, 20)
+    assert why_short(0, 3.0, 20).startswith("Why: touches scatter 3 times as much as machine.yaml says. ")
+    assert why_short(4, 1.0, 20).startswith("Why: touches missed: 4. ") and "scatter" not in why_short(4, 1.0, 20)
+    assert all("tango design" in why_short(*case) for case in ((0, 1.0, 9), (2, 1.0, 9), (2, 5.0, 9)))

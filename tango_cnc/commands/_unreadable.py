@@ -131,3 +131,59 @@ class NoHistory:
     def add_night(self, record: Any, readings: str | None = None, knowledge: Knowledge | None = None) -> int:
         """Raises what is wrong."""
         self._no()
+
+
+class OfAnother:
+    """The history of a cell whose name another cell has there: it knows nothing of this one, and nothing of this one is kept."""
+
+    def machines(self) -> tuple[str, ...]:
+        """→ none."""
+        return ()
+
+    def nights(self, machine: str | None = None, last: int | None = None) -> tuple[Night, ...]:
+        """→ none."""
+        return ()
+
+    def records(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
+        """→ none."""
+        return ()
+
+    def ahead(self, machine: str) -> tuple[Night, ...]:
+        """→ none."""
+        return ()
+
+    def knows(self, machine: str) -> bool:
+        """→ no."""
+        return False
+
+    def records_of(self, entries: Sequence[int]) -> dict[int, Any]:
+        """→ none."""
+        return {}
+
+    def readings_of(self, entries: Sequence[int]) -> dict[int, str]:
+        """→ none."""
+        return {}
+
+    def latest_knowledge(self, machine: str) -> tuple[Night, Knowledge] | None:
+        """→ nothing."""
+        return None
+
+    def decisions(self, machine: str) -> tuple[Decision, ...]:
+        """→ none."""
+        return ()
+
+    def alarmed(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
+        """→ none."""
+        return ()
+
+    def newest_hashes(self) -> dict[str, tuple[int, str]]:
+        """→ none."""
+        return {}
+
+    def night(self, entry: int) -> Any:
+        """Raises KeyError: no entry is known."""
+        raise KeyError(entry)
+
+    def add_night(self, record: Any, readings: str | None = None, knowledge: Knowledge | None = None) -> int:
+        """→ no entry: the chain of the other cell has no night that was not its own."""
+        return 0

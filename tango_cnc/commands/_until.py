@@ -57,10 +57,8 @@ def run_until(
     if now <= 1:
         say(f"--until: reached: the largest uncertainty is {100 * now:.0f} % of what was asked for; {_left(origin, goal)}")
     else:
-        say(
-            f"--until: not reached: the largest uncertainty is {now:.2g} times what was asked for, because touches scatter more "
-            "than machine.yaml says, or some have missed. Find out why, or make a longer plan with 'tango design'"
-        )
+        why = goal.short_of(read_readings(wanted.readings, cell.machine, cell.artefact))
+        say(f"--until: not reached: the largest uncertainty is {now:.2g} times what was asked for. {why}")
     made = {"goal": text, "reached": bool(now <= 1), "ratio": now}
     _add(wanted.readings.with_suffix(".json"), {**made, "strategy": _meant(goal, len(origin["missing"]))})
     return origin | {"until": made}

@@ -9,7 +9,7 @@ from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -20,9 +20,6 @@ from ..report.texts import Texts
 from ..texts import say
 from ._common import cell_option, controller_of, json_option, write_json
 from ._shop import looked_at, of_shop
-
-if TYPE_CHECKING:
-    from ..history import History
 
 PLACE = "Keep 10"
 
@@ -70,7 +67,7 @@ def command(
     from ._compensated import recorded
     from ._cut_off import keep_readings, told_of_signals
     from ._night_world import RealClock, RealControl, RealDisk, locked
-    from ._unreadable import settings_of
+    from ._unreadable import OfAnother, settings_of
 
     if sum([dry_run, status, tell, kind is not None]) > 1:
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
@@ -102,15 +99,18 @@ def command(
             if dry_run:
                 control.twin = partial(twin, history, cell.machine.name, folder, where)
                 return _dry(control, analysis, history, begun, disk, settings, json_file, t)
-            recorded(folder, history)
+            past: Any = history.as_of(lambda: begun)
+            if (other := twin(past, cell.machine.name, folder, where)) is None:
+                recorded(folder, history)
+            else:  # the nights there are those of another machine
+                past = OfAnother()
             keep_readings(folder, control.planned)
-            past = history.as_of(lambda: begun)
-            control.twin = partial(twin, past, cell.machine.name, folder, where)
+            control.twin = lambda: other
             with told_of_signals() as ending:
                 world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending)
                 record = night(cell.machine.name, str(folder.resolve()), settings, world)
-            newest = _newest(history, record)
-            seen = _known(history, record)
+            newest = _newest(past, record)
+            seen = _known(past, record)
     except Exception as error:  # whatever it is: no night ends without a message
         if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
             known = error if isinstance(error, TangoError) else TangoError(sentence(error))
@@ -147,7 +147,7 @@ class _Held:
         return first or datetime.now().astimezone()
 
 
-def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
+def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
     from ..report.morning import last_within, never_within, volumes_of
@@ -165,7 +165,7 @@ def _known(history: History, record: Mapping[str, Any]) -> dict[str, Any]:
     return {}
 
 
-def _newest(history: History, record: Mapping[str, Any]) -> tuple[int, str] | None:
+def _newest(history: Any, record: Mapping[str, Any]) -> tuple[int, str] | None:
     """history, record of tonight → entries and newest hash; None where it is not in the history."""
     with suppress(TangoError):
         return None if record.get("trouble") else history.newest_hashes().get(record["machine"])

@@ -126,8 +126,8 @@ def command(
     if gate_of(cell, post) == "facet":
         made = _proving(cell, folder, made, post, resume)
     someone = attended()
-    if (yes or not someone) and not simulated:
-        unattended(cell, post)
+    if yes or not someone:
+        unattended(cell, post, simulated)
     how = resuming(until, obstructed, stylus, readings_file)
     job = _Job(cell, post, made, address, target, program_file, most, resume, timeout, simulated, how, someone, yes)
     _driven(job, folder, goal, transcript, json_file)

@@ -27,6 +27,7 @@ from .timed import judged, rows_of
 MORE = 1.0  # times the time of the strategy that may be appended to it
 STEP = 0.1  # of that time, appended at once
 WORD = "volume"
+CHANCE = 2.33  # standard deviations: so much more scatter comes by chance in one run of a hundred
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,30 @@ class Until:
             if ends and self.share([*good, *left[:count]], sigma) <= 1:
                 return count, now
         return len(left), now
+
+    def short_of(self, readings: Readings) -> str:
+        """readings that do not reach it → why, and what to do: two sentences."""
+        choice = self.ready.problem.choice
+        missed = int((~readings.ok).sum())
+        found = from_readings(choice.cell.machine, choice.cell.artefact, readings)
+        ratio = noise(choice, replace(found, artefact=choice.cell.artefact)) / choice.sigma
+        return why_short(missed, ratio, max(len(readings.touch) - missed - self.rows.shape[1], 1))
+
+
+def why_short(missed: int, ratio: float, dof: int) -> str:
+    """touches that missed, scatter over the stated one, degrees of freedom → why a goal was not reached, and what to do."""
+    longer = "make a longer plan with 'tango design'"
+    causes = []
+    if ratio > 1 + CHANCE / (2 * dof) ** 0.5:
+        causes.append(f"touches scatter {ratio:.2g} times as much as machine.yaml says")
+    if missed:
+        causes.append(f"touches missed: {missed}")
+    if causes:
+        return f"Why: {'; '.join(causes)}. Look for the reason, or {longer}"
+    return (
+        f"No touch missed, and they scatter no more than chance makes of what machine.yaml says ({ratio:.2g} times as much, of "
+        f"{dof} degrees of freedom). Nothing is wrong with the machine: {longer}"
+    )
 
 
 def until(cell: Cell, wish: Wish) -> Until:
