@@ -12,7 +12,7 @@ from support.coverage import judged, pushed
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
-from tango_cnc.files import read_cell, read_world
+from tango_cnc.files import read_cell, read_readings_text, read_world, readings_text
 from tango_cnc.judgement import Judgement
 from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
@@ -105,6 +105,22 @@ def test_directions_that_lead_away_from_the_facets_turn_every_backlash(cell: Cel
     judgement = judged(cell, replace(readings, direction=-readings.direction))
     assert "by dX, dY, dZ the axis moved away from the facet" in only(judgement, "doubtful")
     assert {"EXXb", "EYYb"} <= set(judgement.untrusted)
+
+
+def test_directions_that_no_column_gives_are_a_note(cell: Cell, readings: Readings) -> None:
+    away = np.where([name in cell.machine.linear for name in readings.axes], -1, 1) * readings.direction
+    judgement = judged(cell, replace(readings, direction=away, derived=cell.machine.linear))
+    assert judgement.verdict == "trustworthy"
+    (note,) = [n for n in judgement.remarks if "leads away from the facet" in n]
+    assert note.startswith("the last motion of X, Y, Z leads away")
+    assert {"EXXb", "EYYb"} <= set(judgement.untrusted)
+
+
+def test_readings_know_which_directions_no_column_gives(cell: Cell, readings: Readings) -> None:
+    text = readings_text(readings)
+    assert read_readings_text(text, cell.machine, cell.artefact).derived == ()
+    without = text.replace(",dY,", ",T_other,", 1)
+    assert read_readings_text(without, cell.machine, cell.artefact).derived == ("Y",)
 
 
 @pytest.mark.long

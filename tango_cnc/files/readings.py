@@ -68,6 +68,7 @@ def joined(one: Readings, two: Readings, number: int) -> Readings:
         {s: both(one.temperatures.get(s), two.temperatures.get(s), math.nan) for s in sensors},
         both(one.segment, two.segment, 1),
         stylus,
+        tuple(name for name in one.axes if name in (*one.derived, *two.derived)),
     )
 
 
@@ -158,6 +159,7 @@ def read_readings_text(text: str, machine: Machine, artefact: Artefact, file: Pa
         {name[2:]: numbers(name, empty=True) for name in header if name.startswith("T_")},
         whole("segment") if "segment" in cells else None,
         stylus,
+        tuple(name for name in machine.names if f"d{name}" not in cells),
     )
 
 

@@ -147,7 +147,12 @@ def without_fit(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = 
 
 
 def _rows(cell: Cell, readings: Readings, touches: Touches, run: Mapping[str, Any] | None) -> list[Remark]:
-    return [*remarks(cell, readings, run), *another_program(cell, readings, run), *approaches(touches), *turns(touches)]
+    return [
+        *remarks(cell, readings, run),
+        *another_program(cell, readings, run),
+        *approaches(touches, readings.derived),
+        *turns(touches),
+    ]
 
 
 def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tuple[Suspicion, ...]:

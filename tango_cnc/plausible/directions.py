@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,14 +17,17 @@ FEWEST = 3  # turns that a column gets wrong before it is called so
 ALONG = 0.7  # mm of gap that a mm of an axis makes where it carries the approach
 
 
-def approaches(touches: Touches) -> Iterator[Remark]:
-    """touches → remarks on directions that lead away from the facets: every backlash has the wrong sign then."""
+def approaches(touches: Touches, derived: Sequence[str] = ()) -> Iterator[Remark]:
+    """touches, axes without a column → remarks on directions that lead away from the facets: backlashes have the wrong sign then.
+
+    A direction that is derived from contact to contact leaves out the approach. That is no mistake of the readings.
+    """
     against, towards = {}, {}
     for name in touches.machine.linear:
         lever, sign = touches.lever(name), touches.sign(name)
         seen = (np.abs(lever) > ALONG) & (sign != 0)
         against[name], towards[name] = int((sign * lever > 0)[seen].sum()), int((sign * lever < 0)[seen].sum())
-    wrong = [n for n in against if against[n] >= FEW and against[n] > 9 * towards[n]]
+    wrong = [n for n in against if n not in derived and against[n] >= FEW and against[n] > 9 * towards[n]]
     unsure = [n for n in against if n not in wrong and against[n] >= FEW and 3 * against[n] > towards[n]]
     if wrong:
         columns = ", ".join(f"d{name}" for name in wrong)

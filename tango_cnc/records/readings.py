@@ -29,6 +29,7 @@ class Readings:
     temperatures: Mapping[str, Array] = field(default_factory=dict)  # °C, NaN where it is not known
     segment: NDArray[np.int64] | None = None  # (n,) 1, and one more after each interruption; None: there was none
     stylus: NDArray[np.int64] | None = None  # (n,) number of the stylus, of `Machine.styli`; None: the usual one
+    derived: tuple[str, ...] = ()  # axes whose `direction` no column gives: it follows from the sequence of positions
 
     def __len__(self) -> int:
         return len(self.touch)
