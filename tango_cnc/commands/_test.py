@@ -62,7 +62,7 @@ def test_options(call: Any) -> Any:
 
 
 def predicted(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[dict[str, Any], str, int]:
-    """cell, estimate, options → plain data of the format tango-test/1, text, exit status (1 where a figure differs)."""
+    """cell, estimate, options → plain data of the format tango-test/1, text, exit status (1 where something measured differs)."""
     machine = result.model.touches.machine
     wanted = instruments.Wanted(
         options["test"], options["by"], options["radius"], options["tool_length"], _place(options["at"], machine)
@@ -79,7 +79,7 @@ def predicted(folder: Path, result: Estimate, options: dict[str, Any]) -> tuple[
     told = instruments.predict(result, path, at_20(folder), at_reference=laser, budget=budget_of(folder, result))
     compared = None if measured is None else instruments.compare(told, measured, options["instrument_um"])
     data = _data(told) | ({} if compared is None or measured is None else _compared(compared, measured, options["instrument_um"]))
-    differs = compared is not None and any(f.verdict == "differs" for f in compared.figures)
+    differs = compared is not None and (compared.far or any(f.verdict == "differs" for f in compared.figures))
     return data, "\n".join(_text(told, compared, measured)), int(differs)
 
 
@@ -147,6 +147,7 @@ def _compared(found: instruments.Compared, measured: instruments.InstrumentReadi
             "rms_um": found.rms,
             "expected_um": found.expected,
             "readings_inside": found.inside,
+            "readings_differ": found.far,
             "figures": [
                 {"name": f.name, "measured_um": f.measured, "E_n": f.normalized, "verdict": f.verdict} for f in found.figures
             ],
@@ -189,4 +190,13 @@ def _text(
             f"readings: {found.rms:.2f} µm rms from the prediction, {found.expected:.2f} µm expected; "
             f"{100 * found.inside:.0f} % within their own 95 % intervals; {measured.runs} runs"
         )
+        if found.far:
+            why = (
+                "the machine has changed, or the instrument shows what these touches cannot see"
+                if texts
+                else "the machine has changed"
+            )
+            lines.append(
+                f"The readings differ from the prediction: {why}. Look at how the instrument was set up, then measure again."
+            )
     return lines

@@ -47,7 +47,7 @@ def command(**options: Any) -> int:
     """Predicts the deviation of the tool tip along an NC program, and what it means for features of the part.
 
     With --test NAME in place of a program it predicts what a ball bar, an R-test or a laser shows, and compares --measured.
-    Exit status 1 where a measured figure differs.
+    Exit status 1 where a measured figure or the readings differ.
 
     Only errors that were estimated are known. Points where an axis is beyond what was touched are counted and marked.
     """

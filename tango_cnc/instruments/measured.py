@@ -57,6 +57,11 @@ class Compared:
     expected: float  # rms that prediction and instrument allow for
     inside: float  # share of readings within their own 95 % interval
 
+    @property
+    def far(self) -> bool:
+        """→ whether the readings are farther from the prediction than twice what both allow for, as beyond an E_n of 1."""
+        return self.rms > 2 * self.expected + 1e-9
+
 
 def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> InstrumentReadings:
     """CSV file, channels, whether the command is an angle → what was measured.
