@@ -168,7 +168,10 @@ def _text(
             f"extrapolated: at {share:.0f} % of the positions an axis is beyond the touches: the machine was not measured there"
         )
     if not told.budget:
-        lines.append("intervals: scatter of the touches alone; write uncertainty.yaml for drift, lobing and the like")
+        lines.append(
+            "intervals: error motions of every order and the scatter of the touches; "
+            "write uncertainty.yaml for drift, lobing and the like"
+        )
     elif lacking := absent(told.budget):
         lines.append(f"intervals: with uncertainty.yaml, which does not name {', '.join(lacking)}")
     rows = [["figure", "µm", "95 %", *([] if found is None else ["measured", "E_n", ""])]]

@@ -86,7 +86,7 @@ def _total(name: str, line: Line, moves: Mapping[str, Motion], over: tuple[float
         first, second = (np.asarray(m.curve)[::3] for m in pair if m is not None)
         curve = np.cos(angle) * first + np.sin(angle) * second
         own = f"E{letters[j]}{name}"
-        note = say("iso_said.onpart.rotating")
+        note = say("iso_said.onpart.rotating", axis="XYZ"[j])
         found.append(Ask(kind, say("iso_said.onpart.turning", axis=name), pair[0].unit, pair[0].factor, curve, own, over, note))
     return found
 
