@@ -22,7 +22,7 @@ from tango_cnc.files import read_cell, read_readings, read_world, readings_text,
 from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
-from tango_cnc.records import Cell, InputError, Readings
+from tango_cnc.records import Cell, InputError, Readings, TangoError
 from tango_cnc.report import page
 from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
@@ -691,3 +691,22 @@ def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts
     doubted = replace(facts, judgement=replace(facts.judgement, untrusted=(name,)))
     assert f"Do not use: {name}" in page.context(doubted)["trusted"] and "Do not use" not in page.context(facts)["trusted"]
     assert f"Do not use: {name}" in summary(doubted, 100) and "Do not use:" not in summary(facts, 100)
+
+
+@pytest.mark.long
+def test_a_mistake_is_named_where_no_page_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sense of X was wrong, a second fit did not settle, and that was all that was said."""
+
+    def lost(*args: object, **more: object) -> None:
+        raise TangoError("estimate: the iteration did not settle")
+
+    cell = Path(shutil.copytree(ROOT / "examples" / "trunnion", tmp_path / "cell"))
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
+    machine = cell / "machine.yaml"
+    machine.write_text(
+        re.sub(r"(X: .*direction: \[)1,", r"\g<1>-1,", machine.read_text(encoding="utf-8"), count=1), encoding="utf-8"
+    )
+    monkeypatch.setattr("tango_cnc.commands.report.gather", lost)
+    with pytest.raises(TangoError, match="no page was written.*did not settle(.|\n)*most likely: .*X runs the other way"):
+        CliRunner().invoke(tango, ["report", "-C", str(cell)], standalone_mode=False, catch_exceptions=False)
+    assert not (cell / "report.html").exists()

@@ -38,7 +38,7 @@ from ..texts import joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
-from ._trust import despite_option, judged, left_out, members, status, told
+from ._trust import NoFit, despite_option, judged, left_out, members, status, told
 from .iso230 import at_20
 
 if TYPE_CHECKING:
@@ -131,19 +131,24 @@ def command(
     made = paper(folder, source, operator, owner or nightly.owner, folder / NAME, known=known)
     result, judgement = judged(cell, readings, items, degree, source=source, run=made.plan, origin=known)
     past = trend(folder, cell.machine.name, list(effects(result)), texts_of(templates))
-    found = gather(
-        cell,
-        readings,
-        wishes,
-        made,
-        result,
-        judgement,
-        sheet=_sheet(folder, result),
-        trend=past,
-        compensations=compensations(folder),
-        nights=nights(folder, cell.machine, wishes.units, texts_of(templates), allowed),
-        control=_in_control(folder, known, result),
-    )
+    try:
+        found = gather(
+            cell,
+            readings,
+            wishes,
+            made,
+            result,
+            judgement,
+            sheet=_sheet(folder, result),
+            trend=past,
+            compensations=compensations(folder),
+            nights=nights(folder, cell.machine, wishes.units, texts_of(templates), allowed),
+            control=_in_control(folder, known, result),
+        )
+    except TangoError as error:  # a second fit, which the first one has warned of
+        if isinstance(error, InputError) or judgement.verdict != "implausible":
+            raise
+        raise NoFit("\n".join([f"no page was written: {error}", *told(judgement)]), judgement) from None
     target = output or folder / "report.html"
     values = page.context(found, texts_of(templates))
     write_text(target, page.render(found, templates, values))
