@@ -707,6 +707,6 @@ def test_a_mistake_is_named_where_no_page_can_be_made(tmp_path: Path, monkeypatc
         re.sub(r"(X: .*direction: \[)1,", r"\g<1>-1,", machine.read_text(encoding="utf-8"), count=1), encoding="utf-8"
     )
     monkeypatch.setattr("tango_cnc.commands.report.gather", lost)
-    with pytest.raises(TangoError, match="no page was written.*did not settle(.|\n)*most likely: .*X runs the other way"):
+    with pytest.raises(TangoError, match=r"no page was written.*did not settle(.|\n)*most likely: .*X runs the other way"):
         CliRunner().invoke(tango, ["report", "-C", str(cell)], standalone_mode=False, catch_exceptions=False)
     assert not (cell / "report.html").exists()
