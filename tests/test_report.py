@@ -695,7 +695,7 @@ def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts
 
 @pytest.mark.long
 def test_a_mistake_is_named_where_no_page_can_be_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The sense of X was wrong, a second fit did not settle, and that was all that was said."""
+    """The sense of an axis was wrong, a second fit did not settle, and that was all that was said."""
 
     def lost(*args: object, **more: object) -> None:
         raise TangoError("estimate: the iteration did not settle")
@@ -704,9 +704,9 @@ def test_a_mistake_is_named_where_no_page_can_be_made(tmp_path: Path, monkeypatc
     assert CliRunner().invoke(tango, ["simulate", "-C", str(cell)]).exit_code == 0
     machine = cell / "machine.yaml"
     machine.write_text(
-        re.sub(r"(X: .*direction: \[)1,", r"\g<1>-1,", machine.read_text(encoding="utf-8"), count=1), encoding="utf-8"
+        re.sub(r"(A: .*direction: \[)1,", r"\g<1>-1,", machine.read_text(encoding="utf-8"), count=1), encoding="utf-8"
     )
     monkeypatch.setattr("tango_cnc.commands.report.gather", lost)
-    with pytest.raises(TangoError, match=r"no page was written.*did not settle(.|\n)*most likely: .*X runs the other way"):
+    with pytest.raises(TangoError, match=r"no page was written.*did not settle(.|\n)*most likely: .*A turns the other way"):
         CliRunner().invoke(tango, ["report", "-C", str(cell)], standalone_mode=False, catch_exceptions=False)
     assert not (cell / "report.html").exists()
