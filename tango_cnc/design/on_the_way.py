@@ -8,6 +8,7 @@ a row, as long as that makes the plan better. The planner then says what the new
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -216,15 +217,31 @@ class Exchange:
 
 def on_the_way(found: Chosen, again: float, stay: int = 0) -> Chosen:
     """plan, s of one more touch in a row, first visits that stay as they are → a plan of the same visits that is no worse."""
+    return exchanged(found, again, lambda start, spare: Exchange(start, again, spare, stay), lambda one: one.value)
+
+
+def exchanged(
+    found: Chosen,
+    again: float,
+    begin: Callable[[Chosen, float], Exchange],
+    worth: Callable[[Chosen], float],
+    rounds: int = ROUNDS,
+    plans: int = PLANS,
+) -> Chosen:
+    """plan, s of one more touch in a row, (plan, s left over) → an exchange, plan → what is to be small, exchanges of a plan and
+    plans at most → a plan of the same visits that is no worse.
+
+    What an exchange leaves is planned and timed; where it takes too long, the next one has so much less.
+    """
     if again <= 0 or found.seconds > found.problem.seconds:
         return found
     problem = found.problem.in_a_row(1)
     start = replace(found, problem=problem, costs=(found.costs[0] / found.problem.times, found.costs[1]))
-    best, spare = start, problem.seconds - found.seconds
-    for _ in range(PLANS):
-        exchange = Exchange(start, again, spare, stay)
+    best, least, spare = found, worth(found), problem.seconds - found.seconds
+    for _ in range(plans):
+        exchange = begin(start, spare)
         exchange.tours_anew()
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             if not exchange.improve():
                 break
         cell = replace(start.cell, strategy=replace(start.cell.strategy, indexations=exchange.strategy(start)))
@@ -236,11 +253,11 @@ def on_the_way(found: Chosen, again: float, stay: int = 0) -> Chosen:
             if made.seconds > problem.seconds:
                 spare -= max(made.seconds - problem.seconds, KEPT)
                 continue
-            if made.value >= best.value:
+            if (reached := worth(made)) >= least:
                 break
             start = best = made
-            spare = problem.seconds - made.seconds
-    return found if best.value >= found.value else best
+            least, spare = reached, problem.seconds - made.seconds
+    return best
 
 
 def visits_of(found: Chosen) -> list[Indexation]:

@@ -12,19 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..plan import attempt
-from ..records import Array, InputError
+from ..records import Array
 from .criterion import Criterion, State
 from .in_a_row import POWER, smooth, without_each
-from .on_the_way import KEPT, TRIED, Exchange, few_of
+from .on_the_way import TRIED, Exchange, exchanged, few_of
 from .problem import Chosen
 from .spare import state_of, with_each
-from .timed import broken_off, judged
+from .timed import broken_off
 
 AIMED = 1.25  # times the standard uncertainty of a plan of that time: so good a part is to be
 WEIGHT = 2.0  # of a part that is not, beside the whole plan
@@ -149,31 +148,11 @@ class Weighed(Exchange):
 
 def weighed(found: Chosen, again: float, aims: Mapping[float, float]) -> Chosen:
     """plan, s of one more touch in a row, parts of the time with φ of a plan of each → plan of the same visits, no worse."""
-    if again <= 0 or found.seconds > found.problem.seconds:
-        return found
-    problem = found.problem.in_a_row(1)
-    start = replace(found, problem=problem, costs=(found.costs[0] / found.problem.times, found.costs[1]))
-    best, least, spare = found, _worth(found, aims), problem.seconds - found.seconds
-    for _ in range(PLANS):
-        exchange = Weighed(start, again, spare, aims)
-        exchange.tours_anew()
-        for _ in range(ROUNDS):
-            if not exchange.improve():
-                break
-        cell = replace(start.cell, strategy=replace(start.cell.strategy, indexations=exchange.strategy(start)))
-        planned, faults = attempt(cell, "leave-out", problem.ways.looked)
-        if faults:
-            break
-        with suppress(InputError):  # nothing left that proves the probe
-            made = judged(problem, cell, planned)
-            if made.seconds > problem.seconds:
-                spare -= max(made.seconds - problem.seconds, KEPT)
-                continue
-            if (worth := _worth(made, aims)) >= least:
-                break
-            start = best = made
-            least, spare = worth, problem.seconds - made.seconds
-    return best
+
+    def begin(start: Chosen, spare: float) -> Exchange:
+        return Weighed(start, again, spare, aims)
+
+    return exchanged(found, again, begin, lambda one: _worth(one, aims), ROUNDS, PLANS)
 
 
 def _worth(found: Chosen, aims: Mapping[float, float]) -> float:
