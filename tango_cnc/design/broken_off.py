@@ -162,15 +162,7 @@ class Parts:
             once = replace(indexations[0], facets=tuple(dict.fromkeys(indexations[0].facets)))
             indexations.append(again_at_the_end(problem, mask, self.poses[way[0]], once))
         cell = replace(self.found.cell, strategy=replace(self.found.cell.strategy, indexations=tuple(indexations)))
-        for _ in range(TRIMS):
-            planned, faults = attempt(cell, "leave-out", problem.ways.looked)
-            if faults:
-                return None
-            made = judged(problem, cell, planned)
-            if made.seconds <= problem.seconds:
-                return made
-            cell = shorter(made, made.seconds - problem.seconds, again)
-        return None
+        return fitted(cell, problem, again)
 
 
 def worth_when_broken_off(found: Chosen, again: float, loss: float = LOSS) -> Chosen:
@@ -216,6 +208,21 @@ def _better(one: Chosen, other: Chosen) -> bool:
         return bool(np.isfinite(first).sum() > np.isfinite(second).sum())
     both = np.isfinite(first) & np.isfinite(second)
     return bool(np.log(first[both]).sum() < np.log(second[both]).sum())
+
+
+def fitted(cell: Cell, problem: Problem, again: float, begin: int = 0) -> Chosen | None:
+    """cell with a strategy, its problem, s of one more touch in a row, first visits that stay → the plan, as short as the time asks
+    for; None where it cannot be made.
+    """
+    for _ in range(TRIMS):
+        planned, faults = attempt(cell, "leave-out", problem.ways.looked)
+        if faults:
+            return None
+        made = judged(problem, cell, planned)
+        if made.seconds <= problem.seconds:
+            return made
+        cell = shorter(made, made.seconds - problem.seconds, again, begin)
+    return None
 
 
 def shorter(found: Chosen, over: float, again: float, first: int = 0) -> Cell:

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..plan import attempt
-from ..records import Cell, Indexation
+from ..records import Indexation
 from . import order
-from .broken_off import TRIMS, shorter, stands, worth_when_broken_off
+from .broken_off import fitted, stands, worth_when_broken_off
 from .criterion import value
 from .enough import promised
 from .on_the_way import on_the_way, visits_of
@@ -97,20 +97,8 @@ def grown(small: Chosen, problem: Problem, again: float, kept: bool = False) -> 
     if problem.repeats and last.position != begin[0].position:  # a short plan does not repeat its first indexation
         last = replace(begin[0], facets=tuple(dict.fromkeys(begin[0].facets))[: problem.repeats])
     end = [last] if problem.repeats else []
-    return _fitted(replace(cell, strategy=replace(cell.strategy, indexations=(*visits, *end))), problem, again, len(begin))
-
-
-def _fitted(cell: Cell, problem: Problem, again: float, begin: int) -> Chosen | None:
-    """cell with a strategy, its problem, s of one more in a row, visits that stay → the plan, as short as the time asks for."""
-    for _ in range(TRIMS):
-        planned, faults = attempt(cell, "leave-out", problem.ways.looked)
-        if faults:
-            return None
-        made = judged(problem, cell, planned)
-        if made.seconds <= problem.seconds:
-            return on_the_way(made, again, begin)
-        cell = shorter(made, made.seconds - problem.seconds, again, begin)
-    return None
+    made = fitted(replace(cell, strategy=replace(cell.strategy, indexations=(*visits, *end))), problem, again, len(begin))
+    return None if made is None else on_the_way(made, again, len(begin))
 
 
 def _further(start: Chosen, problem: Problem, again: float) -> list[Indexation]:
