@@ -99,8 +99,9 @@ def chosen(problem: Problem, early: bool = False, loss: float = LOSS) -> Chosen:
 
 def _of_part(problem: Problem, again: float) -> Chosen | None:
     """problem of a part of the time, s of one more touch in a row → its plan; None where none is worth making."""
+    told = replace(problem, say=lambda text: problem.say(f"for a run that is broken off, {text}"))
     with suppress(NoTime, NoWay):
-        found = _searched(problem, again, True)[0]
+        found = _searched(told, again, True)[0]
         return found if serves(problem, found.information) and believed(found) else None
     return None
 
