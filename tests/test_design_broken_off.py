@@ -84,6 +84,7 @@ def test_exchanges_that_look_at_a_part_make_it_better_and_keep_the_whole(made: C
     assert found.seconds <= made.problem.seconds
 
 
+@pytest.mark.long
 def test_a_plan_that_grows_from_a_shorter_one_is_worth_as_much_when_broken_off(made: Chosen) -> None:
     small = choose.quick(made.problem.of_time(0.75 * made.problem.seconds))
     found = nested.grown(small, made.problem, again(made))
@@ -92,6 +93,7 @@ def test_a_plan_that_grows_from_a_shorter_one_is_worth_as_much_when_broken_off(m
     assert [dict(i.position) for i in found.cell.strategy.indexations[: len(begin)]] == begin
 
 
+@pytest.mark.long
 def test_a_plan_says_what_plans_of_its_parts_reach(made: Chosen) -> None:
     found = nested.with_parts(made, again(made), 0.03, lambda part: choose.quick(part) if part.seconds > 200 else None)
     assert list(found.designed) == [0.75]
