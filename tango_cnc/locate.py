@@ -112,7 +112,7 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
 
 
 def _round(artefact: Artefact) -> str:
-    """artefact → the sentence on facets that do not count as they are not flat; '' where there are none."""
+    """artefact → a sentence that says how many facets are not flat and so do not count; '' where all are flat."""
     count = sum(facet.surface is not None or facet.ball is not None for facet in artefact.facets.values())
     return (
         f" {count} of its {len(artefact.facets)} facets are on a cylinder or a ball: they tell no turn about their own axis and do "

@@ -174,8 +174,8 @@ def _diagnosed(cell: Cell, readings: Readings) -> Mapping[str, Any]:
 
 
 def twin(history: Names, name: str, folder: Path, where: str | None = None) -> Path | None:
-    """history, name of the machine of a cell, its folder, --history → another folder whose nights are in this history under that
-    name, and whose machine still has it; None where there is none. A folder that was moved or renamed counts as gone.
+    """history, name of the machine of a cell, its folder, --history → another folder with nights in this history under that name,
+    if its machine.yaml still has the name; else None. A folder that was moved or renamed counts as gone.
     """
     if name not in history.machines():
         return None

@@ -22,7 +22,7 @@ from . import order
 from .balls import needed
 from .broken_off import LOSS, worth_when_broken_off
 from .candidates import WIDE
-from .criterion import parts, value
+from .criterion import parts
 from .early import in_vain
 from .enough import believed, serves
 from .exchange import Draft
@@ -38,7 +38,7 @@ from .sequence import sequence
 from .spare import used_up
 from .visits import NoWay, passable, provable
 from .ways import Ways
-from .whole import SHAKES, whole
+from .whole import SHAKES, at_first, whole
 from .worst import FEWER, sharpened
 
 MOST = 4  # touches in a row at each facet: each further one tells as much and takes a third of the time
@@ -256,12 +256,8 @@ def _in_a_row(
             _enough(problem, seconds, touch, visit)
         elif seconds < visit + 3 * touch or (not problem.choice.twice and SHARE * seconds / touch < ENOUGH * unknowns):
             break
-        light = lighter(tried := problem.in_a_row(times))
-        choice = light.choice
-        each = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
-        relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
-        reached = value(light.criterion, light.held + choice.rows[mask].T @ choice.rows[mask])
+        tried = problem.in_a_row(times)
+        reached, _, _, relaxed = at_first(tried, touch, visit, seconds, relaxed)
         if best is None or reached < best[0]:
             best = reached, tried, relaxed
     assert best is not None

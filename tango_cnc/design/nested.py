@@ -16,16 +16,14 @@ from ..plan import attempt
 from ..records import Indexation
 from . import order
 from .broken_off import fitted, stands, worth_when_broken_off
-from .criterion import value
 from .enough import promised
 from .on_the_way import on_the_way, visits_of
-from .problem import Chosen, Problem, lighter
-from .relaxed import Costs, relax
+from .problem import Chosen, Problem
 from .sequence import FRACTIONS
 from .timed import broken_off, judged
 from .ways import LONG
 from .weighed import weighed
-from .whole import SHAKES, whole
+from .whole import SHAKES, at_first, whole
 
 MOST = 4  # touches in a row of the facets that come
 WITHIN = 1.3  # times the standard uncertainty of a plan of that time is good enough for a part
@@ -113,17 +111,13 @@ def _further(start: Chosen, problem: Problem, again: float) -> list[Indexation]:
         price = touch + (times - 1) * again
         if seconds < visit + price:
             break
-        light = lighter(known.in_a_row(times))
-        choice = light.choice
-        each = Costs(np.full(len(choice.rows), price), np.full(len(choice.of_pose), visit))
-        relaxed = relax(choice.rows, choice.of_pose, light.held, each, seconds, light.criterion, relaxed)
-        mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, 0)
-        reached = value(light.criterion, light.held + choice.rows[mask].T @ choice.rows[mask])
+        reached, light, each, relaxed = at_first(known.in_a_row(times), price, visit, seconds, relaxed)
         if best is None or reached < best[0]:
-            best = reached, times, choice, light, each, relaxed
+            best = reached, times, light, each, relaxed
     if best is None:
         return []
-    _, times, choice, light, each, relaxed = best
+    _, times, light, each, relaxed = best
+    choice = light.choice
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, SHAKES)
     legs, found = order.Legs(choice.cell, problem.feed), []
     for j in np.unique(choice.pose[mask]).tolist():

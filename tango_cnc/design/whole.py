@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from ..records import Array
 from .criterion import value
 from .exchange import Draft
-from .relaxed import Costs, Relaxed, Rows
+from .problem import Problem, lighter
+from .relaxed import Costs, Relaxed, Rows, relax
 from .worst import worst_first
 
 PROMISING, ENOUGH = 100, 2500  # indexations that are looked at, with as many touches, at least
@@ -24,6 +25,18 @@ STARTS = (0.4, 0.3, 0.25, 0.2, 0.15)  # of the visits that there is time for: wi
 SUPPORT, SUPPORT_TOUCHES = 60, 300  # indexations that elimination begins with, with as many touches, at least
 SHAKES = 40_000  # times that some visits are given up at random, for each candidate less
 LEAST_SHAKES, MOST_SHAKES = 6, 200
+
+
+def at_first(
+    problem: Problem, touch: float, visit: float, seconds: float, before: Relaxed | None
+) -> tuple[float, Problem, Costs, Relaxed]:
+    """problem, s of a touch and a visit, s, relaxed design to begin with → φ of a first plan, lighter problem, costs, relaxed."""
+    light = lighter(problem)
+    choice = light.choice
+    costs = Costs(np.full(len(choice.rows), touch), np.full(len(choice.of_pose), visit))
+    relaxed = relax(choice.rows, choice.of_pose, light.held, costs, seconds, light.criterion, before)
+    mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, costs, seconds, relaxed, 0)
+    return value(light.criterion, light.held + choice.rows[mask].T @ choice.rows[mask]), light, costs, relaxed
 
 
 def whole(

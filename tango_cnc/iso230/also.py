@@ -39,6 +39,6 @@ def also_held(
 
 
 def said_also(found: Mapping[str, Sequence[str]]) -> list[str]:
-    """parameters: the motions that each may hold → one sentence; [] where there is none."""
+    """{parameter: motions that it may hold} → a list of one sentence, which names them all; [] for no parameter."""
     parts = [say("iso_said.also.one", name=name, motions=", ".join(motions)) for name, motions in found.items()]
     return [say("iso_said.also.all", parts=joined("; ", parts))] if parts else []

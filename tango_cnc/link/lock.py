@@ -160,7 +160,7 @@ def broken_off(folder: Path) -> float | None:
 
 
 def newest_run(folder: Path) -> Path:
-    """folder of a cell → journal of its last run, whatever its readings are called; that of readings.csv where there is none."""
+    """folder of a cell → journal of its last run, under any name of its readings; readings.journal before the first run."""
     own = (f for f in folder.glob("*.journal") if "." not in f.stem and not f.stem.startswith("commission"))
     return max(own, key=lambda f: f.stat().st_mtime, default=folder / JOURNAL)
 
