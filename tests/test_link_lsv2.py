@@ -85,7 +85,7 @@ def test_a_record_file_is_read_from_where_it_ended(control, port):
 def test_a_record_file_of_somebody_else_is_refused_before_a_program_is_put(control, port):
     control.files[RECORDS] = b"my measurements of last year\r\n"
     said = asked(opened(port), b"open")
-    assert said.startswith("! ") and "without%20a%20record%20of%20a%20TANGO%20program" in said
+    assert said.startswith("WRONG ") and "without%20a%20record%20of%20a%20TANGO%20program" in said
     assert control.files[RECORDS] == b"my measurements of last year\r\n"
 
 
@@ -136,7 +136,8 @@ def test_a_program_that_cannot_go_there_is_a_sentence_and_nothing_of_others_is_l
     before = {name: text for name, text in control.files.items() if name != "TNC:\\X.H"}
     line = opened(port, f"?program={place}")
     said = asked(line, put())
-    assert said.startswith("! ") and re.search(why, said.replace("%20", " ").replace("%27", "'").replace("%3A", ":")), said
+    mark = "WRONG " if "logins" in what else "! "
+    assert said.startswith(mark) and re.search(why, said.replace("%20", " ").replace("%27", "'").replace("%3A", ":")), said
     assert {name: text for name, text in control.files.items() if name != "TNC:\\X.H"} == before
 
 
@@ -252,7 +253,7 @@ def test_a_control_that_asks_for_a_password_gets_the_one_of_the_port(control, po
     assert asked(opened(port, "?password=env:CELL_WORD"), b"open").startswith("OPEN TNC640")
     for more, why in (("?password=env:OTHER_WORD", f"(login {login}) with this password"), ("", "state password=env:NAME")):
         said = asked(opened(port, more), b"open").replace("%20", " ").replace("%28", "(").replace("%29", ")").replace("%3D", "=")
-        assert said.startswith("! ") and why in said.replace("%3A", ":") and "123" not in said, said
+        assert said.startswith("WRONG ") and why in said.replace("%3A", ":") and "123" not in said, said
 
 
 def test_a_password_that_nobody_asks_for_does_not_go_out(control, port, monkeypatch):
@@ -341,7 +342,7 @@ def test_a_password_is_in_no_file_and_no_output_of_a_run(control, port, cell, mo
     person = Person(control, cell)
     monkeypatch.setattr(_lsv2, "Person", lambda: person)
     wrong = Result("run", "-C", cell, "--port", url + "env:OTHER_WORD", *more)
-    assert wrong.code == 3 and "does not let this computer in (login FILE) with this password" in wrong.err
+    assert wrong.code == 2 and "does not let this computer in (login FILE) with this password" in wrong.err
     with person.there():
         right = Result("run", "-C", cell, "--port", url + "env:CELL_WORD", *more)
     assert right.code == 0, right.err

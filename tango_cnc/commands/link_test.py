@@ -52,7 +52,7 @@ def command(folder: Path, port: str | None, seconds: float, program_file: Path |
     if program is not None and not client.punches:
         raise InputError("--program: found a link over which no program is sent; allowed: dnc, whose controls punch programs out")
     address = parsed.url
-    line = open_port(parsed)
+    line = open_port(parsed, rests=True)
     hello = client.hello(parsed.options)
     doing = f"{'asking for up to' if hello else 'listening for'} {seconds:g} s"
     click.echo(f"{address} is open; {doing if program is None else 'let the control punch the program out now'}", err=True)

@@ -58,6 +58,6 @@ class Listener(Client):
         allowed = self._task.patience[self._position] if self._begun else self._task.start_patience
         return allowed if self._silence > allowed else None
 
-    def _fail(self, why: str) -> list[Event]:
+    def _fail(self, why: str, wrong: bool = False) -> list[Event]:
         self._over = True
-        return [Failed(why)]
+        return [Failed(why, wrong)]

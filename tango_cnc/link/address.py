@@ -67,6 +67,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
     if len(url) > LONGEST or not url.isprintable():
         raise InputError(f"port: found {shown(url)[:60]!r}… of {len(url)} characters; allowed: {LONGEST} printable ones")
     named_only(url)
+    if "://" in url and "#" in url:  # what stands behind it would be left out without a word
+        raise InputError(f"port {shown(url)!r}: found #; allowed: %23 where a name has one")
     scheme, target, query = _parts(url)
     url = shown(url)
     unit, way = 1, ways()[scheme]
@@ -111,6 +113,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         if known[name] and value not in known[name] and not (name == "baud" and re.fullmatch("[1-9][0-9]{0,7}", value)):
             rates = " or another whole number" if name == "baud" else ""
             raise InputError(f"port {url!r}: {name}: found {printable(repr(value), 80)}; allowed: {', '.join(known[name])}{rates}")
+        if not value and not known[name]:
+            raise InputError(f"port {url!r}: {name}: found nothing; allowed: a value, or leave {name}= out")
         if name in LINE:
             line[name] = value
         if name in options:

@@ -98,9 +98,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class Failed:
-    """The conversation cannot go on."""
+    """The conversation cannot go on. `wrong`: with this port it never could, and nothing was sent."""
 
     why: str
+    wrong: bool = False
 
 
 Event = Identified | Begun | Touched | Ended | Refused | Asked | Failed

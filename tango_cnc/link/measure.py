@@ -119,7 +119,7 @@ def measure(
 
     announced(1)
     confirm(tasks[0].plan, programs[0])
-    transport = open_port(address)
+    transport = open_port(address, rests=not tasks[0].quiet)
     try:
         sensors.start()
         if not before:
@@ -150,7 +150,7 @@ def measure(
             except LinkError as error:
                 then = wanted.then or f"'tango run {wanted.how}' makes the missing touches"
                 advice = "" if isinstance(error, Moved) else f"; {then}"
-                raise LinkError(f"{error} {_keep(journal, plan, wanted.readings, cell.folder, advice)}".rstrip()) from None
+                raise type(error)(f"{error} {_keep(journal, plan, wanted.readings, cell.folder, advice)}".rstrip()) from None
             return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder)
         finally:
             journal.close()

@@ -20,6 +20,7 @@ from .journal import Journal
 from .secrets import without
 from .transport import Lost, Transport
 from .transport._line import reason
+from .transport._refused import RefusedError
 from .trust import Believed, Distrust, Leeway, judge, next_in_order
 
 POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the control are noticed this soon
@@ -149,10 +150,8 @@ class Session:
             missing = self._missing()
             if missing:
                 raise LinkError(f"the program ran to its end, but {missing} not believed or not received")
-        except Moved as error:
-            raise Moved(str(self._stopped(str(error)))) from None
         except LinkError as error:
-            raise self._stopped(str(error)) from None
+            raise type(error)(self._stopped(str(error))) from None
         self._journal.add(End(True, "end mark", _stamp(self._now()), stands=True))
 
     def _missing(self) -> str:
@@ -165,7 +164,7 @@ class Session:
             else ""
         )
 
-    def _stopped(self, why: str) -> LinkError:
+    def _stopped(self, why: str) -> str:
         """why → what the person has to know, after it is in the journal."""
         with contextlib.suppress(LinkError):  # a disk that takes nothing more is the reason itself
             self._journal.add(End(False, why, _stamp(self._now()), stands=self._ended))
@@ -174,7 +173,7 @@ class Session:
         done, of = self._accepted, len(self._task.numbers)
         due = f", touch {self._task.original[self._place]} was due" if self._place < of else ""
         of_what = " of the resumed program are recorded, beside those of before" if self._task.again else " are recorded"
-        return LinkError(f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches{of_what}{due}.{warning}")
+        return f"{why}{'' if why.endswith('?') else '.'} {done} of {of} touches{of_what}{due}.{warning}"
 
     def _converse(self, transport: Transport) -> None:
         last = self._clock()
@@ -263,7 +262,7 @@ class Session:
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
-                raise LinkError(event.why)
+                raise RefusedError(event.why) if event.wrong else LinkError(event.why)
 
     def _identified(self, text: str) -> None:
         """Raises LinkError where a run is resumed at a control that calls itself otherwise; nothing has been asked for yet.

@@ -16,6 +16,7 @@ The lines between this client and the transport are requests and answers in word
     look              <new whole lines> LOOK
                       RUNS                            its program runs: nothing was asked for
                       ! why                           it cannot be reached, or refuses
+                      WRONG why                       a login or a place with which no run can ever be made
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Client(file.Client):
             return True, [f"LSV2: {unquote(said[5:])}; its disk can be read"]
         if said == "RUNS":
             return False, ["the control says that its program runs: nothing more was asked; try again when it stands"]
-        return False, [unquote(said.removeprefix("! ")) or "no control has answered by LSV2"]
+        return False, [unquote(said.removeprefix("! ").removeprefix("WRONG ")) or "no control has answered by LSV2"]
 
     @property
     def sent(self) -> tuple[int, int]:
@@ -112,7 +113,7 @@ class Client(file.Client):
         elif self._ready:
             return self._again(unquote(rest))
         else:
-            return self._fail(unquote(rest))
+            return self._fail(unquote(rest), wrong=word == "WRONG")
         return []
 
     def _at_control(self) -> list[Event]:

@@ -48,10 +48,15 @@ def said_before(address: Address) -> str:
     return ways()[address.scheme].before(address)
 
 
-def open_port(address: Address) -> Transport:
-    """address → open transport. Raises LinkError saying what did not open, which ports there are and what to do."""
+def open_port(address: Address, *, rests: bool = False) -> Transport:
+    """address, whether it is said that nothing moves → open transport, looked into where that needs rest.
+
+    Raises LinkError saying what did not open, which ports there are and what to do; InputError for what no run can use there.
+    """
     try:
         port: Transport = ways()[address.scheme].open(address)
+        if rests:
+            ways()[address.scheme].look(port)
     except (
         OSError,
         EOFError,

@@ -6,22 +6,27 @@ Requests and answers in words (`protocols/lsv2.py`). An answer begins with a cha
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
-import queue
+import os
+import re
+import socket
 import struct
-import sys
-import threading
 import time
 from collections.abc import Iterator
 from typing import Any
 from urllib.parse import quote
 
-from ...records import LinkError
+from ...files.checked import printable
+from ...records import InputError, LinkError
 from ..address import Address
 from ..ways import Way
 from ._file import FOREIGN, foreign
 from ._line import Lost, reason
-from ._remote import HEAD, START, Remote, foreseen
+from ._person import Person
+from ._refused import RefusedError
+from ._remote import HEAD, START, Remote, paths
+from ._remote import foreseen as remote_foreseen
 from ._stores import needed
 
 PATIENCE = 10.0  # s for one telegram
@@ -34,6 +39,10 @@ SECURE = 19  # C_CC: the end of a transfer is acknowledged
 LATER = ("LSV2_BUSY", "LSV2_X_BUSY", "T_ER_ACCESS_TIMEOUT", "LSV2_TIMEOUT")  # what may be asked once more
 ANSWER = b"\x01"
 LONGEST = 1000  # characters of a reason; each may need three
+MOST = BLOCK  # bytes of a path in one telegram
+# drive, folders, file, in the letters of the protocol; none that a name of a file may not have
+ALLOWED = 'drive, folders, file, in Western letters, without * ? " < > | in names, at most 244 characters'
+PLACE = re.compile(r'[A-Za-z][A-Za-z0-9_]*:(?:\\[^\\/:*?"<>|\x00-\x1f\x7f-\x9f]+)*\\?')
 
 
 class Lsv2:
@@ -47,13 +56,15 @@ class Lsv2:
         self._consts = library.const
         self._text = library.translate_messages.get_error_text
         # the least that every control can: telegrams of 256 bytes; safe mode: no command that acts
-        self._control = library.LSV2(host, port, PATIENCE, safe_mode=True, compatibility_mode=True)
+        self._control = library.LSV2("127.0.0.1", port, PATIENCE, safe_mode=True, compatibility_mode=True)
         self._line = self._control._llcom
+        self._line._tcpsock.close()  # the library knows IPv4 alone
         # the library's own takes half a telegram for a whole one, and waits for ever on a line that was closed
         self._line.telegram = self._telegram
         logins = library.const.Login
         with self._asked():
-            self._line.connect()
+            self._line._tcpsock = socket.create_connection((host, port), PATIENCE)
+            self._line._is_connected = True
             self._login(logins.INSPECT, password)
             self._login(logins.FILETRANSFER, password)
             self._control._configure_connection()  # which finds both logins done
@@ -123,7 +134,7 @@ class Lsv2:
         if not isinstance(error, LinkError):
             raise error
         asked = "with this password" if password else "without a password: state password=env:NAME in the port's URL"
-        raise LinkError(
+        raise RefusedError(
             f"the control does not let this computer in (login {login.value}) {asked}. A control with user administration may "
             f"want an SSH tunnel instead (docs/link.md). It says: {self._text(self._line.last_error)}"
         )
@@ -145,16 +156,22 @@ class Lsv2:
                 self._control.switch_safe_mode(True)
 
     def size(self, path: str) -> int | None:
-        """path → bytes of the file, None when there is none."""
+        """path → bytes of the file, None when there is none. Raises IsADirectoryError for a folder."""
         with self._asked():
             found = self._control.file_info(_named(path))
+            if found is not None and found.is_directory:
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             if found is None and self._line.last_error.e_code.name != "T_ER_NO_FILE":
                 raise self._refused(path)
             return None if found is None else int(found.size)
 
     def lacks(self, folder: str) -> bool:
-        """folder → False: the control itself refuses a path through a folder that it has not."""
-        return False
+        """folder → whether the control says that it does not exist."""
+        cmd, rsp, name = self._consts.CMD, self._consts.RSP, _named(folder)
+        with self._asked():
+            # of this connection alone; files are named by their whole paths
+            self._line.telegram(cmd.C_DC, (name + "\\" * name.endswith(":")).encode("latin1") + b"\0")
+            return self._line.last_response is rsp.T_ER and self._line.last_error.e_code.name == "T_ER_NO_DIR"
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file; the protocol knows whole files alone."""
@@ -213,39 +230,32 @@ def _zero(path: str) -> bytes:
     return _named(path).encode("latin1") + b"\0"
 
 
-class Person:
-    """Somebody at this computer who presses Enter. Each time is asked for anew: what was typed before it does not count."""
-
-    def __init__(self) -> None:
-        self._said: queue.SimpleQueue[bool] | None = None
-
-    def asked(self, timeout: float) -> bool | None:
-        """s to wait → True: Enter was pressed; False: there is nobody; None: not yet."""
-        if self._said is None:
-            self._said = queue.SimpleQueue()
-            threading.Thread(target=self._wait, args=(self._said,), daemon=True).start()
-        with contextlib.suppress(queue.Empty):
-            answer = self._said.get(timeout=max(timeout, 0.001))
-            self._said = None
-            return answer
-        return None
-
-    @staticmethod
-    def _wait(said: queue.SimpleQueue[bool]) -> None:
+def _places(address: Address) -> None:
+    """port → nothing. Raises InputError for a user, and for places that no control has: LSV2 knows whole paths from a drive on."""
+    if "@" in address.target:
+        raise InputError(
+            f"port {address.url}: found a user; allowed: none. LSV2 has logins alone: password=env:NAME, if they need one"
+        )
+    for key, name in zip(("path", "program"), paths(address), strict=True):
+        there = _named(name)
         try:
-            _forget_typed()
-            said.put(bool(sys.stdin.readline()))
-        except (AttributeError, OSError, ValueError):  # no standard input, or it was closed
-            said.put(False)
+            fits = (
+                PLACE.fullmatch(there) and len(there.encode("latin1")) + len(BINARY) < MOST and (key == "program" or "\\" in there)
+            )
+        except UnicodeEncodeError:
+            fits = False
+        if name and not fits:
+            raise InputError(
+                f"port {address.url}: {key}: found {printable(repr(name), 80)}; allowed: {ALLOWED}, e.g. /TNC:/TANGO.TXT"
+                + (" or TNC:/ for a folder" if key == "program" else "")
+            )
 
 
-def _forget_typed() -> None:
-    """What was typed on the terminal up to now is not an answer."""
-    if sys.stdin.isatty():
-        with contextlib.suppress(ImportError):
-            import termios
-
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+def foreseen(address: Address) -> None:
+    """port → nothing. Raises InputError where the library is missing, for places that cannot be meant, and one file of both."""
+    needed("pyLSV2", "lsv2")
+    _places(address)
+    remote_foreseen(address)
 
 
 class Runs(LinkError):
@@ -257,6 +267,7 @@ class AtRest(Remote):
 
     def __init__(self, address: Address) -> None:
         needed("pyLSV2", "lsv2")
+        _places(address)
         super().__init__(address)
         self._person, self._requests, self._known = Person(), [], False
         self._program = "/" + self._program.replace("\\", "/").lstrip("/") if self._program else ""
@@ -264,7 +275,14 @@ class AtRest(Remote):
     _requests: list[bytes]
 
     def _begin(self) -> None:
-        """Nothing is opened before a request says so."""
+        """Nothing is opened before a request says so, or `look`."""
+
+    def look(self) -> None:
+        """Connects, unless the program runs, notes where the record file ends, and hangs up: nothing moves meanwhile.
+
+        Raises InputError and RefusedError for what no run can use: the control would refuse it again. OSError: nobody answers.
+        """
+        self._repeated(b"open", b"")
 
     def write(self, data: bytes) -> int:
         """bytes of a request → all taken."""
@@ -290,22 +308,29 @@ class AtRest(Remote):
 
     def _tried(self, verb: bytes, value: bytes) -> bytes:
         """what to do → the answer, over a new connection each time."""
-        why, self._writing = "", False
-        for left in reversed(range(TRIES)):
-            try:
-                return self._done(verb, value)
-            except OSError as error:
-                away = isinstance(error, ConnectionError | TimeoutError)
-                why = f"the control cannot be reached: {reason(error)}" if away else reason(error)
-            except (Lost, LinkError) as error:
-                why = str(error)
-                break
-            if left:
-                time.sleep(BETWEEN)
+        self._writing = False
+        try:
+            return self._repeated(verb, value)
+        except OSError as error:
+            away = isinstance(error, ConnectionError | TimeoutError | socket.gaierror)
+            why = f"the control cannot be reached: {reason(error)}" if away else reason(error)
+        except (InputError, RefusedError) as error:
+            return ANSWER + f"WRONG {quote(str(error)[:LONGEST])}".encode()
+        except (Lost, LinkError) as error:
+            why = str(error)
         if verb == b"put":
             program = bytes.fromhex(value.decode("ascii"))
             why += self._left(self._place(program), program)
         return ANSWER + f"! {quote(why[:LONGEST])}".encode()
+
+    def _repeated(self, verb: bytes, value: bytes) -> bytes:
+        """what to do → the answer; a connection that breaks is made again. Raises OSError, InputError, LinkError."""
+        for _ in range(TRIES - 1):
+            try:
+                return self._done(verb, value)
+            except OSError:
+                time.sleep(BETWEEN)
+        return self._done(verb, value)
 
     def _open(self) -> Lsv2:
         """→ connected and logged in. Raises Runs where the control says that its program runs."""
@@ -335,11 +360,16 @@ class AtRest(Remote):
 
     def _mark(self, there: Lsv2) -> None:
         """Notes where the record file ends now: what stands in it is of another run."""
+        self._usable(there)
         whole = there.read(self._path, 0, LARGEST)
         if whole and foreign(whole[:HEAD], whole[-HEAD:]):
-            raise LinkError(f"{self._path}: {FOREIGN}. Nothing was put at the control")
+            raise InputError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
         old = max(0, whole.rfind(START)) if self._address.options.get("from", "now") == "last" else len(whole)
         self._at, self._before, self._known = old, whole[max(0, old - 64) : old], True
 
 
-WAYS = {"lsv2": Way(AtRest, "disk", path=True, stored=True, foreseen=foreseen, example="lsv2://192.168.1.20/TNC:/TANGO.TXT")}
+WAYS = {
+    "lsv2": Way(
+        AtRest, "disk", path=True, stored=True, foreseen=foreseen, look=AtRest.look, example="lsv2://192.168.1.20/TNC:/TANGO.TXT"
+    )
+}

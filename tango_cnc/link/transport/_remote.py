@@ -42,9 +42,14 @@ def foreseen(address: Address) -> None:
         raise InputError(f"port {address.url}: key: found {key}; allowed: the file of a private key")
 
 
+def paths(address: Address) -> tuple[str, str]:
+    """port → path of the record file, place of the program or ''."""
+    return unquote(urlsplit(f"//{address.target}").path), address.options.get("program", "")
+
+
 def _paths(address: Address) -> None:
     """port → nothing. Raises InputError for a share without a file, and for one file of program and records."""
-    path, program = unquote(urlsplit(f"//{address.target}").path), address.options.get("program", "")
+    path, program = paths(address)
     if address.scheme == "smb":
         for key, name in (("path", path), ("program", program)):
             if name and len(name.strip("/").split("/")) < 2 and not (key == "program" and name.strip("/") and name.endswith("/")):
@@ -80,19 +85,7 @@ class Remote:
     def _begin(self) -> None:
         """Notes where the record file ends now, or where its last start mark is."""
         there = self._open()
-        try:
-            size, folder = there.size(self._path), posixpath.dirname(self._path)
-        except IsADirectoryError:
-            raise InputError(
-                f"port {self._address.url}: {self._path} is a folder at the control; allowed: the file of the records. "
-                "Nothing was put at the control"
-            ) from None
-        if size is None and folder.strip("/") and there.lacks(folder):
-            raise InputError(
-                f"port {self._address.url}: there is no folder {folder} at the control; no program can write its records there. "
-                "Correct the path. Nothing was put at the control"
-            )
-        size = size or 0
+        size = self._usable(there) or 0
         if size and foreign(there.read(self._path, 0, HEAD), there.read(self._path, max(0, size - HEAD), HEAD)):
             raise InputError(f"port {self._address.url}: {FOREIGN}. Nothing was put at the control")
         old = size
@@ -101,6 +94,36 @@ class Remote:
         if old:
             begin = max(0, old - REMEMBERED)
             self._at, self._before = old, there.read(self._path, begin, old - begin)
+
+    def _usable(self, there: RemoteFiles) -> int | None:
+        """open store → bytes of the record file, None for none. Raises InputError for places where nothing can be written."""
+        size = self._size(there, self._path, "the file of the records")
+        program = self._program
+        file = program if program and not program.endswith("/") else ""
+        there_is = file and self._size(there, file, "program= a file, or a folder with / at its end") is not None
+        for name, path, here in (("", self._path, size is not None), ("program: ", program, there_is)):
+            if path and not here and self._lacked(there, path):
+                why = "" if name else "; no program can write its records there"
+                raise InputError(
+                    f"port {self._address.url}: {name}there is no folder {posixpath.dirname(path)} at the control{why}. Correct "
+                    "the path. Nothing was put at the control"
+                )
+        return size
+
+    def _size(self, there: RemoteFiles, path: str, allowed: str) -> int | None:
+        """open store, path → bytes of the file, None for none. Raises InputError for a folder."""
+        try:
+            return there.size(path)
+        except IsADirectoryError:
+            raise InputError(
+                f"port {self._address.url}: {path} is a folder at the control; allowed: {allowed}. Nothing was put at the control"
+            ) from None
+
+    @staticmethod
+    def _lacked(there: RemoteFiles, path: str) -> bool:
+        """open store, path → whether it is certain that its folder does not exist."""
+        folder = posixpath.dirname(path)
+        return bool(folder.strip("/")) and there.lacks(folder)
 
     def _open(self) -> Store:
         self._store = store(self._address.scheme, self._parts, dict(self._address.options))
