@@ -77,7 +77,7 @@ def stopped(tmp_path, monkeypatch, begins, n, does):
         commands.clear()
         return does(device)
 
-    def opened(address):
+    def opened(address, **how):
         lines.append(Spoilt(Registers(Motion(rig, note), note, clock=clock), clock, begins, n, happened))
         return lines[-1]
 
@@ -339,7 +339,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     at_the_control, turns = [], Turns()
     motion = Motion(rig, ledger.note)
 
-    def opened(address):
+    def opened(address, **how):
         def started(motion, punch):
             resident(at_the_control[-1], motion, punch)
 

@@ -65,7 +65,7 @@ def attempt(kind, folder, monkeypatch, ledger, faults, resume):
         texts[:] = [found[0].text]
         return found
 
-    def opened(address):
+    def opened(address, **how):
         all_turns.append(Turns() if kind == "program" else None)
         return control(kind, ledger, clock, faults, texts[0], all_turns[0])
 

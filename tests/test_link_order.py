@@ -70,7 +70,7 @@ def test_no_motion_is_asked_for_before_the_last_reading_is_on_disk(kind, tmp_pat
     def forced(handle):
         durable[0] = journal.read_bytes().count(b'"kind":"reading"') if journal.exists() else 0
 
-    def opened(address):
+    def opened(address, **how):
         line, asks = controls(kind, ledger, clock, post(made)[0].text)
         return Overheard(line, asks, lambda: order.append((len(ledger.contacts), durable[0])))
 

@@ -70,6 +70,16 @@ def test_file_and_log_are_two_files(tmp_path):
         open_port(parse(f"linuxcnc://127.0.0.1:1?file={tmp_path / 'a'}&log={tmp_path / 'x' / '..' / 'a'}", LINUXCNC))
 
 
+@pytest.mark.parametrize("name", ["sensors.yaml", "readings.json", "READINGS.CSV", "readings.journal", "tango.lock"])
+@pytest.mark.parametrize("option", ["file", "log"])
+def test_no_name_of_a_file_of_a_cell_is_taken_although_nothing_is_there(tmp_path, option, name):
+    """The program was written to sensors.yaml, which no command could read then; LinuxCNC truncated the journal."""
+    other = "log" if option == "file" else "file"
+    with pytest.raises(InputError, match=f"{option}: found .*{name}, a name of tango's own files"):
+        open_port(parse(f"linuxcnc://127.0.0.1:1?{option}={tmp_path / name}&{other}={tmp_path / 'new'}", LINUXCNC))
+    assert not list(tmp_path.iterdir())
+
+
 @POSIX
 @pytest.mark.parametrize("name", ["/dev/zero", "pipe"])
 def test_a_device_is_no_file_that_a_control_writes(tmp_path, name):

@@ -23,6 +23,7 @@ from ..report import pdf
 from ._budget import absent, budget_of
 from ._common import Output, cell_option, json_option, table, write_json
 from ._program import blamed, language_of, opened
+from ._progress import said
 from ._trust import despite_option, judged, members, said_of_origin, told
 from .iso230 import thermal_of
 from .report import paper
@@ -76,7 +77,7 @@ def command(
         day,
     )
     if pdf_file is not None:
-        pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted)))
+        pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted), said))
     if not write_json(json_file, page.as_json(found) | members(judgement)):
         lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []

@@ -38,6 +38,7 @@ from ..texts import joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
+from ._progress import said
 from ._trust import NoFit, despite_option, judged, left_out, members, status, told
 from .iso230 import at_20
 
@@ -153,7 +154,7 @@ def command(
     values = page.context(found, texts_of(templates))
     write_text(target, page.render(found, templates, values))
     if pdf_file is not None:
-        pdf_file.write_bytes(pdf.render(found, templates, values))
+        pdf_file.write_bytes(pdf.render(found, templates, values, said))
     source_of = None if allowed is None else "--limit-um" if limit_um is not None else "nightly.yaml"
     data = page.as_json(found) | {"limit_um": allowed, "limit_from": source_of, "limit_nightly_um": stated}
     data |= {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})

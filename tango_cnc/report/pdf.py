@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,14 @@ from markupsafe import Markup
 
 from ..records import InputError
 from .facts import Facts
+from .glyphs import note
 from .page import context
 from .svg import GOOD, LOOK, STOP
 from .template import environment, rendered
 from .texts import texts_of
 
 LONG, STEP, BREAK = re.compile(r"(?<!\S)(?![0-9a-f]{64}\b)\S{25,}"), 12, "\u200b"  # a hash stays whole: it is copied
+FONT = "Install a font that has them: on Debian 'apt install fonts-noto-cjk', or fonts-noto for other writings."
 TONES = {"good": GOOD, "look": LOOK, "stop": STOP, "unknown": "#5b3f95", "none": "#52606d"}
 
 
@@ -37,10 +40,17 @@ def quoted(value: object) -> str:
     return '"' + text.replace("\n", " ").replace("\r", " ") + '"'
 
 
-def render(f: Facts, folder: Path | None = None, made: Mapping[str, Any] | None = None) -> bytes:
-    """facts, folder of a shop's templates or None, `context` of the page where it was made before → PDF.
+def _silent(text: str) -> None:
+    """Most callers have nobody to tell."""
 
-    Raises InputError when typst is not installed or the template is wrong.
+
+def render(
+    f: Facts, folder: Path | None = None, made: Mapping[str, Any] | None = None, say: Callable[[str], object] = _silent
+) -> bytes:
+    """facts, folder of a shop's templates and fonts or None, `context` of the page where it was made before → PDF.
+
+    `say` is told of letters that no font has; the PDF says so at its head. Raises InputError when typst is not installed or the
+    template is wrong.
     """
     try:
         import typst
@@ -49,7 +59,7 @@ def render(f: Facts, folder: Path | None = None, made: Mapping[str, Any] | None 
     env = environment(folder)
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
-        count = 0
+        count, drawn, fonts = 0, [""], [folder] if folder else []
 
         def image(svg: object, width: str = "100%") -> str:
             nonlocal count
@@ -57,25 +67,36 @@ def render(f: Facts, folder: Path | None = None, made: Mapping[str, Any] | None 
                 return "[]"
             count += 1
             (root / f"{count}.svg").write_text(_plain(str(svg)), encoding="utf-8")
+            drawn.append(str(svg))
             return f'image("{count}.svg", width: {width})'
 
         env.filters["q"] = lambda value: Markup(quoted(value))
         env.filters["image"] = lambda value, width="100%": Markup(image(value, width))
-        values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES}
-        source = root / "report.typ"
-        source.write_text(rendered(env, "report.typ", values), encoding="utf-8")
+        values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES, "no_font": ""}
+        source, text = root / "report.typ", rendered(env, "report.typ", values)
+        boxes = note(text + html.unescape("".join(drawn)), texts_of(folder), fonts)
+        if boxes:
+            text = rendered(env, "report.typ", {**values, "no_font": boxes})
+            say(f"{boxes} {FONT}")
+        source.write_text(text, encoding="utf-8")
         try:
-            return bytes(typst.compile(str(source), root=place))
+            return bytes(typst.compile(str(source), root=place, font_paths=[str(one) for one in fonts]))
         except (typst.TypstError, RuntimeError) as error:
             raise InputError(f"report.typ: {error}; correct the template") from None
 
 
-def compiled(source: str) -> bytes:
-    """typst source without pictures → PDF. Raises InputError when typst is not installed."""
+def compiled(source: str, say: Callable[[str], object] = _silent) -> bytes:
+    """typst source without pictures → PDF; `say` is told of letters that no font has, and the end of the PDF says so.
+
+    Raises InputError when typst is not installed.
+    """
     try:
         import typst
     except ImportError:
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'") from None
+    if boxes := note(source, texts_of(None)):
+        source += f"\n#text({quoted(boxes)})\n"
+        say(f"{boxes} {FONT}")
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "page.typ"
         file.write_text(source, encoding="utf-8")

@@ -437,7 +437,7 @@ def tape_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tupl
     rates |= {kind: 5e-3 for kind in ("delay", "split", "merge")}
     there = {kind: chance.choice([0.0, 3e-6, 1e-5]) for kind in ("drop", "flip", "double")}
 
-    def opened(address):
+    def opened(address, **how):
         cut = chance.choice([None, None, None, None, chance.randrange(1, 6000)])
         disturb = ledger.disturbance(rates, chance.randrange(1 << 30))
         faults = machine_faults(chance) if chance.random() < 0.3 else Faults()
@@ -460,7 +460,7 @@ def bus_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tuple
     first = Motion(truth, ledger.note, faults=machine_faults(chance))
     devices = [Registers(first, ledger.note, clock=clock, ticket=chance.randrange(1 << 16))]
 
-    def opened(address):
+    def opened(address, **how):
         if devices[0].words[STATUS] != IDLE or devices[0].silent or devices[0].motion.deflected:
             # somebody has cleared the alarm, freed the probe and sent the axes home
             devices[0] = Registers(Motion(truth, ledger.note), ledger.note, clock=clock, ticket=devices[0].words[TICKET] + 1)
@@ -483,7 +483,7 @@ def resident_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> 
             posted.append(found[0].text)
         return found
 
-    def opened(address):
+    def opened(address, **how):
         for old in turns:
             old.end()
         turns[:] = [Turns()]
@@ -529,7 +529,7 @@ def cable_session(seed: int, folder: Path, monkeypatch, clock: FakeClock) -> tup
     }
     touched: list[str] = []
 
-    def opened(address):
+    def opened(address, **how):
         control = state["control"]
         stuck = control.motion.deflected and touched[-1:] == [str(control.motion.position)]
         touched.append(str(control.motion.position))

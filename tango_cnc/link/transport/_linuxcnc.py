@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ...files.targets import same
 from ...records import InputError
-from ..address import Address
+from ..address import OWN, Address
 from ..ways import Way
 from ._line import REST, SLICE, Lost, reason
 from ._tcp import Tcp
@@ -93,6 +93,11 @@ def foreseen(address: Address) -> None:
         if file.is_dir() or not file.absolute().parent.is_dir():
             raise InputError(f"port {address.url}: {name}: found {file}; allowed: a file in a folder that is there")
         if not file.exists() and not file.is_symlink():
+            if file.name.lower().endswith(OWN):  # it may be an input of a cell tomorrow
+                raise InputError(
+                    f"port {address.url}: {name}: found {file}, a name of tango's own files, into which no control may write; "
+                    f"allowed: another name, e.g. {'tango.ngc' if name == 'file' else 'tango-readings.txt'}"
+                )
             continue
         if not file.is_file() or not own.fullmatch(_head(file)):
             what = "a program of 'tango plan'" if name == "file" else "records that such a program wrote"

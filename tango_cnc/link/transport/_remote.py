@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import posixpath
 import re
@@ -98,9 +99,10 @@ class Remote:
     def _usable(self, there: RemoteFiles) -> int | None:
         """open store → bytes of the record file, None for none. Raises InputError for places where nothing can be written."""
         size = self._size(there, self._path, "the file of the records")
-        program = self._program
-        file = program if program and not program.endswith("/") else ""
-        there_is = file and self._size(there, file, "program= a file, or a folder with / at its end") is not None
+        program, there_is = self._program, False
+        if program and not program.endswith("/"):
+            with contextlib.suppress(OSError):  # a name that the control does not take is said when the program goes there
+                there_is = self._size(there, program, "program= a file, or a folder with / at its end") is not None
         for name, path, here in (("", self._path, size is not None), ("program: ", program, there_is)):
             if path and not here and self._lacked(there, path):
                 why = "" if name else "; no program can write its records there"
