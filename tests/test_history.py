@@ -117,6 +117,7 @@ def test_a_decision_needs_an_alarm_an_owner_and_a_known_action(history: History)
         (Decision("2026-10-04-1", "accept", "Ann", until="2026-11-01"), "until"),
         (Decision("2026-10-04-1", "ignore", "Ann", until="soon"), "date"),
         (Decision("2026-10-04-1", "ignore", "Ann", until="2025-01-01"), "is over"),
+        (Decision("2026-10-04-1", "ignore", "Ann", until="2062-12-05"), "more than a year from now; allowed: 20"),
     ):
         with pytest.raises(InputError, match=word):
             history.decide("M", wrong)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +69,7 @@ def test_once_its_alarms_are_closed_and_the_new_name_is_measured_nothing_more_is
 
 @pytest.mark.parametrize("action", ["acknowledge", "ignore"])
 def test_an_alarm_that_was_answered_under_the_old_name_stays_answered(renamed: Path, action: str) -> None:
-    until = "2999-01-01" if action == "ignore" else None
+    until = (date.today() + timedelta(days=300)).isoformat() if action == "ignore" else None
     with opened(renamed / "history.db") as history:
         (alarm,) = history.open_alarms("OLD 5")
         history.decide("OLD 5", Decision(alarm["id"], action, "Ann", "", until))

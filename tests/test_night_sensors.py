@@ -140,7 +140,7 @@ def test_an_alarm_of_temperature_says_how_warm_by_which_sensor_and_against_which
         {"night": "2026-10-18", "temperatures": {"bed": {"mean": 20.2, "first": 20.2, "last": 20.2}}},
     ]
     found = how_warm(alarm, {"bed": {"state": "heard"}}, 24.1, records)
-    assert "3.9 K warmer (bed 24.1 °C) than in the night of 2026-10-18 (20.2 °C)" in found["text"] and "16.0 µm" in found["text"]
+    assert "3.9 K warmer (bed 24.1 °C) than on 2026-10-18 (20.2 °C)" in found["text"] and "16.0 µm" in found["text"]
     assert found["warmer"]["kelvin"] == pytest.approx(3.9) and found["warmer"]["night"] == "2026-10-18"
     assert "5.1 K colder" in how_warm(alarm, {"bed": {"state": "heard"}}, 18.8, records)["text"]
     assert how_warm(alarm, {}, None, records) == alarm

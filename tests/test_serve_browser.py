@@ -169,6 +169,28 @@ def test_the_morning_fits_one_screen_of_a_phone(site: Site, browser: webdriver.C
         assert bottoms[question] <= PHONE[1], (question, bottoms)
 
 
+@pytest.mark.parametrize("width", [320, 360, 700, 1000, 1400])
+def test_the_longest_answer_leaves_the_name_of_the_machine_its_room(width: int, site: Site, browser: webdriver.Chrome) -> None:
+    """It left 16 px on a phone, for the machine that somebody has to act on; on a desk it ran into the name."""
+    sized(browser, (width, 844))
+    browser.get(f"{site.base}/")
+    browser.execute_script(
+        "const li = document.querySelector('.fleet .which').parentElement; li.classList.add('worst');"
+        "li.querySelector('.tone').textContent = 'Nobody knows'; li.querySelector('.name').textContent = 'Mill 7 (Halle 2)';"
+        "li.querySelector('.age').innerHTML = 'measured 17 days ago<br><b class=\"alarm\">1 open alarm</b>';"
+        "li.querySelector('.which').insertAdjacentHTML('beforeend', ' <span class=\"mark\">SIMULATED</span>')"
+    )
+    box = "(e => {const b = document.querySelector(e).getBoundingClientRect(); return [b.left, b.right, b.top, b.bottom]})"
+    sign, word, name, mark, age = (
+        browser.execute_script(f"return {box}('.fleet .worst {part}')") for part in (".sign svg", ".tone", ".name", ".mark", ".age")
+    )
+    which = browser.execute_script(f"return {box}('.fleet .worst .which')")
+    assert which[1] - which[0] >= 100 and name[1] - name[0] >= 70 and mark[3] - mark[2] < 30
+    apart = [(word, name), (word, mark), (mark, age), (name, age)]
+    assert all(a[1] + 4 <= b[0] or b[1] + 4 <= a[0] or a[3] <= b[2] or b[3] <= a[2] for a, b in apart), (word, name, mark, age)
+    assert sign[0] >= 0 and age[1] <= width
+
+
 def test_a_phone_shows_several_alarms_at_once(tmp_path: Path, browser: webdriver.Chrome) -> None:
     """One that fills the screen hides the others."""
     cells = []

@@ -64,6 +64,7 @@ def decided(folder: Path) -> list[tuple[str, str, str]]:
     [
         ({"action": "ignore"}, "Ignored needs a day until when."),
         ({"action": "ignore", "until": "2020-01-01"}, "is over. Give today or a later one"),
+        ({"action": "ignore", "until": "9999-12-31"}, "for a year at most"),
         ({}, "No decision was chosen."),
     ],
 )

@@ -87,6 +87,11 @@ def over(d: Any, today: str) -> bool:
     return d.action == "ignore" and str(d.until or "") < today
 
 
+def last_ignored(today: str) -> str:
+    """local date → the last day until which an alarm may be ignored from then on: who mistypes a year hears of it again."""
+    return (datetime.fromisoformat(today) + timedelta(days=366)).strftime("%Y-%m-%d")
+
+
 @dataclass(frozen=True)
 class Compensation:
     """One event of a compensation; µm are rms over the volume that it was made for."""

@@ -29,7 +29,21 @@ from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
 from ._database import connect, first_line
-from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
+from .records import (
+    ACTIONS,
+    AHEAD,
+    Decision,
+    Knowledge,
+    Night,
+    Standing,
+    Stored,
+    Trend,
+    date_of,
+    last_ignored,
+    merged,
+    over,
+    stamp_of,
+)
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
@@ -106,8 +120,10 @@ class History:
             )
         if decision.until is not None:
             today = date_of(decision.utc or stamp_of(datetime.now(UTC)))
-            if _date(decision.until) < today:
-                raise InputError(f"decision: found until {decision.until!r}, which is over; allowed: {today} or later")
+            last = last_ignored(today)
+            if not today <= _date(decision.until) <= last:
+                why = "which is over" if decision.until < today else "more than a year from now"
+                raise InputError(f"decision: found until {decision.until!r}, {why}; allowed: {today} … {last}")
         if not decision.owner.strip():
             raise InputError("decision: found no owner; allowed: the name of who decides")
         for key, text in (("owner", decision.owner), ("note", decision.note)):

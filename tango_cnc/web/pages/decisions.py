@@ -13,6 +13,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
+from ...history.records import last_ignored
 from ...records import InputError
 from ...report.alarm import sentence, size_of
 from ...report.answer import is_moving
@@ -113,8 +114,9 @@ def decide(request: Request) -> Response:
             raise InputError("this machine has no history")
         if until is not None and not DATE.fullmatch(until):
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
-        if wrong := _incomplete(action, until):
-            raise InputError(state.texts(wrong))
+        today = datetime.now().astimezone().strftime("%Y-%m-%d")
+        if wrong := _incomplete(action, until, today):
+            raise InputError(state.texts(wrong, last=last_ignored(today)))
         signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
         alarms = form.get("alarm", "").split()[:MANY] or [""]
         known = {a["id"] for stored in found.history.alarmed(found.name) for a in stored.record["alarms"]}
@@ -133,14 +135,15 @@ def decide(request: Request) -> Response:
     return RedirectResponse(f"/alarms?recorded={action}", 303)
 
 
-def _incomplete(action: str, until: str | None) -> str:
-    """what was chosen, date or None → key of the sentence that says what is missing; '' where nothing is."""
+def _incomplete(action: str, until: str | None, today: str) -> str:
+    """what was chosen, date or None, local date → key of the sentence that says what is wrong; '' where nothing is."""
     if action not in ACTIONS:
         return "decision.no_action"
     if action != "ignore":
         return ""
-    today = datetime.now().astimezone().strftime("%Y-%m-%d")
-    return "decision.until_needed" if until is None else "decision.date_over" if until < today else ""
+    if until is None:
+        return "decision.until_needed"
+    return "decision.date_over" if until < today else "decision.too_far" if until > last_ignored(today) else ""
 
 
 def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, state: PagesState) -> str:
