@@ -197,6 +197,8 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if found.stale else word}"
     if found.stale:
         yield f"  {t('morning.old_todo')}"
+    if found.broken is not None and not found.nights:  # with nights the answer of the newest one says so
+        yield f"  {t('may.ask')} {t('may.not_yet')}. {t('may.run_off')}"
     if found.trouble is not None:
         yield "  " + t("cli.nightly.cannot_begin", why=found.trouble)
     if found.future is not None:

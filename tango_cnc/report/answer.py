@@ -230,6 +230,11 @@ def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     return replace(found, may="but", word=t("may.but"), state="alarm_open", why=t("may.left_out" if dated else "may.former"))
 
 
+def of_no_night(former: Sequence[str], t: Texts) -> Answer | None:
+    """what is said of a cell that no night has measured, texts → not yet, where its control may still move; else None."""
+    return renamed(Answer("but", "", "", "", ""), former, t) if is_cut_off(former) else None
+
+
 def _dated(found: Answer, t: Texts) -> Answer:
     """answer that is older than the newest night, texts → the same, whose numbers name their night."""
     return replace(found, numbers=t("may.on", text=found.numbers, date=day(found.of, t))) if found.numbers and found.of else found

@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, since_date, size_of, whole_sentence
-from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, renamed
+from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, of_no_night, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -176,9 +176,9 @@ def _age(row: Row, t: Texts) -> str:
 
 
 def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -> Answer | None:
-    """row, what is wrong and not closed, state → whether parts may be made; None where nothing was measured."""
+    """row, what is wrong and not closed, state → whether parts may be made; None where nothing was measured and nothing moves."""
     if row.record is None:
-        return None
+        return of_no_night(row.machine.former, state.texts)
     late = next((n.night for n in row.nights if n.status == "complete"), state.texts("web.never"))
     waits, has = answered(found, row.record)
     axes = state.places.geometry(row.machine)

@@ -17,7 +17,7 @@ from ...history import Compensation, Night, compensations
 from ...link.progress import journals
 from ...report.age import measured_on
 from ...report.alarm import sentence
-from ...report.answer import Answer, dates_cut_off
+from ...report.answer import Answer, dates_cut_off, of_no_night
 from ...report.charts import tip
 from ...report.compensated import begins, marked
 from ...report.course import course, jumps_of_tip
@@ -55,6 +55,7 @@ def machine(request: Request) -> Response:
     values |= {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy)}
     values["simulated"] = run is not None and run.simulated and not nights
     values["ran"] = "" if nights else ran_of(request, found)
+    values["moving"] = None if values["busy"] else of_no_night(found.former, state.texts)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
     values["reported"] = file_of_cell(found) is not None
     if nights and found.history is not None:
@@ -83,9 +84,11 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
 
 
 def answer_today(request: Request, machine: Served) -> Answer | None:
-    """request, machine → the answer of its page, for pages that show something older or narrower; None without a night."""
-    found = morning_of(request, machine, busy_of(request, machine)).get("answer")
-    return found if isinstance(found, Answer) else None
+    """request, machine → the answer of its page, for pages that show something older or narrower; None where nothing is known."""
+    busy = busy_of(request, machine)
+    found = morning_of(request, machine, busy).get("answer")
+    unmoved = None if busy else of_no_night(machine.former, state_of(request).texts)
+    return found if isinstance(found, Answer) else unmoved
 
 
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:

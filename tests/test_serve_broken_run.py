@@ -1,0 +1,32 @@
+"""A run that broke off on a machine that no night has measured: every page says not yet, and nobody is told to start a program."""
+
+from pathlib import Path
+
+from starlette.testclient import TestClient
+from support.runs import Control, Result, cell  # noqa: F401
+
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+
+def pages(folder: Path) -> dict[str, str]:
+    """folder of a cell → {address: text of the page}."""
+    with TestClient(create(Settings((folder,))), base_url="http://127.0.0.1") as site:
+        listed = site.get("/").text
+        address = listed.partition('href="/machine/')[2].partition('"')[0]
+        own = {path: site.get(f"/machine/{address}{path}").text for path in ("", "/run", "/files")}
+    return {"list": listed, **own}
+
+
+def test_a_run_that_broke_off_is_not_yet_although_no_night_was_measured(cell: Path) -> None:
+    before = pages(cell)
+    assert "Nobody knows" in before["list"] and "tango nightly -C" in before[""]
+    assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
+    found = pages(cell)
+    for name, text in found.items():
+        assert "Not yet" in text and "Nobody knows" not in text, name
+        assert "tango nightly" not in text and "Have it measured" not in text, name
+    assert "Look at the machine first" in found["list"] and "may still execute" in found["/run"]
+    assert "Look at the machine first: its control may still execute the program" in found[""]
+    status = Result("nightly", "-C", cell, "--status")
+    assert status.code == 1 and "May I make parts? Not yet. Look at the machine first" in status.out + status.err
