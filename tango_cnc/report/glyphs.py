@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from .texts import Texts
 
@@ -13,7 +14,7 @@ SURE = 0x530  # Latin, Greek and Cyrillic end here: typst brings fonts for them
 SIGNS = range(0x2000, 0x2C00)  # punctuation and signs of the program's own sentences
 MOST = 12  # writings that are looked for
 NAMES = {"Cjk": "Chinese characters"}
-LACKS = re.compile(r'the text `"(.*?)"` could not be displayed', re.DOTALL)
+LACKS = re.compile(r'`"(.*?)"`', re.DOTALL)  # the first quoted thing of the error is the letter
 
 
 def _of(letter: str) -> str:
@@ -32,10 +33,11 @@ def lacking(text: str, fonts: Sequence[Path] = ()) -> tuple[str, ...]:
 
     left = sorted({c for c in text if ord(c) >= SURE and ord(c) not in SIGNS and unicodedata.category(c)[0] in "LN"})
     found: list[str] = []
+    compiled: Any = typst.compile  # typed for sources and folders of one kind
     while left and len(found) < MOST:
         source = "".join(f'#text("{c}")\n' for c in left)
         try:
-            typst.compile(source.encode(), pdf_standards="a-2u", font_paths=[str(folder) for folder in fonts])
+            compiled(source.encode(), pdf_standards="a-2u", font_paths=[str(folder) for folder in fonts])
             break
         except typst.TypstError as error:
             named = LACKS.search(str(error))

@@ -17,10 +17,9 @@ from .glyphs import note
 from .page import context
 from .svg import GOOD, LOOK, STOP
 from .template import environment, rendered
-from .texts import texts_of
+from .texts import texts, texts_of
 
 LONG, STEP, BREAK = re.compile(r"(?<!\S)(?![0-9a-f]{64}\b)\S{25,}"), 12, "\u200b"  # a hash stays whole: it is copied
-FONT = "Install a font that has them: on Debian 'apt install fonts-noto-cjk', or fonts-noto for other writings."
 TONES = {"good": GOOD, "look": LOOK, "stop": STOP, "unknown": "#5b3f95", "none": "#52606d"}
 
 
@@ -77,7 +76,7 @@ def render(
         boxes = note(text + html.unescape("".join(drawn)), texts_of(folder), fonts)
         if boxes:
             text = rendered(env, "report.typ", {**values, "no_font": boxes})
-            say(f"{boxes} {FONT}")
+            say(f"{boxes} {texts()('report.no_font_do')}")
         source.write_text(text, encoding="utf-8")
         try:
             return bytes(typst.compile(str(source), root=place, font_paths=[str(one) for one in fonts]))
@@ -96,7 +95,7 @@ def compiled(source: str, say: Callable[[str], object] = _silent) -> bytes:
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'") from None
     if boxes := note(source, texts_of(None)):
         source += f"\n#text({quoted(boxes)})\n"
-        say(f"{boxes} {FONT}")
+        say(f"{boxes} {texts()('report.no_font_do')}")
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "page.typ"
         file.write_text(source, encoding="utf-8")
