@@ -76,7 +76,7 @@ def command(
         day,
     )
     if pdf_file is not None:
-        pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted)))
+        pdf_file.write_bytes(page.one_page(found, pdf.quoted, pdf.compiled))
     if not write_json(json_file, page.as_json(found) | members(judgement)):
         lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
