@@ -378,3 +378,14 @@ def test_a_sheet_of_many_figures_is_one_page(tmp_path: Path, count: int) -> None
     noted = replace(GOOD, remarks=("a note of some hundred letters on what these touches cannot show of this machine " * 4,))
     found = signed(tmp_path, replace(shown, figures=figures), noted, limits={f"straightness {name}": 10 for name in names})
     assert re.findall(rb"/Count (\d+)", page.one_page(found, quoted, compiled))[0] == b"1"
+
+
+def test_a_parameter_rests_on_the_terms_and_a_figure_does_not(tmp_path: Path) -> None:
+    """The figures were judged by their own fit. A fit by the terms that is doubtful states no parameter."""
+    shown, doubted = sheet(1.0), Judgement("doubtful", ("the residuals are no mere scatter",))
+    figures = (*shown.figures, replace(shown.figures[0], kind="parameter", name="EXX1"))
+    limits = {"straightness EXZ": 10, "parameter EXX1": 10}
+    found = made(order(tmp_path, limits=limits), replace(shown, figures=figures), GOOD, CELL, MEASURED, (), (), "1", TODAY, doubted)
+    by_name = {r.name: r for r in found.rows}
+    assert by_name["straightness EXZ"].verdict == "conforms" and not found.stands
+    assert by_name["parameter EXX1"].verdict == "not stated" and "no mere scatter" in by_name["parameter EXX1"].why
