@@ -1,4 +1,4 @@
-"""The sheet judges the touches by the fit that its figures rest on: a sound machine has more error motions than the terms of a cell."""
+"""The sheet judges the touches by the fit that its figures rest on: a machine has more error motions than the terms of a cell."""
 
 from __future__ import annotations
 

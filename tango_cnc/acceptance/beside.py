@@ -1,4 +1,4 @@
-"""Do the touches contradict the fit that the figures rest on? It has every error motion of the machine; the terms of a cell have few.
+"""Do the touches contradict the fit that the figures rest on? It has every error motion; the terms of a cell have few.
 
 A machine has more error motions than the terms of its cell, so that their fit is doubtful with reason. The figures do not rest on
 it. What is left beside every error motion must be mere scatter: no touch far off, and no pattern of something that moved, drifted
@@ -34,8 +34,8 @@ def by_figures(judgement: Judgement, rows: Judgement, sheet: Sheet) -> Judgement
         return replace(judgement, reasons=(*reasons, *judgement.reasons))
     degree, order = sheet.learned.order
     text = (
-        f"judged by the fit that the figures rest on: every error motion, degree {degree}, {order} harmonics; its touches show mere "
-        f"scatter beside it. The fit by the terms of the cell is doubtful, and no parameter of it is stated: "
+        f"judged by the fit that the figures rest on (every error motion, degree {degree}, {order} harmonics): the touches show "
+        f"mere scatter beside it. The fit by the terms of the cell is doubtful, and no parameter of it is stated: "
         f"{'; '.join(judgement.reasons)}"
     )
     return replace(judgement, verdict="trustworthy", reasons=(), remarks=(*judgement.remarks, text))
@@ -74,7 +74,7 @@ def left_of(w: Whole) -> Left | None:
 
 
 def _far(left: Left) -> NDArray[np.int64]:
-    """→ touches that are farther off than any of so many is by chance (Student's t of what the others predict; Cook, Weisberg 1982)."""
+    """→ touches that are farther off than any of so many is by chance (Student's t; Cook and Weisberg 1982)."""
     free = 1 - np.sum(left.basis**2, axis=1)
     told = free > ALONE
     off = np.zeros(len(free))
