@@ -24,11 +24,9 @@ def said(folder: Path, result: Estimate) -> str:
         return ""
     carrier = _carrier(result)
     if carrier == "nothing":
-        own = relative(result)
+        names = ", ".join(relative(result))
         return (
-            say("scales.relative")
-            if not own
-            else joined(". ", (say("scales.relative"), say("scales.by_no_length", names=", ".join(own))))
+            say("scales.relative") if not names else joined(". ", (say("scales.relative"), say("scales.by_no_length", names=names)))
         )
     file = folder / "temperature.yaml"
     what = say(f"scales.{carrier}")

@@ -111,8 +111,17 @@ def read_thermal(file: Path) -> Thermal:
     if stated and table is None:
         raise node.wrong("table or air beside table_expansion and cmm: how warm the table is on the machine, in °C")
     by_air = tuple(name for name in ("bar", "machine", *(["table"] if stated else [])) if name not in fields)
-    own = (table, grow.get("table", TABLES)) if stated else (None, None)
-    return Thermal(bar, machine, grow.get("bar", USUAL), grow.get("machine", USUAL), *own, cmm, False, air, by_air)
+    return Thermal(
+        bar,
+        machine,
+        grow.get("bar", USUAL),
+        grow.get("machine", USUAL),
+        table if stated else None,
+        grow.get("table", TABLES) if stated else None,
+        cmm,
+        air=air,
+        by_air=by_air,
+    )
 
 
 def _temperature(node: Node) -> Known:
