@@ -44,6 +44,7 @@ class History:
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
     _alarms: dict[int, _fleet.Told] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
     clock: Callable[[], datetime] | None = field(default=None, compare=False, repr=False)
+    _heard: dict[Any, list[Row[Any]]] | None = field(default=None, compare=False, repr=False)  # answers of one moment
 
     def as_of(self, clock: Callable[[], datetime]) -> History:
         """clock → the same history, read as it is by that clock: without nights that it dates in the future.
@@ -51,6 +52,13 @@ class History:
         The clock of such a night was wrong. Where it was the newest by its date, it would hide every night after it.
         """
         return replace(self, clock=clock)
+
+    def of_now(self) -> History:
+        """→ the same history, for reading as it is at one moment: what is asked a second time is not asked of the database.
+
+        Who judges a night asks for the same nights thirty times. What somebody decides meanwhile counts in the next night.
+        """
+        return replace(self, _heard={})
 
     def _until(self) -> dict[str, Any]:
         """→ the last moment at which a night may have begun, where there is a clock."""
@@ -126,6 +134,8 @@ class History:
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
+        if self._heard is not None:
+            self._heard.clear()
         try:
             with self.engine.connect().execution_options(writes=True) as connection, connection.begin():
                 yield connection
@@ -377,6 +387,14 @@ class History:
         return self._ids[name]
 
     def _rows(self, wanted: Select[Any], given: Mapping[str, Any] | None = None) -> list[Row[Any]]:
+        if self._heard is None:
+            return self._asked(wanted, given)
+        key = wanted, *(tuple(v) if isinstance(v, list) else v for item in sorted((given or {}).items()) for v in item)
+        if key not in self._heard:
+            self._heard[key] = self._asked(wanted, given)
+        return self._heard[key]
+
+    def _asked(self, wanted: Select[Any], given: Mapping[str, Any] | None) -> list[Row[Any]]:
         try:
             with self.engine.connect() as connection:
                 found = list(connection.execute(wanted, given).all())
