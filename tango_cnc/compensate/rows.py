@@ -24,7 +24,7 @@ LISTED = 6  # rows that a line names
 class Rows:
     """The rows of one table, and what touches feel of them."""
 
-    table: str
+    table: str  # with the sense of the axis, where the table has numbers for either
     axis: str
     unit: str  # of `at`
     at: tuple[float, ...]  # (r,) mm or deg, of each of its numbers
@@ -44,21 +44,30 @@ class Rows:
 def rows_of(held: Sequence[Held], changed: Collection[str], touches: Touches, at: Poses) -> tuple[Rows, ...]:
     """what a target holds, places that change, touches, poses of the volume → the rows of every table that is written anew."""
     machine, here = touches.machine, Poses(touches)
-    tables = dict.fromkeys(h.table for h in held if h.at is not None and h.place in changed)
+    tables = dict.fromkeys((h.table, h.sense) for h in held if h.at is not None and h.table in _written(held, changed))
     found = []
-    for table in tables:
-        own = [h for h in held if h.table == table and h.at is not None and h.axis is not None]
+    for table, sense in tables:
+        own = [h for h in held if (h.table, h.sense) == (table, sense) and h.at is not None and h.axis is not None]
         most = np.array([float(np.linalg.norm(h.lever(at), axis=1).max()) for h in own])
         along = np.stack([np.abs(np.sum(h.lever(here) * touches.normal, axis=1)) for h in own], axis=1)
-        scale, unit = (1.0, "mm") if own[0].axis in machine.linear else (180 / np.pi, "deg")
+        axis = str(own[0].axis)
+        scale, unit = (1.0, "mm") if axis in machine.linear else (180 / np.pi, "deg")
         places = tuple(round(scale * float(h.at), 6) + 0.0 for h in own if h.at is not None)
-        found.append(Rows(table, str(own[0].axis), unit, places, along / max(float(most.max()), 1e-12)))
+        name = f"{table}, {axis} moving {'up' if sense > 0 else 'down'}" if sense else table
+        found.append(Rows(name, axis, unit, places, along / np.maximum(most, 1e-12 * max(float(most.max()), 1e-12))))
     return tuple(found)
+
+
+def _written(held: Sequence[Held], changed: Collection[str]) -> set[str]:
+    """what a target holds, places that change → the tables that they are in."""
+    return {h.table for h in held if h.at is not None and h.place in changed}
 
 
 def added(tables: Sequence[Rows], chosen: Sequence[int]) -> list[int]:
     """rows of tables, rows of the touches of a check → the fewest touches more (greedy) that meet what any touch meets."""
-    meets = np.concatenate([one.meets for one in tables], axis=1) if tables else np.zeros((0, 0), dtype=bool)
+    if not tables:
+        return []
+    meets = np.concatenate([one.meets for one in tables], axis=1)
     open_ = meets.any(axis=0) & ~meets[list(chosen)].any(axis=0)
     found: list[int] = []
     while open_.any():
