@@ -378,8 +378,9 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
     if found.small:
         lines.append(f"not asked for, as each takes little of the error away, or no touch tells it: {', '.join(found.small)}")
     lines += lines_of(found.tables, found.made)
-    if more := added(found.tables, found.made):
-        numbers = ", ".join(str(found.numbers[i]) for i in more[:12]) + (f" and {len(more) - 12} more" if more[12:] else "")
+    if others := added(found.tables, found.made):
+        beyond = f" and {len(others) - 12} more" if others[12:] else ""
+        numbers = ", ".join(str(found.numbers[i]) for i in others[:12]) + beyond
         lines.append(f"touches {numbers} of the strategy would meet what it meets of the others: --rows makes them as well")
     return "\n".join(
         [

@@ -264,8 +264,8 @@ class _Job:
         planned, std = plan(cell, "leave-out"), _std(self.aims, chosen)
         grown, std = (MAYBE * float(std[0]), std[1:]) if self.warm else (None, std)
         takes = self.alive + sum(of_moves(planned, self.feed))
-        more = {"cell": cell, "plan": planned, "seconds": takes, "std": tuple(std.tolist()), "grown": grown, "chosen": chosen}
-        return replace(found, **more)
+        made = replace(found, cell=cell, plan=planned, seconds=takes, chosen=chosen)
+        return replace(made, std=tuple(std.tolist()), grown=grown)
 
 
 def _whole(asked: Short, ready: System, at: Poses) -> Array:

@@ -37,7 +37,7 @@ class Rows:
 
     def missed(self, chosen: Sequence[int] | None = None) -> list[float]:
         """rows of touches (None: all) → where the rows lie that none of them meets, mm or deg."""
-        met = self.meets[slice(None) if chosen is None else list(chosen)].any(axis=0)
+        met = np.any(self.meets[slice(None) if chosen is None else list(chosen)], axis=0).tolist()
         return sorted({at for at, found in zip(self.at, met, strict=True) if not found})
 
 
