@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.closing import SETTINGS
-from support.compensated import write
-from test_compensate_short import before, loaded
+from support.compensated import ROOT, write
+from test_compensate_short import before, loaded, run
 
 from sim_controller.compensation import read
 from sim_controller.simulate import simulate
-from tango_cnc.commands._compensate import met
 from tango_cnc.commands.check import positioning_feed
 from tango_cnc.commands.design import gate_of
 from tango_cnc.compensate import propose
 from tango_cnc.compensate.look import look
-from tango_cnc.compensate.rows import FEELS, Rows, added, lines_of, rows_of
+from tango_cnc.compensate.rows import FEELS, TableRows, added, lines_of, rows_of
 from tango_cnc.compensate.space import sample
 from tango_cnc.loaded import HELPS
 
@@ -55,16 +55,18 @@ def test_touches_that_meet_a_row_are_those_that_a_wrong_one_moves(tmp_path: Path
 
 def test_the_fewest_touches_more_meet_what_all_of_them_meet() -> None:
     felt = np.array([[1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0], [0.0, 0.6, 0.6, 0.0], [0.0, 0.0, 0.2, 0.2]])
-    table = Rows("comp_x", "X", "mm", (-100.0, 0.0, 100.0, 200.0), felt)
+    table = TableRows("comp_x", "X", "mm", (-100.0, 0.0, 100.0, 200.0), felt)
     assert table.missed([0]) == [0.0, 100.0, 200.0] and table.missed() == [200.0]  # nothing feels more than a fifth of the last
     assert added([table], [0]) == [2] and added([table], [0, 2]) == [] and added([], []) == []
     assert lines_of([table], [0])[1] == "  comp_x: 1 of 4; none at X 0, 100, 200 mm" and lines_of([]) == []
 
 
-def test_a_proposal_says_which_rows_its_touches_meet() -> None:
-    _, _, result = before("trunnion", 1)
-    lines = met(propose(result, "siemens", SETTINGS.get("siemens", ())), result)
-    assert "a wrong row that none meets is not seen" in lines[1] and all(" of " in line for line in lines[2:]) and len(lines) > 3
+def test_a_proposal_says_which_rows_its_touches_meet(tmp_path: Path) -> None:
+    cell = tmp_path / "cell"
+    shutil.copytree(ROOT / "examples" / "trunnion", cell)
+    assert run("simulate", "-C", cell).exit_code == 0
+    said = run("compensate", "-C", cell, "--target", "siemens", "--simulated", "--dry-run").output
+    assert "a wrong row that none meets is not seen" in said and "ENC_COMP Y: 17 of 17" in said, said
 
 
 @pytest.mark.long

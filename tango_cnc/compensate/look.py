@@ -19,7 +19,7 @@ from ..records import Array, Cell, InputError, Plan
 from ..touches import Touches, of_facets
 from .fit import posed
 from .promise import Figure
-from .rows import Rows, added, rows_of
+from .rows import TableRows, added, rows_of
 from .seen import WITHIN, asked_for
 from .shares import Part, System, apart, foreseen, system
 from .short import WHOLE, Short, changes, levers_of
@@ -62,7 +62,7 @@ class Look:
     grown: float | None = None  # K, standard deviation to which it tells what all axes have grown alike; None: no touch tells it
     chosen: Count | None = None  # (n,) of the touches of the strategy: how often each is made
     numbers: tuple[int, ...] = ()  # of the touches of the strategy
-    tables: tuple[Rows, ...] = ()  # what every touch of the strategy feels of the rows of tables that were written
+    tables: tuple[TableRows, ...] = ()  # what every touch of the strategy feels of the rows of tables that were written
 
     @property
     def made(self) -> list[int]:

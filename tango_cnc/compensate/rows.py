@@ -21,7 +21,7 @@ LISTED = 6  # rows that a line names
 
 
 @dataclass(frozen=True)
-class Rows:
+class TableRows:
     """The rows of one table, and what touches feel of them."""
 
     table: str  # with the sense of the axis, where the table has numbers for either
@@ -41,7 +41,7 @@ class Rows:
         return sorted({at for at, found in zip(self.at, met, strict=True) if not found})
 
 
-def rows_of(held: Sequence[Held], changed: Collection[str], touches: Touches, at: Poses) -> tuple[Rows, ...]:
+def rows_of(held: Sequence[Held], changed: Collection[str], touches: Touches, at: Poses) -> tuple[TableRows, ...]:
     """what a target holds, places that change, touches, poses of the volume → the rows of every table that is written anew."""
     machine, here = touches.machine, Poses(touches)
     tables = dict.fromkeys((h.table, h.sense) for h in held if h.at is not None and h.table in _written(held, changed))
@@ -54,7 +54,7 @@ def rows_of(held: Sequence[Held], changed: Collection[str], touches: Touches, at
         scale, unit = (1.0, "mm") if axis in machine.linear else (180 / np.pi, "deg")
         places = tuple(round(scale * float(h.at), 6) + 0.0 for h in own if h.at is not None)
         name = f"{table}, {axis} moving {'up' if sense > 0 else 'down'}" if sense else table
-        found.append(Rows(name, axis, unit, places, along / np.maximum(most, 1e-12 * max(float(most.max()), 1e-12))))
+        found.append(TableRows(name, axis, unit, places, along / np.maximum(most, 1e-12 * max(float(most.max()), 1e-12))))
     return tuple(found)
 
 
@@ -63,7 +63,7 @@ def _written(held: Sequence[Held], changed: Collection[str]) -> set[str]:
     return {h.table for h in held if h.at is not None and h.place in changed}
 
 
-def added(tables: Sequence[Rows], chosen: Sequence[int]) -> list[int]:
+def added(tables: Sequence[TableRows], chosen: Sequence[int]) -> list[int]:
     """rows of tables, rows of the touches of a check → the fewest touches more (greedy) that meet what any touch meets."""
     if not tables:
         return []
@@ -77,7 +77,7 @@ def added(tables: Sequence[Rows], chosen: Sequence[int]) -> list[int]:
     return sorted(found)
 
 
-def lines_of(tables: Sequence[Rows], chosen: Sequence[int] | None = None) -> list[str]:
+def lines_of(tables: Sequence[TableRows], chosen: Sequence[int] | None = None) -> list[str]:
     """rows of tables, rows of the touches of a check (None: all) → a line a table, for people; [] where there is no table."""
     if not tables:
         return []
