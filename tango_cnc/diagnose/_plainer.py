@@ -23,7 +23,8 @@ from ._alike import SAME
 from ._catalogue import STRONG
 from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, score, scores, whiten
-from ._smooth import CURVED, Kernel
+from ._forms import CURVED
+from ._smooth import Kernel
 
 TOLD = 3  # other covariates that are named
 LEVER = 0.75  # of the lever of a tilt that one place makes
