@@ -9,7 +9,6 @@ from tango_cnc.diagnose._changing import over, unsteady
 from tango_cnc.diagnose._contest import ALONE, MARGIN, SURE, Outcome, contest
 from tango_cnc.diagnose._explain import Rough, values
 from tango_cnc.diagnose._field import Field, Picked, begin, grown
-from tango_cnc.diagnose._forms import forms
 from tango_cnc.diagnose._gain import add, held_out, measure, residual_maker, scattered
 from tango_cnc.diagnose._names import akin, foreign, once
 from tango_cnc.diagnose._plainer import plainer
@@ -19,7 +18,7 @@ from tango_cnc.diagnose._rows import Rows, alike, rows
 from tango_cnc.diagnose._scatter import Scatter, scatter, uneven
 from tango_cnc.diagnose._seen import left_over
 from tango_cnc.diagnose._shapes import recognised
-from tango_cnc.diagnose._smooth import Kernel, scaled
+from tango_cnc.diagnose._smooth import Kernel, forms, scaled
 from tango_cnc.diagnose._space import Beside, best_noise, level, space
 from tango_cnc.diagnose._together import together
 from tango_cnc.diagnose._variances import left
