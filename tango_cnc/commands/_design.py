@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from .. import kinematics
-from ..design import order, propose, region, sequence, timed
+from ..design import doubts, order, propose, region, sequence, timed
 from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
@@ -63,6 +63,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "correlation_with_time": _with_time(found),
         "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information, widens).items()},
         "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],
+        "weak": doubts.weak(ready, found, widens),
+        **doubts.untrusted(ready, found),
     }
     if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
         data["left_out"] = {**asdict(without), "text": said}
@@ -173,6 +175,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         )
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
+    lines += doubts.lines(data)
     return "\n".join(lines)
 
 
