@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from ..records import Array, InputError
-from . import choose
+from . import choose, least
 from .problem import Chosen, Problem, lighter
 from .relaxed import Costs, Relaxed, relax
 from .whole import whole
@@ -72,7 +72,7 @@ class Quick:
         self.touch, self.visit, self.spare = choose.costs_of(found)
         choice = self.light.choice
         self.each = Costs(np.full(len(choice.rows), self.touch), np.full(len(choice.of_pose), self.visit))
-        self.least = choose.least_touches(found.problem)
+        self.least = least.touches(found.problem)
         self.relaxed: Relaxed | None = None
 
     def chosen(self, seconds: float) -> tuple[Array, list[str]] | None:
@@ -82,7 +82,7 @@ class Quick:
         left = seconds - self.spare - again * self.touch - (self.visit if again and not problem.repeats else 0.0)
         if left < self.visit + 3 * self.touch:  # what every plan needs takes longer
             return None
-        if choose.most_told(problem, (self.touch, self.visit, self.spare), seconds)[0] < self.least:
+        if least.most_told(problem, (self.touch, self.visit, self.spare), seconds)[0] < self.least:
             return None
         self.relaxed = relax(choice.rows, choice.of_pose, self.light.held, self.each, left, self.light.criterion, self.relaxed)
         mask = whole(choice.rows, choice.pose, choice.of_pose, self.light.held, self.each, left, self.relaxed, 0)
