@@ -41,7 +41,7 @@ def visits(problem: Problem) -> int:
 def told(problem: Problem) -> int:
     """problem → numbers of the errors of its rotary axes that touches at one indexation tell at most."""
     own, choice = _rotary(problem), problem.choice
-    return max((_rank(choice.rows[np.ix_(some, own)]) for some in choice.of_pose if len(some)), default=0)
+    return max((_rank(choice.rows[some][:, own]) for some in choice.of_pose if len(some)), default=0)
 
 
 def most_told(problem: Problem, costs: tuple[float, float, float], seconds: float) -> tuple[float, float]:
