@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from scipy import special
 
-from tango_cnc.design import floor, goals, least, propose
+from tango_cnc.design import floor, goals, how_long, least, propose
 from tango_cnc.design.candidates import Candidates
 from tango_cnc.design.check import POWER, Seen
 from tango_cnc.design.criterion import Criterion, value
-from tango_cnc.design.enough import determined
+from tango_cnc.design.early import NEARLY, in_vain
+from tango_cnc.design.enough import determined, serves
 from tango_cnc.design.problem import Problem
+from tango_cnc.design.relaxed import Costs
+from tango_cnc.design.whole import SHAKES
 from tango_cnc.files import read_cell
 from tango_cnc.records import Approach
 
@@ -104,3 +107,20 @@ def test_a_head_tells_three_numbers_at_an_indexation_and_a_table_six(name: str, 
     rows = choice.rows[some]  # every facet there, and still fewer indexations than it takes
     assert not determined(problem, problem.held + rows.T @ rows)
     assert least.most_told(problem, (2.0, 100.0, 0.0), 100.0 * (count - 1))[0] < least.touches(problem)
+
+
+@pytest.mark.long
+def test_a_time_in_which_only_exchanged_visits_determine_everything_is_not_refused() -> None:
+    cell = read_cell(EXAMPLES / "fork_head")
+    aim = goals.read("volume")
+    problem = propose.setting(cell, propose.Wish(aim, 12.0, ("S4",), Approach(2.0, 0.5, 180.0), feed=6000.0)).problem
+    costs = 2.89, 16.6, 33.8  # s of a facet, of a turn, and of all else, as of a plan of ten minutes
+    quick = how_long.Quick.__new__(how_long.Quick)
+    choice = problem.choice
+    quick.found, quick.light, quick.least, quick.relaxed = SimpleNamespace(problem=problem), problem, least.touches(problem), None  # type: ignore[assignment]
+    quick.touch, quick.visit, quick.spare = costs
+    quick.each = Costs(np.full(len(choice.rows), costs[0]), np.full(len(choice.of_pose), costs[1]))
+    plain, exchanged = (quick.chosen(720.0, shakes) for shakes in (0, SHAKES))
+    assert plain is not None and not serves(problem, plain[0])
+    assert exchanged is not None and serves(problem, exchanged[0])
+    assert not in_vain(problem.of_time(720.0 / NEARLY), costs, None)

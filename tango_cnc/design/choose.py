@@ -90,6 +90,8 @@ def chosen(problem: Problem, early: bool = False, loss: float = LOSS) -> Chosen:
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     made, relaxed = _searched(problem, again, early)
+    if early and not serves(problem, made.information):  # before parts of it are looked for
+        raise Undetermined(made)
     made = with_parts(made, again, loss, partial(_of_part, again=again)) if early else worth_when_broken_off(made, again, 0.0)
     return certified(made, _lifted(made.problem, relaxed))
 
@@ -136,6 +138,11 @@ def _searched(problem: Problem, again: float, early: bool) -> tuple[Chosen, Rela
 def quick(problem: Problem) -> Chosen:
     """problem → a plan made quickly, as `chosen` begins with. Raises InputError when the time is too short for any."""
     return _first(replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem)[0]
+
+
+def exchanged(found: Chosen) -> Chosen:
+    """quick plan → one of its time whose visits are exchanged, for what its touches and turns take. Raises InputError for none."""
+    return _tried(found.problem, costs_of(found), SHAKES, None)[0]
 
 
 def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
