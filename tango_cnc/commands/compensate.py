@@ -73,6 +73,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
 @click.option("--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs.")
+@click.option("--rows", is_flag=True, help="With --short-check: also touches that meet every row of a table that can be met.")
 @click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
@@ -180,6 +181,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
         click.echo(_compensate.text(proposal))
+        click.echo("\n".join(_compensate.met(proposal, result)))
         _warmth(cell, result)
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:
