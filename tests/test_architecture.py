@@ -94,7 +94,7 @@ LIBRARIES = {
     "mpl_toolkits": ("tango_cnc.report", "tango_cnc.reproduce"),
     "jinja2": ("tango_cnc.report", "tango_cnc.web"),
     "markupsafe": ("tango_cnc.report", "tango_cnc.web"),
-    "typst": ("tango_cnc.report.pdf",),
+    "typst": ("tango_cnc.report.pdf", "tango_cnc.report.glyphs"),
     "starlette": ("tango_cnc.web",),
     "argon2": ("tango_cnc.web.users",),
     "uvicorn": ("tango_cnc.commands.serve", "tango_cnc.web.patience"),

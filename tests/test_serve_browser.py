@@ -264,6 +264,33 @@ def test_a_page_that_stands_open_says_that_it_is_old(path: str, site: Site, brow
     assert browser.execute_script("return document.documentElement.scrollWidth") <= PHONE[0] and not axe(browser)
 
 
+def test_the_page_of_a_run_says_that_nobody_answers_any_more(site: Site, browser: webdriver.Chrome) -> None:
+    """A computer that lost its network showed a machine that measures, for ten minutes."""
+    sized(browser, PHONE)
+    browser.get(f"{site.base}/machine/HU40T-like/run")
+    browser.execute_script("window.heard = window.fetch; window.fetch = function () { return Promise.reject(0); }")
+    browser.execute_script("window.clock = Date.now; Date.now = function () { return clock() + 20000; }")
+    made = (By.CSS_SELECTOR, ".made")
+    wait(lambda: "has not answered since" in browser.find_element(*made).text)
+    assert browser.find_element(*made).get_attribute("class") == "made old"
+    browser.execute_script("window.fetch = window.heard")
+    wait(lambda: "has not answered since" not in browser.find_element(*made).text, 60)
+
+
+def test_a_page_without_a_report_is_accessible(tmp_path: Path, browser: webdriver.Chrome) -> None:
+    bare = Site(tmp_path / "bare", tmp_path / "users.json")
+    for file in bare.folder.glob("report*"):
+        file.unlink()
+    try:
+        browser.get(f"{bare.base}/")
+        browser.switch_to.active_element.send_keys("ann", Keys.TAB, PASSWORD, Keys.ENTER)
+        wait(lambda: "Sign out" in browser.page_source)
+        browser.get(f"{bare.base}/machine/HU40T-like/report")
+        assert "tango report -C" in browser.page_source and not axe(browser)
+    finally:
+        bare.server.should_exit = True
+
+
 def test_an_alarm_is_acknowledged(site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, PHONE)
     browser.get(f"{site.base}/machine/HU40T-like/night/13")

@@ -81,15 +81,15 @@ class Decision:
     machine: str = ""
     entry: int = field(default=0, compare=False)  # its number in the history: nights after it have larger ones, whatever clocks say
 
+    @staticmethod
+    def last_ignored(today: str) -> str:
+        """local date → the last day until which an alarm may be ignored from then on: who mistypes a year hears of it again."""
+        return (datetime.fromisoformat(today) + timedelta(days=366)).strftime("%Y-%m-%d")
+
 
 def over(d: Any, today: str) -> bool:
     """decision, local date → whether it ignored its alarm until a day that is over: nobody has answered it any more."""
     return d.action == "ignore" and str(d.until or "") < today
-
-
-def last_ignored(today: str) -> str:
-    """local date → the last day until which an alarm may be ignored from then on: who mistypes a year hears of it again."""
-    return (datetime.fromisoformat(today) + timedelta(days=366)).strftime("%Y-%m-%d")
 
 
 @dataclass(frozen=True)

@@ -30,21 +30,7 @@ from . import _chain, _fleet, _whole
 from . import _tables as t
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
-from .records import (
-    ACTIONS,
-    AHEAD,
-    Decision,
-    Knowledge,
-    Night,
-    Standing,
-    Stored,
-    Trend,
-    date_of,
-    last_ignored,
-    merged,
-    over,
-    stamp_of,
-)
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
@@ -128,7 +114,7 @@ class History:
             )
         if decision.until is not None:
             today = date_of(decision.utc or stamp_of(datetime.now(UTC)))
-            last = last_ignored(today)
+            last = decision.last_ignored(today)
             if not today <= _date(decision.until) <= last:
                 why = "which is over" if decision.until < today else "more than a year from now"
                 raise InputError(f"decision: found until {decision.until!r}, {why}; allowed: {today} … {last}")

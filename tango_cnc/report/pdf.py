@@ -76,7 +76,7 @@ def render(
         boxes = note(text + html.unescape("".join(drawn)), texts_of(folder), fonts)
         if boxes:
             text = rendered(env, "report.typ", {**values, "no_font": boxes})
-            say(f"{boxes} {texts()('report.no_font_do')}")
+            say(f"{boxes} {texts()('report.no_font_install')}")
         source.write_text(text, encoding="utf-8")
         try:
             return bytes(typst.compile(str(source), root=place, font_paths=[str(one) for one in fonts]))
@@ -95,7 +95,7 @@ def compiled(source: str, say: Callable[[str], object] = _silent) -> bytes:
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'") from None
     if boxes := note(source, texts_of(None)):
         source += f"\n#text({quoted(boxes)})\n"
-        say(f"{boxes} {texts()('report.no_font_do')}")
+        say(f"{boxes} {texts()('report.no_font_install')}")
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "page.typ"
         file.write_text(source, encoding="utf-8")

@@ -13,7 +13,6 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
-from ...history.records import last_ignored
 from ...records import InputError
 from ...report.alarm import sentence, size_of
 from ...report.answer import is_moving
@@ -116,7 +115,7 @@ def decide(request: Request) -> Response:
             raise InputError(f"until: found {until[:20]!r}; allowed: a date like 2026-12-01")
         today = datetime.now().astimezone().strftime("%Y-%m-%d")
         if wrong := _incomplete(action, until, today):
-            raise InputError(state.texts(wrong, last=last_ignored(today)))
+            raise InputError(state.texts(wrong, last=Decision.last_ignored(today)))
         signed = note if owner == visitor.user.name else f"{note} ({visitor.user.name})".strip()
         alarms = form.get("alarm", "").split()[:MANY] or [""]
         known = {a["id"] for stored in found.history.alarmed(found.name) for a in stored.record["alarms"]}
@@ -143,7 +142,7 @@ def _incomplete(action: str, until: str | None, today: str) -> str:
         return ""
     if until is None:
         return "decision.until_needed"
-    return "decision.date_over" if until < today else "decision.too_far" if until > last_ignored(today) else ""
+    return "decision.date_over" if until < today else "decision.too_far" if until > Decision.last_ignored(today) else ""
 
 
 def _not_recorded(values: Mapping[str, Any], slug: str, alarms: str, why: str, state: PagesState) -> str:

@@ -2,7 +2,7 @@
 "use strict";
 var card=location.hash.length>1&&document.getElementById(decodeURIComponent(location.hash.slice(1))),rest=card&&card.querySelectorAll("details.rest")||[];
 for(var i=0;i<rest.length;i++)rest[i].open=true;
-var made=document.querySelector(".made"),born=Date.now(),OLD=600000;
+var made=document.querySelector(".made"),born=Date.now(),OLD=600000,GONE=15000;
 if(made)setInterval(function(){if(Date.now()-born>OLD&&!made.classList.contains("old")){made.classList.add("old");made.textContent+=". "+made.dataset.old;}},5000);
 var wall=document.querySelector("[data-again]");
 if(wall)setTimeout(function(){if(navigator.onLine!==false)location.reload();},1000*wall.dataset.again);
@@ -24,7 +24,9 @@ function look(){
    box.innerHTML=text;pause=state==="running"||state==="waiting"?2000:5000;
    again();
   });
- }).catch(function(){pause=Math.min(pause*2,30000);again();});
+ }).catch(function(){
+  if(made&&Date.now()-born>GONE&&!made.classList.contains("old")){made.classList.add("old");made.textContent+=". "+made.dataset.gone;}
+  pause=Math.min(pause*2,30000);again();});
 }
 again();
 })();
