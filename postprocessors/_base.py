@@ -30,9 +30,10 @@ from tango_cnc.nearest import printable, suggestion
 from tango_cnc.records import Approach, InputError, Machine, Plan, Touch
 
 from ._confirmed import confirmed
-from ._options import GATE, KEPT, OBEYS, UNPROVEN, memory, stated
+from ._options import GATE, KEPT, OBEYS, PROBE_STATE, UNPROVEN, UNSEEN, memory, stated
 from ._options import PROVES as PROVES
 from ._options import Option as Option
+from ._options import answered as answered
 from ._options import settled as settled
 from ._options import with_defaults as with_defaults
 from ._remedies import Remedies
@@ -179,9 +180,15 @@ def unverified(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
     fields = tuple(f"{o.name} = {o.default if o.default != '' else 'none'}: {o.meaning}" for o in open_fields)
     with _own(post):
         unproven = () if post.gate is not None and given.get(GATE.name, GATE.default) != "none" else (UNPROVEN,)
-        doubts = (*unproven, *post.doubts, *post.further(given))
+        doubts = (*unproven, *_unseen(post, given), *post.doubts, *post.further(given))
     done = confirmed(given.get("confirmed", ()), doubts, fields)
     return (*fields, *(doubt for doubt in doubts if doubt not in done))
+
+
+def _unseen(post: Post, given: Mapping[str, Any]) -> tuple[str, ...]:
+    """post, `controller` keys → the doubt of a profile that says that the program need not look at the probe's input."""
+    option = next((option for option in post.options if option.name == PROBE_STATE), None)
+    return (UNSEEN,) if option is not None and PROBE_STATE in given and not stated(option, given[PROBE_STATE]) else ()
 
 
 def reach(plan: Plan) -> tuple[str, ...]:

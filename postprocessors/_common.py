@@ -14,6 +14,7 @@ from tango_cnc.gate import RELEASE as RELEASE
 from tango_cnc.records import OFF, InputError, Machine
 
 from ._base import Job, Leg, Option, Step, Whole, comment, degrees, is_endless, may_roll, number, rolled
+from ._options import PROBE_STATE
 
 LONGEST = 1000  # characters of a remark before it is broken into lines
 SWITCH = re.compile(r"[HM]\d{1,4}( [PQ]\d{1,4})?")  # M10, M64 P1: nothing that moves an axis
@@ -155,6 +156,8 @@ def kept_in_mind(job: Job) -> Iterator[str]:
         deep = number(job.plan.strategy.approach.search).rstrip(".")
         several = many // (2 if job.plan.strategy.approach.find else 1)
         yield f"A PROBE THAT DIES ON THE WAY IS PRESSED {deep} MM INTO UP TO {several} FACET{'S' * (several > 1)} - SEE MISSES"
+    if not job.options.get(PROBE_STATE, True):
+        yield "PROBE STATE NONE - THE PROGRAM DOES NOT SEE A STYLUS THAT IS DEFLECTED BEFORE A MOVE"
     if job.options.get("feed_override") != "acts":
         yield "DRY RUN AND FEED OVERRIDE MAY NOT ACT ON PROBING MOVES - HAND ON FEED HOLD"
     else:

@@ -39,8 +39,8 @@ LENGTH = "the program stops if a tool length is on (#4008 is not 49), before it 
 MUST_BE_OFF = (
     "#40nn and the G code in it that ends the program at once: scaling, polar coordinates, mirror image; {}: nothing is asked"
 )
-PROBE_STATE = "number of the variable that is not 0 while the probe is deflected, e.g. 1004; 0: G31 itself has to end at once"
-STATES = range(1000, 1064)
+PROBE_STATE = "number of the variable that is not 0 while the probe is deflected, e.g. 1004; none: G31 itself has to end at once"
+STATES = (*range(1000, 1064), *range(11000, 11064))  # inputs; the latter on a Haas NGC
 WANTED, RAN = 121, 122  # number of the set of macros: that of the program, that of the macro which has run last
 MACROS = ("inline", "called")
 POSITIONS = "what #5021 #5041 #5061 of X Y Z come in, whatever G21 says; inch: the program makes mm of them, records too"
@@ -69,7 +69,7 @@ OPTIONS: tuple[Option, ...] = (
     Option("must_be_off", {4011: 51, 4017: 16, 4022: 51.1}, MUST_BE_OFF),
     Option("probe_on", "", "words that switch the probe on, e.g. G65 P9832", codes=True),
     Option("probe_off", "", "words that switch the probe off, e.g. G65 P9833", codes=True),
-    Option("probe_state", 0, PROBE_STATE),
+    Option("probe_state", 0, PROBE_STATE, none=0, must=True),
     common.showing("#3006"),
     Option("orient", "M19 R", "word before the angle that orients the spindle; empty: the spindle is not turned", codes=True),
     Option("axis_numbers", {}, AXIS_NUMBERS),
@@ -294,9 +294,7 @@ def _check(job: Job, words: Words) -> None:
         if group not in range(4001, 4023) or not known:
             raise InputError(f"controller.must_be_off: found {group!r}: {code!r}; allowed: 4001 … 4022 and a G code, e.g. 4011: 51")
     if not words.look and job.options["probe_state"] not in (0, *STATES):
-        raise InputError(
-            f"controller.probe_state: found {job.options['probe_state']}; allowed: 0 or 1000 … 1063, e.g. 1004 for #1004"
-        )
+        raise InputError(f"controller.probe_state: found {job.options['probe_state']}; allowed: none, 1000 … 1063, 11000 … 11063")
     for key, pattern, allowed in (
         ("skip", SKIPS, "G31, G31.1 to G31.4, or G31 with P, e.g. G31 P1"),
         ("wait", WAITS, "G53, G103 P1, a dwell such as G4 P0.1, or an M word"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,12 +29,19 @@ class Option:
     verified: bool = False
     choices: tuple[Any, ...] = ()
     instead: str = ""  # a word that may stand in place of a value
+    none: Any = None  # the value that the word none stands for
+    must: bool = False  # nobody but the profile can say it: no program is written without
     codes: bool = False  # the text goes into the program as it stands
     also: str = ""  # a pattern of words that such a text may have besides, where a control writes one with other characters
 
 
 PROVES = ("finger", "facet", "none")
 GATE = Option("gate", "finger", "what proves the probe alive; a facet where nobody is there", True, PROVES)
+PROBE_STATE = "probe_state"
+UNSEEN = (
+    "the program does not look at the input of the probe (probe_state): a move that begins with the stylus deflected ends only "
+    "where the control itself ends it"
+)
 UNPROVEN = "nothing proves the probe alive before the first descent: a flat battery drives the stylus into the table"
 
 
@@ -53,6 +61,17 @@ KEPT = Option(
 )
 
 
+def answered(options: tuple[Option, ...], given: Mapping[str, Any]) -> None:
+    """options of a post, `controller` keys → nothing. Raises InputError for a key that has to be stated, and is not."""
+    for option in options:
+        if option.must and option.name not in given:
+            raise InputError(
+                f"controller.{option.name}: found nothing; allowed: {option.meaning.partition(';')[0]}. State none where this "
+                "control has no such variable: then the program does not see a stylus that is deflected before a move. "
+                "docs/dialects.md says how to find the variable"
+            )
+
+
 def memory(most: int) -> Option:
     """kB → the option of posts whose control keeps programs in a small memory."""
     return Option("memory", most, "kB that a program may have; a longer one is split", True, instead="none")
@@ -62,6 +81,8 @@ def stated(option: Option, value: Any) -> Any:
     """option, value of its key → the value as posts take it. Raises InputError for one that it cannot have."""
     if option.instead and value == option.instead:
         return value
+    if option.none is not None and value == "none":
+        return option.none
     kind = type(option.default)
     if kind is str and isinstance(value, int) and str(value) in option.choices:
         value = str(value)  # 44 without quotes
@@ -71,7 +92,7 @@ def stated(option: Option, value: Any) -> Any:
     if not fits or (option.choices and value not in option.choices):
         words = {int: "a whole number", float: "a number", str: "a text", bool: "true or false", dict: "a mapping (key: value)"}
         allowed = ", ".join(str(c) for c in option.choices) or words.get(kind, kind.__name__)
-        allowed += f", or {option.instead}" * bool(option.instead)
+        allowed += f", or {option.instead or 'none'}" * bool(option.instead or option.none is not None)
         raise InputError(f"controller.{option.name}: found {printable(repr(value), SHOWN)}; allowed: {allowed} ({option.meaning})")
     if len(repr(value)) > MOST:
         raise InputError(f"controller.{option.name}: found {printable(repr(value), SHOWN)}; allowed: at most {MOST} characters")

@@ -29,6 +29,7 @@ from ._remedies import OKUMA
 
 VARIABLE = re.compile(r"[A-Z]{2,6}\?(\[\d{1,4}\])?")  # ? stands for the axis letter
 STATE = re.compile(r"([A-Z]{2,8}(\[\d{1,4}\])?)?")
+TIMER = re.compile(r"VDIN\[100[0-4]\]")
 FILE = re.compile(r"[A-Z]{2}\d:[A-Z0-9-]{1,16}\.[A-Z]{3}")
 SKIP = re.compile(r"G(22|3[1-9]|[1-9]\d\d)")  # no word that homes, or changes what the moves behind it mean
 ARRIVED = 0.01  # deg
@@ -57,7 +58,7 @@ OPTIONS = (
     ),
     Option("position", "VAPA?", "variable of the machine position of an axis, ? is the axis letter"),
     Option("wait", "G4 F0.05", "words after which variables are read with the axes at rest, not ahead", codes=True),
-    Option("probe_state", "", "variable that is 0 while the probe is free, e.g. VDIN[1001]; empty: none is asked"),
+    Option("probe_state", "", "variable that is 0 while the probe is free, e.g. VDIN[11]; none: none", none="", must=True),
     Option("machine_frame", "G15 H0", "words that make programmed positions machine positions", codes=True),
     Option("frame_check", True, "VACOD is 0 in machine coordinates; false: it is not asked"),
     Option("reset", "G10 G17 G21 G40 G53 G69 G80 G90 G94 G170 M5", "modal state; the control must know each word", codes=True),
@@ -322,12 +323,17 @@ def _check(job: Job) -> None:
     for key, pattern, allowed in (
         ("contact", VARIABLE, "a variable such as VSAP? or VSAP?[1], ? is the axis letter"),
         ("position", VARIABLE, "a variable such as VAPA?, ? is the axis letter"),
-        ("probe_state", STATE, "a variable such as VDIN[1001], or nothing"),
+        ("probe_state", STATE, "a variable such as VDIN[11], or none"),
         ("output", FILE, "a file such as MD1:TANGO.TXT"),
         ("skip", SKIP, "a word such as G31: G22, G31 … G39, or one of the builder's own, G100 …"),
     ):
         if not pattern.fullmatch(options[key]):
             raise InputError(f"controller.{key}: found {options[key]!r}; allowed: {allowed}")
+    if timer := TIMER.fullmatch(options["probe_state"]):
+        raise InputError(
+            f"controller.probe_state: found {timer[0]}, a timer of the control; allowed: an input, VDIN[1] to VDIN[38] (OSP-P200L "
+            "5238-E p. 297)"
+        )
     for key in ("wait", "machine_frame"):
         if not options[key].strip():
             raise InputError(f"controller.{key}: found nothing; allowed: words of the control")

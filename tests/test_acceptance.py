@@ -370,10 +370,22 @@ def test_notes_on_the_fit_are_no_deviations_from_the_method(tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(not available(), reason="typst is not installed")
-def test_a_sheet_of_eight_figures_is_one_page(tmp_path: Path) -> None:
-    """Its signature was alone on a second one."""
-    shown, names = sheet(1.0), [f"EXZ{i}" for i in range(8)]
+@pytest.mark.parametrize("count", [8, 16, 28])
+def test_a_sheet_of_many_figures_is_one_page(tmp_path: Path, count: int) -> None:
+    """Its signature was alone on a second one; a long sheet has smaller letters."""
+    shown, names = sheet(1.0), [f"EXZ{i}" for i in range(count)]
     figures = tuple(replace(shown.figures[0], name=name) for name in names)
     noted = replace(GOOD, remarks=("a note of some hundred letters on what these touches cannot show of this machine " * 4,))
     found = signed(tmp_path, replace(shown, figures=figures), noted, limits={f"straightness {name}": 10 for name in names})
-    assert re.findall(rb"/Count (\d+)", compiled(page.typst(found, quoted)))[0] == b"1"
+    assert re.findall(rb"/Count (\d+)", page.one_page(found, quoted, compiled))[0] == b"1"
+
+
+def test_a_parameter_rests_on_the_terms_and_a_figure_does_not(tmp_path: Path) -> None:
+    """The figures were judged by their own fit. A fit by the terms that is doubtful states no parameter."""
+    shown, doubted = sheet(1.0), Judgement("doubtful", ("the residuals are no mere scatter",))
+    figures = (*shown.figures, replace(shown.figures[0], kind="parameter", name="EXX1"))
+    limits = {"straightness EXZ": 10, "parameter EXX1": 10}
+    found = made(order(tmp_path, limits=limits), replace(shown, figures=figures), GOOD, CELL, MEASURED, (), (), "1", TODAY, doubted)
+    by_name = {r.name: r for r in found.rows}
+    assert by_name["straightness EXZ"].verdict == "conforms" and not found.stands
+    assert by_name["parameter EXX1"].verdict == "not stated" and "no mere scatter" in by_name["parameter EXX1"].why

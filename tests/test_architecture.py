@@ -53,7 +53,7 @@ INTERNAL: dict[str, str | None] = {
     "report.tonight report.words",
     "nc": f"{NUMERIC} files iso230 compensate",
     "instruments": f"{NUMERIC} files iso230 nearest",
-    "acceptance": f"{NUMERIC} files iso230 judgement nc compensate",
+    "acceptance": f"{NUMERIC} files iso230 judgement nc compensate plausible",
     "reproduce": f"{NUMERIC} files iso230 verify uncertainty diagnose report",
     "report": f"{NUMERIC} files iso230 verify uncertainty diagnose plan check judgement asked "
     "state.changes state.volume nearest history loaded",

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from support.profiles import spoken
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.duration import duration
@@ -253,7 +254,7 @@ def test_what_plan_refuses_in_the_profile_is_refused_here_too(
         (
             "socket://",
             "sockte://",
-            r"tango.yaml:9: controller.port: found 'sockte://.*', in it found scheme 'sockte'; allowed: serial://, ",
+            r"tango.yaml:10: controller.port: found 'sockte://.*', in it found scheme 'sockte'; allowed: serial://, ",
         ),
         ("terms: S3", "terms: s3", "tango.yaml:6: terms: found 's3'; allowed: S1, .* Did you mean 'S3'"),
         (
@@ -307,7 +308,7 @@ def test_the_whole_program_is_read_back(short: Path, capsys: pytest.CaptureFixtu
     cell, last = short, len(plan(read_cell(short)).touches)
     (cell / "forgetful.py").write_text(FORGETFUL, encoding="utf-8")
     profile = (cell / "tango.yaml").read_text(encoding="utf-8")
-    (cell / "tango.yaml").write_text(profile.replace("post: fanuc", "post: ./forgetful.py"), encoding="utf-8")
+    (cell / "tango.yaml").write_text(spoken(profile, "post: ./forgetful.py\n  probe_state: none"), encoding="utf-8")
     assert call("check", "-C", cell) == 2
     said = capsys.readouterr()
     assert f"the program ends before the retract move of touch {last}" in said.err and not said.out

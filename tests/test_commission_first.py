@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from support.controls import golden
 from support.dialects import EVERY
+from support.profiles import spoken
 from support.proof_parts import keys_of, remedy_here
 
 from postprocessors import load
@@ -49,7 +50,7 @@ def cell_of(folder: Path, name: str) -> Path:
     """folder, dialect → the cell of an example with that control, as far as it needs no more than its name."""
     write_example(folder, "hu40t")
     file = folder / "tango.yaml"
-    file.write_text(re.sub(r"controller:\n(  .*\n)+", f"controller:\n  post: {name}\n", file.read_text()), encoding="utf-8")
+    file.write_text(spoken(file.read_text(encoding="utf-8"), f"post: {name}"), encoding="utf-8")
     return folder
 
 

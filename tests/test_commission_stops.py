@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.controls import golden
+from support.profiles import spoken
 from support.proof_parts import keys_of
 
 from postprocessors import load, unverified
@@ -188,7 +189,7 @@ def cell_of(folder: Path) -> Path:
 def test_where_no_control_is_nothing_is_proven(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell, file = cell_of(tmp_path / "cell"), tmp_path / "TANGO.TXT"
     file.write_text("")
-    (cell / "tango.yaml").write_text((cell / "tango.yaml").read_text().replace("fanuc", "siemens"))
+    (cell / "tango.yaml").write_text(spoken((cell / "tango.yaml").read_text(), "post: siemens"))
     code = call("commission", "-C", cell, "--port", f"file://{file}", "--answers", "yes", "--timeout", "0.5")
     out = capsys.readouterr()
     assert code == 3, out

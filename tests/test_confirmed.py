@@ -37,7 +37,8 @@ def cell(tmp_path: Path) -> Path:
 def profile(cell: Path, *lines: str, post: str = "heidenhain") -> Path:
     """folder of a cell, lines under `confirmed:` → its tango.yaml, written; the first entry stands in line 8."""
     text = "tango: 1\nmachine: machine.yaml\nartefact: artefact.yaml\nstrategy: strategy.yaml\ncontroller:\n"
-    text += f"  post: {post}\n  confirmed:\n" + "".join(f"    {line}\n" for line in lines)
+    state = "  probe_state: none\n" if post == "fanuc" else ""
+    text += f"  post: {post}\n{state}  confirmed:\n" + "".join(f"    {line}\n" for line in lines)
     (cell / "tango.yaml").write_text(text, encoding="utf-8")
     return cell / "tango.yaml"
 
@@ -99,7 +100,9 @@ def test_the_program_that_is_sent_has_it_no_longer(tmp_path: Path) -> None:
     (folder / "strategy.yaml").write_text(STRATEGY)
     file = folder / "tango.yaml"
     root = file.read_text(encoding="utf-8").partition("controller:")[0]
-    file.write_text(f"{root}controller:\n  post: fanuc\n  confirmed: [G53 G0 turns a rotary axis]\n", encoding="utf-8")
+    file.write_text(
+        f"{root}controller:\n  post: fanuc\n  probe_state: none\n  confirmed: [G53 G0 turns a rotary axis]\n", encoding="utf-8"
+    )
     control = Control(folder)
     assert run(folder, control).code == 0 and (folder / "readings.csv").exists()
     assert b"UNVERIFIED G31 ENDS AT ONCE" in control.tape and b"G53 G0 TURNS" not in control.tape
@@ -157,7 +160,7 @@ def test_a_fact_in_quotes_may_have_any_sign(cell: Path, capsys: pytest.CaptureFi
     assert fact not in capsys.readouterr().out
     profile(cell, "- G53 G0 turns a rotary axis", f"- {fact}", post="fanuc")
     assert call("plan", "-C", cell) == 2
-    assert re.search(r"tango\.yaml:9: .* found nothing in place 2; allowed: texts; put it in quotes", capsys.readouterr().err)
+    assert re.search(r"tango\.yaml:10: .* found nothing in place 2; allowed: texts; put it in quotes", capsys.readouterr().err)
 
 
 def test_a_doubt_that_an_option_brings_is_there_with_the_option_only() -> None:

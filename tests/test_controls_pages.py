@@ -160,3 +160,9 @@ def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
         text = f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}"
         (PAGES / f"{name}.md").write_text(text, encoding="utf-8")
     assert failed(name) in text, f"docs/controls/{name}.md: {WRITE} -k {name} writes this section anew"
+
+
+def test_a_brother_gets_no_character_that_its_page_says_it_refuses() -> None:
+    assert "a B00 refuses `_`, `>` and `\\`" in page("brother")
+    text = "\n".join(program(load("brother"), golden(), {}, plan_hash(golden()))[2]())
+    assert not set("_>\\") & set(text)

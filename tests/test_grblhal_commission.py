@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from support.profiles import spoken
 
 from tango_cnc.gate import TOUCH
 
@@ -85,7 +86,7 @@ def commissioned(cell: Path, finger: bool, *left_on: str) -> tuple[int, dict[str
 def cell(tmp_path: Path) -> Path:
     shutil.copytree(HERE / "golden" / "cell", tmp_path / "cell")
     settings, strategy = tmp_path / "cell" / "tango.yaml", tmp_path / "cell" / "strategy.yaml"
-    settings.write_text(settings.read_text().replace("post: fanuc", "post: grbl"))
+    settings.write_text(spoken(settings.read_text(), "post: grbl"))
     strategy.write_text(strategy.read_text().replace("S: 90", "S: 0"))  # it knows no M19
     return tmp_path / "cell"
 

@@ -119,7 +119,7 @@ def test_scales_are_shifted_and_straightness_is_not(tmp_path: Path) -> None:
         ("machine: [20, 0]", "0.005 K"),
         ("machine: [293.15, 0.1]", "293.15 K are 20.0 °C"),
         ("machine: [.nan, 0.1]", "finite"),
-        ("table: [20, 0.1]", "table_expansion, cmm"),
+        ("air: [68, 0.1]", "68 °F are 20.0 °C"),
     ],
 )
 def test_expansions_and_uncertainties_that_nothing_has_are_refused(tmp_path: Path, line: str, words: str) -> None:
@@ -134,3 +134,34 @@ def test_a_glass_ceramic_does_not_expand(tmp_path: Path) -> None:
     file = tmp_path / "temperature.yaml"
     file.write_text("bar: [23, 0.1]\nmachine: [20, 0.1]\nbar_expansion: [0, 0.05]\n", encoding="utf-8")
     assert scale(read_thermal(file), at_reference=False).value == 0
+
+
+def _stated(folder: Path, text: str) -> Thermal:
+    file = folder / "temperature.yaml"
+    file.write_text(text, encoding="utf-8")
+    return read_thermal(file)
+
+
+def test_what_is_not_stated_is_as_warm_as_the_air_and_less_surely(tmp_path: Path) -> None:
+    """Air at 24 °C: bar and machine of steel are 4 K too warm, each ± √(0.2² + 1.5²) K; their expansions differ by 2.8 µm/m/K."""
+    by_air = _stated(tmp_path, "air: [24, 0.2]\n")
+    assert (by_air.bar, by_air.machine, by_air.by_air) == (by_air.machine, by_air.bar, ("bar", "machine"))
+    assert scale(by_air, at_reference=True).value == 0
+    assert scale(by_air, at_reference=True).std * 1e6 == pytest.approx(27.4, abs=0.2)
+    assert "air 24 ± 0.2 °C (bar and machine taken to be as warm)" in by_air.text
+    stated = _stated(tmp_path, "air: [24, 0.2]\nbar: [21, 0.1]\nmachine: [23, 0.3]\n")
+    assert stated.by_air == () and scale(stated, True) == scale(_stated(tmp_path, "bar: [21, 0.1]\nmachine: [23, 0.3]\n"), True)
+
+
+def test_a_table_is_stated_without_a_cmm_and_its_metal_need_not_be_known(tmp_path: Path) -> None:
+    found = _stated(tmp_path, "bar: [20, 0.1]\nmachine: [20, 0.1]\ntable: [25, 0.5]\n")
+    assert found.table == Known(25.0, 0.5) and found.table_expansion == Known(17e-6, 6e-6) and found.cmm is None
+    assert "table 25 ± 0.5 °C, 17 ± 6 µm/m/K" in found.text
+
+
+@pytest.mark.parametrize(
+    "text", ["machine: [20, 0.1]\n", "table: [20, 0.1]\n", "bar: [20, 0.1]\nmachine: [20, 0.1]\ncmm: [20, 0.1]\n"]
+)
+def test_a_temperature_that_nothing_tells_is_asked_for(tmp_path: Path, text: str) -> None:
+    with pytest.raises(InputError, match="air"):
+        _stated(tmp_path, text)

@@ -18,12 +18,20 @@ from tests.support.truth import Truth
 
 
 def of(*degrees: float) -> Any:
-    return cast(Any, SimpleNamespace(machine=SimpleNamespace(linear=("X",)), axis=lambda _: np.radians(degrees)))
+    return cast(Any, SimpleNamespace(machine=SimpleNamespace(linear=("X",), rotary=("C",)), axis=lambda _: np.radians(degrees)))
 
 
 def test_an_axis_that_has_turned_round_once_is_where_it_was() -> None:
     assert positions(of(-180, -90, 0, 90, 180, 270, 360), "C") == 4
     assert positions(of(0, 45, 45.001, 90), "C") == 3
+    assert positions(of(-0.4, 0.3, 359.8), "C") == 1
+
+
+def test_places_that_are_a_few_micrometres_apart_are_one_place() -> None:
+    """Contact is made a little elsewhere each time: that tells nothing more of a curve over 200 mm."""
+    place = np.array([0.0, 0.001, 0.03, 100.0, 100.5, 200.0, 200.002])
+    machine = SimpleNamespace(linear=("X",), rotary=())
+    assert positions(cast(Any, SimpleNamespace(machine=machine, axis=lambda _: place)), "X") == 3
 
 
 @pytest.mark.long

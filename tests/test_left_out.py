@@ -314,7 +314,7 @@ def test_the_public_cell_is_measured_by_what_is_left_and_gives_its_parameters(sh
     world = {"errors": errors, "stylus": stylus, "noise": 0.0006, "seed": 7}
     (folder / "world.yaml").write_text(yaml.safe_dump(world), encoding="utf-8")
     with (folder / "tango.yaml").open("a", encoding="utf-8") as profile:
-        profile.write("controller: {post: fanuc}\n")
+        profile.write("controller: {post: fanuc, probe_state: none}\n")
     with controller(folder, "--tcp", "127.0.0.1:0", once=False) as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "30")
     assert result.code == 0, result.err

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.linkparts import MARK, job
+from support.profiles import spoken
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
 
@@ -135,7 +136,7 @@ def test_a_whole_run_of_a_control_that_writes_a_file(tmp_path, share, post, lang
     find = ", find: {feed: 800, retreat: 8.5}" if "444" in post else ""
     (folder / "strategy.yaml").write_text(STRATEGY.replace("feed: 180}", f"feed: 180{find}}}"))
     cell = (folder / "tango.yaml").read_text()
-    (folder / "tango.yaml").write_text(cell.replace("post: fanuc", f"post: {post}"))
+    (folder / "tango.yaml").write_text(spoken(cell, f"post: {post}"))
     world = (folder / "world.yaml").read_text()
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", world))
     (share / "stored.txt").write_text("".join(f"{line}\n" for line in ("TNC:\\TANGO.A", *heidenhain.mask())))

@@ -13,6 +13,7 @@ from support.lsv2 import Control, serving
 from support.lsv2_person import PROGRAM as PLACE
 from support.lsv2_person import Person
 from support.parameters import SIGMAS, estimate
+from support.profiles import spoken
 from support.remote import free_port, listening, ssh_server
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
@@ -286,7 +287,7 @@ def cell(tmp_path):
     folder = tmp_path / "cell"
     write_example(folder, "hu40t")
     (folder / "strategy.yaml").write_text(STRATEGY)
-    (folder / "tango.yaml").write_text((folder / "tango.yaml").read_text().replace("post: fanuc", "post: heidenhain"))
+    (folder / "tango.yaml").write_text(spoken((folder / "tango.yaml").read_text(), "post: heidenhain"))
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
     return folder
 
@@ -387,7 +388,7 @@ def test_link_test_says_what_the_control_is(control, port, cell):
 def test_a_whole_strategy_gives_the_parameters_of_the_simulated_machine(control, port, tmp_path, monkeypatch):
     folder = tmp_path / "whole"
     write_example(folder, "trunnion")
-    (folder / "tango.yaml").write_text((folder / "tango.yaml").read_text().replace("post: fanuc", "post: heidenhain"))
+    (folder / "tango.yaml").write_text(spoken((folder / "tango.yaml").read_text(), "post: heidenhain"))
     (folder / "world.yaml").write_text(re.sub(r"noise: .*", "noise: 0.0", (folder / "world.yaml").read_text()))
     person = Person(control, folder)
     result = ran(folder, port, person, monkeypatch)

@@ -12,6 +12,7 @@ import pytest
 from support.linkparts import job
 from support.opcua import FOLDER, MARK, Gone, R, control
 from support.parameters import SIGMAS, estimate
+from support.profiles import spoken
 from support.remote import PROGRAM, free_port
 from support.runs import STRATEGY, Result
 from support.simulated_runs import agree
@@ -162,7 +163,7 @@ def test_a_run_brings_the_program_and_takes_every_record(server, cell):
 def test_a_siemens_program_gives_its_records_through_r_parameters(server, cell):
     """The program of the post, executed by a control of its language; nothing prints."""
     text = (cell / "tango.yaml").read_text()
-    (cell / "tango.yaml").write_text(text.replace("post: fanuc", "post: siemens\n  handshake: R700"))
+    (cell / "tango.yaml").write_text(spoken(text, "post: siemens\n  handshake: R700"))
     with server.attended(cell, family="siemens"):
         result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
     assert result.code == 0, result.err
@@ -173,7 +174,7 @@ def test_a_siemens_program_gives_its_records_through_r_parameters(server, cell):
 
 def test_a_siemens_program_without_handshake_is_refused_before_anything_is_sent(server, cell):
     text = (cell / "tango.yaml").read_text()
-    (cell / "tango.yaml").write_text(text.replace("post: fanuc", "post: siemens"))
+    (cell / "tango.yaml").write_text(spoken(text, "post: siemens"))
     result = Result("run", "-C", cell, "--port", f"{server.url}?program={FOLDER}", "--timeout", "20")
     assert result.code == 2 and "state handshake: R700 under controller" in result.err
     assert not server.files.get("TANGO.MPF")

@@ -13,6 +13,7 @@ import pytest
 from support.controls import GOLDEN, golden
 from support.gates import ran
 from support.nights_parts import RealControl, Story, nights, nights_of
+from support.profiles import spoken
 from support.proof_parts import keys_of
 
 import postprocessors as posts
@@ -122,9 +123,7 @@ def test_programs_that_a_person_starts_ask_for_the_finger() -> None:
 @pytest.mark.long
 def test_a_run_that_trusts_a_facet_is_refused_where_nobody_has_found_it(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     settings = cell.folder / "tango.yaml"
-    settings.write_text(
-        settings.read_text().replace("post: fanuc", "post: fanuc, gate: facet, probe_state: 1004, port: 'socket://127.0.0.1:9'")
-    )
+    settings.write_text(spoken(settings.read_text(), "post: fanuc, gate: facet, probe_state: 1004, port: 'socket://127.0.0.1:9'"))
     assert read_cell(cell.folder).controller == replace(
         cell.controller, options={"gate": "facet", "probe_state": 1004}, port="socket://127.0.0.1:9"
     )  # type: ignore[type-var]
@@ -189,7 +188,7 @@ def test_the_place_is_that_of_the_last_run_and_of_none_before_the_table_was_move
 @pytest.mark.long
 def test_the_plan_says_which_place_it_is(cell: Cell, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell.folder / "tango.yaml"
-    file.write_text(file.read_text().replace("post: fanuc", "post: fanuc, gate: facet, probe_state: 1004"))
+    file.write_text(spoken(file.read_text(), "post: fanuc, gate: facet, probe_state: 1004"))
     for by, words in (
         (None, "no run has found it: the search ends 0.45 mm"),
         (-0.5, "readings.csv found it -0.50 mm from the plan"),

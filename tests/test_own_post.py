@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from support.profiles import spoken
 
 from postprocessors import load, mark_of, unverified
 from tango_cnc.cli import guarded, tango
@@ -48,9 +49,7 @@ def test_its_program_has_every_touch_between_two_marks(cell: Path, capsys: pytes
 
 def test_its_options_are_those_of_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (cell / "tango.yaml").write_text(
-        (cell / "tango.yaml")
-        .read_text()
-        .replace("post: fanuc", "post: ./acme.py, unclamp: {B: M11}, clamp: {B: M10}, probe_on: M80")
+        spoken((cell / "tango.yaml").read_text(), "post: ./acme.py, unclamp: {B: M11}, clamp: {B: M10}, probe_on: M80")
     )
     assert call("plan", "-C", cell) == 0
     text = (cell / "program" / "TANGO.nc").read_text()
@@ -92,7 +91,7 @@ def test_a_dry_run_looks_at_it_and_at_its_options(cell: Path, capsys: pytest.Cap
     assert call("plan", "-C", cell, "--post", cell / "acme.py", "--dry-run") == 0
     assert "retract" in capsys.readouterr().out
     file = cell / "tango.yaml"
-    file.write_text(file.read_text().replace("post: fanuc", "post: ./acme.py, clamp: {A: M10}"))
+    file.write_text(spoken(file.read_text(), "post: ./acme.py, clamp: {A: M10}"))
     assert call("plan", "-C", cell, "--dry-run") == 2
     assert "allowed: a word such as M10 for B, C" in capsys.readouterr().err
     (cell / "acme.py").write_text("raise SystemExit(0)\n")

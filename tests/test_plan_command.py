@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.controls import golden, lines_of
 
 from postprocessors import mark_of
 from tango_cnc.cli import guarded, tango
@@ -40,7 +41,7 @@ def edit(file: Path, old: str, new: str) -> None:
 def test_program_and_plan_are_written_into_the_cell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("plan", "-C", cell) == 0
     assert sorted(f.name for f in (cell / "program").iterdir()) == ["O7700.nc", "plan.csv"]
-    assert (cell / "program" / "O7700.nc").read_text() == (GOLDEN / "fanuc" / "O7700.nc").read_text()
+    assert (cell / "program" / "O7700.nc").read_text().splitlines() == lines_of("fanuc", golden(), probe_state="none")
     assert (cell / "program" / "plan.csv").read_text() == (GOLDEN / "plan.csv").read_text()
     out = capsys.readouterr().out
     assert "6 touches on 5 facets at 3 indexations" in out
@@ -134,7 +135,12 @@ def test_dry_run_prints_the_moves_and_writes_nothing(cell: Path, capsys: pytest.
         ),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimal: 3", ["unknown key 'decimal'", "Did you mean 'decimals'?"]),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimals: 5", ["tango.yaml:5: controller.decimals: found 5; allowed: 3, 4"]),
-        ("tango.yaml", "controller: {post: fanuc}", "", ["no controller.post; state it there or with --post (", "linuxcnc"]),
+        (
+            "tango.yaml",
+            "controller: {post: fanuc, probe_state: none}",
+            "",
+            ["no controller.post; state it there or with --post (", "linuxcnc"],
+        ),
     ],
 )
 def test_what_is_wrong_is_said_and_nothing_is_written(
@@ -248,7 +254,7 @@ def test_a_dry_run_looks_at_post_and_options(
 
 
 def test_a_cell_without_control_has_a_dry_run(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    edit(cell / "tango.yaml", "controller: {post: fanuc}", "")
+    edit(cell / "tango.yaml", "controller: {post: fanuc, probe_state: none}", "")
     assert call("plan", "-C", cell, "--dry-run") == 0
     assert "retract" in capsys.readouterr().out
 
@@ -290,7 +296,10 @@ def test_options_of_the_cell_belong_to_its_post(cell: Path, tmp_path: Path, caps
     assert "G65 P7702" in text and "\nG65 P9832\n" in text and "UNVERIFIED PROBE ON" not in text
     assert "WARNING" not in capsys.readouterr().err
     assert call("plan", "-C", cell, "--post", "linuxcnc", "--out", tmp_path / "out") == 0
-    assert "tango.yaml states macros, probe_on for fanuc: the program for linuxcnc is made without them" in capsys.readouterr().err
+    assert (
+        "tango.yaml states macros, probe_on, probe_state for fanuc: the program for linuxcnc is made without them"
+        in capsys.readouterr().err
+    )
 
 
 OWN = """
@@ -306,7 +315,7 @@ def test_a_post_of_ones_own_works_by_path(cell: Path) -> None:
     (cell / "mypost.py").write_text(OWN)
     assert call("plan", "-C", cell, "--post", cell / "mypost.py") == 0
     assert (cell / "program" / "ours.txt").exists()
-    edit(cell / "tango.yaml", "post: fanuc", "post: ./mypost.py")
+    edit(cell / "tango.yaml", "post: fanuc, probe_state: none", "post: ./mypost.py")
     (cell / "program" / "ours.txt").unlink()
     assert call("plan", "-C", cell) == 0, "in tango.yaml the path starts from the cell"
     assert (cell / "program" / "ours.txt").exists()

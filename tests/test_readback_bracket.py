@@ -16,7 +16,7 @@ MET = "V.A.MEASOK.X+V.A.MEASOK.Y+V.A.MEASOK.Z"
 @pytest.mark.parametrize(
     ("post", "options"),
     [
-        ("okuma", {"probe_state": "VDIN[1001]", "contact": "VSAP?[1]", "decimals": 4, "places": 12}),
+        ("okuma", {"probe_state": "VDIN[11]", "contact": "VSAP?[1]", "decimals": 4, "places": 12}),
         ("okuma", {"frame_check": False, "wait": "M331", "common": 192, "rollover": "always", "misses": 5, "alarm": 991}),
         ("okuma", {"unclamp": {"B": "M21"}, "clamp": {"B": "M20"}, "probe_on": "M350", "reset": "G17 G21 G40 G53 G80 G90 G94 M5"}),
         ("fagor", {"met": "", "probe_state": "", "off": "MCS RTCP", "decimals": 4}),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -48,3 +49,18 @@ def test_scales_say_at_what_temperature_they_hold(cell: Path, words: tuple[str, 
     line = said(cell, words)
     assert "the scale bar at 23 °C" in line and "34.5 ± 4.3 µm/m (k = 2) farther" in line  # 2 √((11.5·0.1)² + (0.6·3)² + …)
     assert "An aluminium part cut at 23 °C is 34.5 µm/m too short" in line and re.search(r"adds 10.5 µm/m", line)
+
+
+@pytest.mark.long
+def test_gains_without_a_calibrated_length_are_marked_as_relative(root: Path, tmp_path: Path) -> None:
+    """The radii of its balls tell the scale of hu40t a little. Its three gains then share what nobody knows."""
+    folder = tmp_path / "cell"
+    shutil.copytree(root / "examples" / "hu40t", folder)
+    artefact = folder / "artefact.yaml"
+    artefact.write_text(re.sub(r"(?ms)^scale_bar:.*?^(?=\S)", "", artefact.read_text() + "\nend: 0\n").replace("end: 0\n", ""))
+    run, readings = CliRunner(), ["-C", str(folder), "--readings", str(folder / "simulated.csv")]
+    assert run.invoke(tango, ["simulate", "-C", str(folder)]).exit_code == 0
+    told = run.invoke(tango, ["estimate", *readings]).output
+    assert re.search(r"(?m)^EXX1 .*µm/m, relative$", told) and re.search(r"(?m)^EX0C .*µm$", told)
+    assert "EXX1" in told.splitlines()[-2 if told.splitlines()[-1].startswith("Next") else -1]
+    assert set(json.loads(run.invoke(tango, ["estimate", *readings, "--json", "-"]).stdout)["relative"]) == {"EXX1", "EYY1", "EZZ1"}

@@ -44,7 +44,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
         ({}, {"miss": "end", "whole": "mm"}),
         ({"rollover": "never"}, {"rollover": ()}),
         ({"decimals": 4, "common": 192, "places": 12}, {"tool_lengths": {1: 5.0}}),
-        ({"probe_state": "VDIN[1001]"}, {}),
+        ({"probe_state": "VDIN[11]"}, {}),
         ({"frame_check": False, "wait": "M331"}, {}),
     ],
 )
@@ -82,7 +82,7 @@ def test_a_probe_that_stays_deflected_stops_the_next_move(made: Plan) -> None:
     ran = run(lines_of(made), made, fault="probe-stuck-after=2")
     assert ran.flags(made) == [1, 1]
     assert "CONTACT OR FRAME" in str(ran.alarm)
-    asked = run(lines_of(made, probe_state="VDIN[1001]"), made, fault="probe-stuck-after=2", deflected="ignore")
+    asked = run(lines_of(made, probe_state="VDIN[11]"), made, fault="probe-stuck-after=2", deflected="ignore")
     assert asked.flags(made) == [1, 1]
     assert "PROBE DEFLECTED" in str(asked.alarm)
 
@@ -130,7 +130,8 @@ def test_contacts_in_another_frame_are_noticed_at_the_first_touch(made: Plan) ->
     [
         ({"contact": "VSAPX"}, "is the axis letter"),
         ({"position": "#5021"}, "is the axis letter"),
-        ({"probe_state": "VDIN[1001]]"}, "a variable such as VDIN"),
+        ({"probe_state": "VDIN[11]]"}, "a variable such as VDIN"),
+        ({"probe_state": "VDIN[1001]"}, "a timer of the control; allowed: an input"),
         ({"output": "MD1:X;A'"}, "a file such as MD1:TANGO.TXT"),
         ({"common": 195}, "1 … 192"),
         ({"skip": ""}, "a word such as G31"),

@@ -5,6 +5,7 @@ import py_compile
 from pathlib import Path
 
 import pytest
+from support.profiles import spoken
 from support.runs import STRATEGY, Result
 
 from tango_cnc.commands import _trusted
@@ -25,7 +26,7 @@ def cell(tmp_path, monkeypatch):
     (folder / "mine.py").write_text(POST)
     text = (folder / "tango.yaml").read_text()
     assert "post: fanuc" in text
-    (folder / "tango.yaml").write_text(text.replace("post: fanuc", "post: mine.py"))
+    (folder / "tango.yaml").write_text(spoken(text, "post: mine.py"))
     return folder
 
 

@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, Machine
 
 from ..motion import Motion, Note
 from . import macro_b
 from ._shared.alarm import Alarm
 from .macro_b.alarms import alarm
 from .macro_b.blocks import Block, Word, block
-from .macro_b.profile import Profile, default_profile
+from .macro_b.profile import Profile
+from .macro_b.profile import default_profile as family_profile
 from .macro_b.program import Program
 
 __all__ = ["Control", "Profile", "default_profile"]
@@ -44,6 +46,11 @@ return function(mc_table, program_text, punch)
     os, require, dofile, loadfile, package, debug = nil, nil, nil, nil, nil, nil
 end
 """
+
+
+def default_profile(machine: Machine) -> Profile:
+    """machine → profile of the family; programs run from the disk of the PC."""
+    return replace(family_profile(machine), memory=0)
 
 
 class Control(macro_b.Control):

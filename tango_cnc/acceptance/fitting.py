@@ -13,7 +13,7 @@ ROUNDED = 0.6e-4  # mm: a certificate's length as it is written into artefact.ya
 TIP = 0.02  # mm, by which the diameter of a tip may differ from twice tip_radius: facets take up the rest
 OLD = 3 * 366  # days that a certificate serves where it does not say how long
 WEST, EAST = timedelta(hours=12), timedelta(hours=14)  # local time beside UTC, at most
-APART = {"machine": 1.0, "table": 2.0}  # K
+APART = {"machine": 1.0, "table": 2.0, "air": 2.0}  # K
 
 
 def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple[datetime, datetime] | None) -> None:
@@ -23,7 +23,8 @@ def contradictions(order: Order, cell: Cell, thermal: Thermal | None, ran: tuple
     told = order.temperatures
     if thermal is not None:
         on_table = thermal.table or thermal.bar
-        for key, known in (("machine", thermal.machine), ("table", on_table)):
+        stated = {"machine": thermal.machine, "table": on_table} | ({} if thermal.air is None else {"air": thermal.air})
+        for key, known in stated.items():
             value, most = told.get(f"{key}_temperature"), APART[key] + 3 * known.std
             if value is not None and abs(value - known.value) > most:
                 raise InputError(

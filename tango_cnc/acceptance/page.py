@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 from .order import Certificate
 from .sheet import Row, Signed
 
+SIZES = (7.0, 6.5, 6.0, 5.5)  # pt, of the letters of the page
+COUNT = re.compile(rb"/Count (\d+)")  # pages of a PDF
 MOST, FINEST = 3, 6  # decimals of a value; of an end of an interval that is beside its limit
 
 
@@ -85,8 +88,19 @@ def headline(found: Signed) -> str:
     return f"{text}, but the sheet is incomplete and must not be signed. It lacks: {'; '.join(found.missing)}."
 
 
-def typst(found: Signed, quoted: Callable[[object], str]) -> str:
-    """sheet, what makes a string literal of typst → source of one page."""
+def one_page(found: Signed, quoted: Callable[[object], str], compiled: Callable[[str], bytes]) -> bytes:
+    """sheet, what makes a string literal of typst, what makes a PDF of its source → PDF: one page, in smaller letters where a
+    long sheet needs them; more pages where even the smallest that people read do not do.
+    """
+    for size in SIZES:
+        made = compiled(typst(found, quoted, size))
+        if (pages := COUNT.search(made)) and int(pages[1]) == 1:
+            return made
+    return compiled(typst(found, quoted))
+
+
+def typst(found: Signed, quoted: Callable[[object], str], size: float = 7.0) -> str:
+    """sheet, what makes a string literal of typst, size of its letters (pt) → source of the page."""
     stands = f"No interval stands: {found.stands}" if found.stands else ""
     head = ", ".join(f"text({quoted(c)})" for c in HEAD)
     body = ", ".join(f"text({quoted(c)})" for row in found.rows for c in cells(row))
@@ -96,9 +110,9 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
     person = found.checklist["7.8.2.1 o) authorised by"]
     number = found.order.people.get("number", "")
     foot = quoted(f"Acceptance sheet {number}, page ")
-    counted = f'context [#text(7pt, {foot} + counter(page).display("1 of 1", both: true))]'
+    counted = f'context [#text({size}pt, {foot} + counter(page).display("1 of 1", both: true))]'
     return f"""#set page(paper: "a4", margin: (x: 14mm, y: 11mm), footer: {counted})
-#set text(size: 7pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
+#set text(size: {size}pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
 #set par(leading: 0.4em)
 #set table.cell(breakable: false)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
@@ -114,6 +128,6 @@ def typst(found: Signed, quoted: Callable[[object], str]) -> str:
 #v(7mm) #line(length: 70mm, stroke: 0.5pt)
 #text({quoted(f"{person} (date, signature)")})
 
-#align(center, text(7pt, {quoted(COPIES)}))
+#align(center, text({size}pt, {quoted(COPIES)}))
 ]
 """

@@ -27,6 +27,7 @@ from .order import Order
 GUARD = 1.65
 EXPANDED = 2.0
 SURPRISE = 0.01
+PARAMETER = "parameter"  # kind of a figure that rests on the terms of the cell
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,10 @@ def made(
     files: Sequence[tuple[str, int, str]],
     version: str,
     day: date,
+    by_terms: Judgement | None = None,
 ) -> Signed:
-    """order, figures, judgement, cell, origin, what the budget leaves out, files (name, bytes, SHA-256), version, day → page.
+    """order, figures, judgement, cell, origin, what the budget leaves out, files (name, bytes, SHA-256), version, day, judgement by
+    the terms of the cell where that is another one → page.
 
     Raises InputError for limits on figures that this machine does not have, and where order and cell contradict each other.
     """
@@ -104,7 +107,11 @@ def made(
         raise InputError(f"{order.file}: limits: found {found}; allowed: {', '.join(near)}{hint}")
     contradictions(order, cell, sheet.thermal, source.ran)
     stands = _stands(sheet, judgement, source, absent)
-    rows = tuple(_row(name, known[name], limit, sheet, stands) for name, limit in order.limits.items())
+    alone = _doubted(by_terms or judgement)
+    rows = tuple(
+        _row(name, known[name], limit, sheet, stands or (alone if known[name].kind == PARAMETER else ""))
+        for name, limit in order.limits.items()
+    )
     scales = sheet.thermal is not None and any(known[r.name].expands for r in rows)
     lacking = untraced(order, cell, scales, day)
     lacks = {"7.8.4.1 c) traceability": "; ".join(lacking)} if lacking else {}
@@ -118,8 +125,8 @@ def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence
         return f"{source.older}: the readings do not show the machine as it is now. Measure again and accept by those readings"
     if source.doubt:
         return source.doubt
-    if judgement.verdict != "trustworthy":
-        return f"the result is {judgement.verdict}: {'; '.join(judgement.reasons)}"
+    if doubt := _doubted(judgement):
+        return doubt
     if sheet.budget is None or sheet.expected is None:
         return "there is no uncertainty.yaml, so U has no drift, no lobing, no form: write the budget (docs/uncertainty.md)"
     if absent:
@@ -131,6 +138,12 @@ def _stands(sheet: Sheet, judgement: Judgement, source: Source, absent: Sequence
             f"up to {most * 1e3:.2f} µm would be no surprise"
         )
     return ""
+
+
+def _doubted(judgement: Judgement) -> str:
+    if judgement.verdict == "trustworthy":
+        return ""
+    return f"the result is {judgement.verdict}: {'; '.join(judgement.reasons)}"
 
 
 def _row(name: str, f: OnPart, limit: float, sheet: Sheet, stands: str) -> Row:

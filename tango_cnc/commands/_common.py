@@ -164,6 +164,20 @@ def dialect(cell: Cell) -> Post:
         return posts.load(str(cell.folder / name) if posts.is_own(name) else name, "controller.post")
 
 
+def writing(cell: Cell) -> Post:
+    """cell with a controller → its post, for a command that writes a program.
+
+    Raises InputError where there is none, or the profile does not say what nobody else can.
+    """
+    from postprocessors import answered
+
+    assert cell.controller is not None
+    post = dialect(cell)
+    with blamed_on(cell.folder / "tango.yaml"):
+        answered(post.options, cell.controller.options)
+    return post
+
+
 def controller_of(cell: Cell) -> Controller:
     """cell → what it states of its control. Raises InputError when that is nothing."""
     if cell.controller is None:

@@ -22,7 +22,7 @@ from ..plan import part, plan, plan_hash
 from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
-from ._common import address_of, dialect
+from ._common import address_of, dialect, writing
 from ._cut_off import executed_until, newest_run, note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
@@ -247,8 +247,8 @@ class RealControl:
     def planned(self, kind: str, touches: Sequence[int]) -> Plan:
         """kind of night, touches of the strategy (empty: all) → its plan."""
         if kind == "check" and self.check is not None:
-            return as_found(self.check, plan(self.check), dialect(self.check))
-        whole = as_found(self.cell, self.whole, dialect(self.cell))
+            return as_found(self.check, plan(self.check), writing(self.check))
+        whole = as_found(self.cell, self.whole, writing(self.cell))
         return part(whole, list(touches)) if touches else whole
 
     def measure(self, kind: str, touches: Sequence[int]) -> Measured:

@@ -8,7 +8,7 @@ from ..estimate import Estimate
 from ..features import bar_left_out
 from ..iso230.temperature import REFERENCE, USUAL, grows, read_thermal
 from ..terms import SCALES
-from ..texts import say
+from ..texts import joined, say
 
 ALUMINIUM = 23.0  # µm/m/K, of the part that differs most from steel in most shops
 
@@ -24,7 +24,10 @@ def said(folder: Path, result: Estimate) -> str:
         return ""
     carrier = _carrier(result)
     if carrier == "nothing":
-        return say("scales.relative")
+        names = ", ".join(relative(result))
+        return (
+            say("scales.relative") if not names else joined(". ", (say("scales.relative"), say("scales.by_no_length", names=names)))
+        )
     file = folder / "temperature.yaml"
     what = say(f"scales.{carrier}")
     if not file.exists():
@@ -42,6 +45,14 @@ def said(folder: Path, result: Estimate) -> str:
         other=f"{ALUMINIUM * cut - 1e6 * own.value:.1f}".replace("-", "−"),
         machine=f"{1e6 * thermal.machine_expansion.value:g}",
     )
+
+
+def relative(result: Estimate) -> tuple[str, ...]:
+    """estimate → names of its gains of linear axes that rest on no calibrated length: one number may be common to all of them.
+
+    Where not even the ball's radius tells the scale, the names are differences already (EYY1-EXX1).
+    """
+    return tuple(name for name in result.parameters if name in SCALES) if _carrier(result) == "nothing" else ()
 
 
 def _carrier(result: Estimate) -> str:

@@ -17,7 +17,7 @@ from ..files.origin import FEW, Origin, by_no_machine, changed_keys, edited_rows
 from ..files.readjson import read_json
 from ..judgement import Judgement, Suspicion
 from ..noise import honest
-from ..plausible import judge
+from ..plausible import judge, without_fit
 from ..records import Cell, InputError, Readings, TangoError, TermItem
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -66,6 +66,13 @@ def judged(
         raise NoFit("\n".join([f"estimate: {why}", *suspected(judgement)]), judgement) from None
     judgement = judge(replace(cell, terms=tuple(terms)), readings, result, run=run)
     return result, judgement if origin is None else traced(judgement, origin, cell.folder)
+
+
+def rows_alone(cell: Cell, readings: Readings, source: Path, run: Mapping[str, Any] | None) -> Judgement:
+    """cell, readings, their file, what is beside it → what is wrong with the readings themselves, whatever is fitted to them."""
+    origin = look_up(source)
+    run = run_of(source, origin) if run is None else run
+    return traced(without_fit(as_run(cell, run), readings, run), origin, cell.folder)
 
 
 def run_of(source: Path, origin: Origin | None = None) -> dict[str, Any] | None:

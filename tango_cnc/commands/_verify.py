@@ -172,7 +172,7 @@ class Verification:
         measured = cmm.read_cmm(file, self.cell.artefact)
         rows, found, panels = [["against the CMM", "terms", *summary.FIGURES]], {}, {}
         thermal = thermal_of(self.cell.folder)
-        thermal = thermal if thermal is not None and thermal.table is not None else None
+        thermal = thermal if thermal is not None and thermal.table is not None and thermal.cmm is not None else None
         model, free = self.result.model, self.options.cmm_scale
         longer = cmm.NOT if thermal is None else grown(thermal, model.bar is not None or bool(model.calibrated))
         for name, terms in self.choices():

@@ -10,6 +10,7 @@ import click
 
 from .. import __version__
 from ..acceptance import Order, Source, made, page, read_order
+from ..acceptance.beside import by_figures
 from ..acceptance.further import PARAMETER, known_of, of_part, parameters
 from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
@@ -23,7 +24,7 @@ from ..report import pdf
 from ._budget import absent, budget_of
 from ._common import Output, cell_option, json_option, table, write_json
 from ._program import blamed, language_of, opened
-from ._trust import despite_option, judged, members, said_of_origin, told
+from ._trust import despite_option, judged, members, rows_alone, said_of_origin, told
 from .iso230 import thermal_of
 from .report import paper
 
@@ -64,9 +65,11 @@ def command(
     items = cell.terms if terms is None else read_terms(terms, folder)
     result, judgement = judged(cell, readings, items, source=source, run=origin.origin)
     budget = budget_of(folder, result)
+    sheet, by_terms = signed(result, wanted.tool_length, thermal_of(folder), budget=budget), judgement
+    judgement = by_figures(judgement, rows_alone(cell, readings, source, origin.origin), sheet)
     found = made(
         wanted,
-        _with_further(wanted, signed(result, wanted.tool_length, thermal_of(folder), budget=budget), result, cell),
+        _with_further(wanted, sheet, result, cell),
         judgement,
         cell,
         replace(_source(source, origin.simulated, readings.status), older=_older(folder, source)),
@@ -74,17 +77,14 @@ def command(
         origin.files,
         __version__,
         day,
+        by_terms,
     )
     if pdf_file is not None:
-        pdf_file.write_bytes(pdf.compiled(page.typst(found, pdf.quoted)))
+        pdf_file.write_bytes(page.one_page(found, pdf.quoted, pdf.compiled))
     if not write_json(json_file, page.as_json(found) | members(judgement)):
         lines = [*told(judgement), table([page.HEAD, *(page.cells(r) for r in found.rows)], "<>>>>><<")]
         lines += [f"no interval stands: {found.stands}"] if found.stands else []
         lines += [f"{r.name}: {r.why}" for r in found.rows if r.why and r.why != found.stands]
-        if judgement.verdict == "doubtful" and found.stands and "S4" not in (terms or "".join(map(str, cell.terms))):
-            lines.append(
-                "the figures come from a fit with every error motion; --terms S4 judges the touches by a fit that has them, too"
-            )
         lines += [f"missing for ISO/IEC 17025: {c}" + (f": {found.lacks[c]}" if c in found.lacks else "") for c in found.missing]
         lines.append(page.headline(found))
         click.echo("\n".join(lines))

@@ -23,7 +23,7 @@ from ..plan import by_stylus, last_motion, plan
 from ..records import Cell, InputError, Plan, TermItem
 from ..report.units import shown
 from ..touches import of_facets
-from ._common import Output, ahead, cell_option, dialect, json_option, table, write_json
+from ._common import Output, ahead, cell_option, dialect, json_option, table, write_json, writing
 from ._plan import obstructed_option
 from ._stylus import with_second
 
@@ -102,7 +102,7 @@ def _postable(cell: Cell, made: Plan) -> float | None:
 
     if cell.controller is None:
         return None
-    post, port, options = dialect(cell), cell.controller.port, cell.controller.options
+    post, port, options = writing(cell), cell.controller.port, cell.controller.options
     with blamed_on(cell.folder / "tango.yaml"):
         if port is not None:
             _port(port, post.link, made)

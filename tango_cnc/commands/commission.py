@@ -15,7 +15,7 @@ import numpy as np
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
-from ._common import address_of, ahead, attended, cell_option, controller_of, dialect, json_option, start_patience
+from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
 from ._start import obeys
 from ._written import written
 from .check import positioning_feed
@@ -100,7 +100,7 @@ def command(
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     controller = controller_of(cell)
-    post = dialect(cell)
+    post = writing(cell)
     known = {} if again else proven(cell, post)
     wanted = {experiment.belief for experiment in unproven(known) if experiment.touches == touch}
     if not wanted and not only_program:

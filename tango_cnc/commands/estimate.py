@@ -102,12 +102,13 @@ def command(
     figures, also = withheld_and_also(result)
     data = as_json(result, figures, judgement)
     data["may_also_hold"] = {name: list(motions) for name, motions in also.items()}
+    data["relative"] = list(_scales.relative(result))
     data["scale_bar_not_used"] = bar = bar_left_out(cell.artefact, result.model.touches.facet)
     if exclude_outliers:
         data["excluded"] = gone
     if not write_json(json_file, data):
         scales = [text] if (text := _scales.said(folder, result)) else []
-        sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement)]
+        sound = [] if judgement.verdict != "trustworthy" else [sound_words(judgement, _scales.relative(result))]
         click.echo(
             "\n".join([*told(judgement), as_text(result, figures), *said_also(also), *scales, *([bar] if bar else []), *sound])
         )
@@ -121,11 +122,13 @@ def command(
     return status(judgement, despite)
 
 
-def sound_words(judgement: Judgement) -> str:
-    """judgement of trustworthy numbers → what ends the output, without those that are not to be trusted."""
+def sound_words(judgement: Judgement, relative: Sequence[str] = ()) -> str:
+    """trustworthy numbers, gains that are relative → what ends the output, without those that are not to be trusted."""
+    own = [name for name in relative if name not in judgement.untrusted]
+    more = f"; {', '.join(own)}: relative to each other only, touch a scale bar for more" if own else ""
     if judgement.untrusted:
-        return f"trustworthy, except {', '.join(judgement.untrusted)}: the notes above say why and what to do"
-    return "trustworthy: nothing was found that speaks against these numbers"
+        return f"trustworthy, except {', '.join(judgement.untrusted)}: the notes above say why and what to do{more}"
+    return f"trustworthy: nothing was found that speaks against these numbers{more}"
 
 
 def _no_better(before: Judgement, after: Judgement) -> Judgement:
@@ -243,9 +246,10 @@ def _unseen(result: Estimate) -> list[str]:
 def as_text(result: Estimate, figures: Sequence[str]) -> str:
     """estimate, sentences on the ISO figures withheld → what a person reads on the terminal."""
     rows = [["parameter", "value", "std", ""]]
+    relative = _scales.relative(result)
     for name, p in {**result.parameters, **result.setup}.items():
         factor, unit = shown(p.unit)
-        rows.append([name, f"{p.value * factor:.3f}", f"{p.std * factor:.3f}", unit])
+        rows.append([name, f"{p.value * factor:.3f}", f"{p.std * factor:.3f}", f"{unit}, relative" if name in relative else unit])
     offsets = [p.value * 1e3 for p in result.facets.values()]
     size = abs(result.residuals) * 1e3
     lines = [

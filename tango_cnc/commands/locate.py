@@ -10,7 +10,7 @@ import numpy as np
 
 from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.targets import spared
-from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, dialect, json_option, json_text
+from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._live import Live
 from ._written import conducted, written
 
@@ -70,12 +70,11 @@ def command(
     from .check import positioning_feed
 
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
+    post = writing(cell) if file is None and controller_of(cell) else None
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
-    if file is None:
-        controller = controller_of(cell)
-        post = dialect(cell)
-        options = asks_for_a_finger(controller.options)
+    if post is not None:
+        options = asks_for_a_finger(controller_of(cell).options)
         if any(option.name == "misses" for option in post.options):
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
         programs = written(cell, folder / FOLDER / "program", post, made, options)
@@ -105,6 +104,7 @@ def command(
                 cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=many, notice=notice
             )
     else:
+        assert file is not None
         readings = read_readings(file, cell.machine, cell.artefact)
     found = locate.locate(made, readings, agrees)
     where = out or folder / FOLDER / "artefact.yaml"

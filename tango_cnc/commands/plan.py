@@ -20,7 +20,7 @@ from ..files.targets import same, spared, writable
 from ..link.lock import holding
 from ..records import Cell, InputError, Plan
 from . import _trusted
-from ._common import Output, ahead, cell_option, json_option, json_text
+from ._common import Output, ahead, cell_option, json_option, json_text, writing
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
 from ._stylus import folder_of, left, of_stylus, stylus_option
@@ -160,6 +160,8 @@ def _chosen(cell: Cell, folder: Path, post: str | None, dry_run: bool) -> _Chose
     # Fields of the cell's profile belong to the cell's post; another one given by --post starts from its own defaults.
     own = cell.controller is not None and (post is None or post == cell.controller.post)
     options = dict(cell.controller.options) if cell.controller and own else {}
+    if dialect is not None and own:
+        writing(cell)
     if cell.controller and cell.controller.options and not own:
         given = ", ".join(cell.controller.options)
         click.echo(

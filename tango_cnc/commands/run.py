@@ -18,7 +18,7 @@ from ..files.checked import broken_off
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
-from ._common import Output, address_of, ahead, attended, cell_option, controller_of, dialect, start_patience
+from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
 from ._live import Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
@@ -114,7 +114,7 @@ def command(
     cell = cell_of_stylus(whole, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     controller_of(cell)
-    address, post = address_of(cell, port), dialect(cell)
+    address, post = address_of(cell, port), writing(cell)
     protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
     _checked(whole, resume, program_file, most, until, obstructed)
     goal = None if until is None else wanted_by(cell, until)

@@ -147,7 +147,9 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     inverse = linalg.inv(touched.normal / sigma**2 + touched.stated + np.diag(1 / variance))
     every, gains = np.zeros((len(width), drawn.shape[1])), np.zeros((len(width), len(gaps) + len(uncertainty)))
     every[seen] = width[seen, None] * drawn
-    gains[seen] = width[seen, None] * (inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty]))
+    ways = inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])
+    gains[seen] = width[seen, None] * ways
+    likely = -inverse @ (touched.pull / sigma**2 + touched.stated_pull)
     both = every[:p] if t is None else np.vstack([every[:p], every[t]])
     values = both.mean(axis=1)
     covariance = np.cov(both) + 2 * _unsettled(both)
@@ -163,7 +165,9 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         covariance=covariance[:p, :p],
         order=HIGHEST,
         gain=gains[:p],
-        leave=None,
+        leave=np.eye(len(gaps), ways.shape[1]) - matrix @ ways,
+        residuals=gaps + matrix @ likely,
+        scatter=sigma,
         widths=sizes,
         free=free,
         draws=every[:p],

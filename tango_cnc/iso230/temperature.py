@@ -10,12 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..files.checked import Node, load
 from ..records import InputError
 
 REFERENCE = 20.0  # °C, ISO 1
 COLD, HOT = -20.0, 50.0  # °C, of anything in a workshop; 20 °C in °F is 68
 KELVIN = 273.15  # K, of 0 °C
+STATED = ("bar", "machine", "table", "air", "cmm")  # of which a temperature may be stated
 SURE = 0.005  # K, below which nobody knows the temperature of a thing in a workshop
 ALIKE = 0.02  # µm/m/K, below which nobody knows an expansion (ISO/TR 230-9)
 SMALLEST, LARGEST = 0.01, 40.0  # µm/m/K, of anything but a glass ceramic, which is written 0
@@ -37,6 +40,7 @@ class Thermal:
     """Temperatures (°C) and expansions (1/K) of what carries the scale, bar or calibrated facets, and of the machine.
 
     `table`, `table_expansion` and `cmm`: of the table on the machine, and the temperature at which the values of a CMM hold.
+    `air`: beside the machine; what is not stated is taken to be as warm as it, ± `INDOORS`.
     """
 
     bar: Known
@@ -47,6 +51,8 @@ class Thermal:
     table_expansion: Known | None = None
     cmm: Known | None = None
     assumed: bool = False  # nobody has stated it
+    air: Known | None = None
+    by_air: tuple[str, ...] = ()  # what was taken to be as warm as the air
 
     @property
     def text(self) -> str:
@@ -55,6 +61,9 @@ class Thermal:
         if self.table is not None and self.table_expansion is not None:
             pairs.append(("table", self.table, self.table_expansion))
         told = [f"{n} {t.value:g} ± {t.std:g} °C, {1e6 * e.value:g} ± {1e6 * e.std:g} µm/m/K" for n, t, e in pairs]
+        if self.air is not None:
+            who = f" ({' and '.join(self.by_air)} taken to be as warm)" if self.by_air else ""
+            told.append(f"air {self.air.value:g} ± {self.air.std:g} °C{who}")
         if self.cmm is not None:
             told.append(f"CMM {self.cmm.value:g} ± {self.cmm.std:g} °C")
         return "; ".join(told) + " (standard uncertainties)"
@@ -62,6 +71,11 @@ class Thermal:
 
 # 1/K. Steel and cast iron have 10 to 12, glass scales 8: where nothing is known, they are as likely as what lies between.
 USUAL = Known(11.5e-6, 2e-6)
+
+# 1/K. A table of steel or cast iron has 11.5, one of aluminium 23: where nobody says which, it is as likely the one as the other.
+TABLES = Known(17e-6, 6e-6)
+
+INDOORS = 1.5  # K, standard uncertainty of how much warmer than the air a bar, a table or a machine is that stands in it
 
 # °C, of bar and machine each, in a workshop where nobody has looked: 2.8 K between them, in 19 of 20 shops less than 5.7 K
 SHOP = Known(REFERENCE, 2.0)
@@ -78,20 +92,35 @@ def state_of(thermal: Thermal | None, at_reference: bool) -> str:
 def read_thermal(file: Path) -> Thermal:
     """temperature.yaml (`bar: [20.4, 0.1]` °C; `bar_expansion: [11.5, 0.6]` µm/m/K; value, standard uncertainty) → thermal state.
 
-    Raises InputError for keys that do not exist and for values that no workshop has.
+    `bar` and `machine` are needed, or `air`: what is not stated is taken to be as warm as it, less surely. Raises InputError for
+    keys that do not exist and for values that no workshop has.
     """
-    more = ("table", "table_expansion", "cmm")
-    fields = load(file).fields(["bar", "machine"], ["bar_expansion", "machine_expansion", *more])
-    given = [key for key in more if key in fields]
-    if given and len(given) < len(more):
-        lacking = ", ".join(key for key in more if key not in fields)
-        raise fields[given[0]].wrong(f"table, table_expansion and cmm together: a CMM is compared with all three, add {lacking}")
+    node = load(file)
+    fields = node.fields([], [*STATED, *(f"{name}_expansion" for name in ("bar", "machine", "table"))])
+    air = _temperature(fields["air"]) if "air" in fields else None
+    around = None if air is None else Known(air.value, float(np.hypot(air.std, INDOORS)))
+    missing = [name for name in ("bar", "machine") if name not in fields]
+    if missing and around is None:
+        raise node.wrong(f"bar and machine, or air, as [°C, standard uncertainty]; add {' and '.join(missing)}")
+    warm = {name: _temperature(fields[name]) if name in fields else around for name in ("bar", "machine", "table")}
+    bar, machine, table = warm["bar"], warm["machine"], warm["table"]
+    assert bar is not None and machine is not None
+    grow = {name: _expansion(fields[f"{name}_expansion"]) for name in warm if f"{name}_expansion" in fields}
+    cmm = _temperature(fields["cmm"]) if "cmm" in fields else None
+    stated = "table" in fields or "table_expansion" in fields or cmm is not None
+    if stated and table is None:
+        raise node.wrong("table or air beside table_expansion and cmm: how warm the table is on the machine, in °C")
+    by_air = tuple(name for name in ("bar", "machine", *(["table"] if stated else [])) if name not in fields)
     return Thermal(
-        _temperature(fields["bar"]),
-        _temperature(fields["machine"]),
-        _expansion(fields["bar_expansion"]) if "bar_expansion" in fields else USUAL,
-        _expansion(fields["machine_expansion"]) if "machine_expansion" in fields else USUAL,
-        *((_temperature(fields["table"]), _expansion(fields["table_expansion"]), _temperature(fields["cmm"])) if given else ()),
+        bar,
+        machine,
+        grow.get("bar", USUAL),
+        grow.get("machine", USUAL),
+        table if stated else None,
+        grow.get("table", TABLES) if stated else None,
+        cmm,
+        air=air,
+        by_air=by_air,
     )
 
 
@@ -141,7 +170,7 @@ def grown(thermal: Thermal, by_bar: bool) -> Known:
     By it they are as the machine reads them. Raises InputError where the temperatures of table and CMM are not stated.
     """
     if thermal.table is None or thermal.table_expansion is None or thermal.cmm is None:
-        raise InputError("temperature.yaml: found no table, table_expansion and cmm; allowed: all three, to compare with a CMM")
+        raise InputError("temperature.yaml: found no table and cmm; allowed: both, to compare with a CMM")
     apart, e = thermal.table.value - thermal.cmm.value, thermal.table_expansion
     own, expands = (thermal.bar, thermal.bar_expansion) if by_bar else (thermal.machine, thermal.machine_expansion)
     value = e.value * apart - expands.value * (own.value - REFERENCE)

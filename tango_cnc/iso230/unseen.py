@@ -18,6 +18,8 @@ from ..touches import Touches
 from .whole import Whole, waves
 
 HIGHEST = 6  # harmonic: no higher one is compared either
+APART, FINE = 0.01, 0.1  # of the touched range, mm: nearer places of a linear axis count as one
+TURNED = float(np.radians(1.0))  # rad, the same of a rotary axis
 OPEN = 0.5  # of its size before the touches are looked at: a harmonic that keeps more is not seen
 
 
@@ -46,11 +48,22 @@ class Unseen:
 
 
 def positions(touches: Touches, axis: str) -> int:
-    """touches, axis → how many of its positions differ; a rotary axis that has turned round once is where it was."""
-    at = touches.axis(axis)
-    if axis in touches.machine.linear:
-        return len(np.unique(np.round(at, 3)))
-    return len(np.unique(np.round(np.column_stack([np.cos(at), np.sin(at)]), 3) + 0.0, axis=0))
+    """touches, axis → how many of its positions differ enough to tell more of a curve than one of them does.
+
+    Counted are places of which each is `APART` of the touched range, or `TURNED`, from the one before. A rotary axis that has
+    turned round once is where it was.
+    """
+    at, turns = touches.axis(axis), axis in touches.machine.rotary
+    if not len(at):
+        return 0
+    near = TURNED if turns else max(APART * float(np.ptp(at)), FINE)
+    ordered = np.sort(np.mod(at + near / 2, 2 * np.pi) if turns else at)
+    places = [float(ordered[0])]
+    for place in ordered.tolist():
+        if place - places[-1] >= near:
+            places.append(place)
+    closed = turns and len(places) > 1 and places[0] + 2 * np.pi - places[-1] < near
+    return len(places) - int(closed)
 
 
 def unseen(wide: Whole, drawn: Whole) -> Unseen:

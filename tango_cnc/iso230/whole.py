@@ -74,6 +74,8 @@ class Whole:
     free: NDArray[np.bool_] | None = None  # (p,) of machines that are drawn: what the touches alone decide, no size of its kind
     draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
     tip: Tip | None = None  # of the first stylus; None: no touch of it is here
+    residuals: Array | None = None  # (n,) mm, what this fit leaves of the touches
+    scatter: float | None = None  # mm, of a touch in the machines that are drawn; None: sigma
 
     @cached_property
     def unfelt(self) -> dict[str, bool]:
@@ -218,6 +220,7 @@ def _fitted(
     fit = Whole(
         *(touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out),
         tip=tip,
+        residuals=gaps,
     )
     return fit, (dict(zip(model.names, values.tolist(), strict=True)), sigma)
 

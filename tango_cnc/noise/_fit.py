@@ -11,6 +11,7 @@ from scipy import linalg, special
 
 from ..estimate import SIGMA_FLOOR, Estimate, Noise
 from ..records import Array
+from ._decomposed import eigen, singular
 from ._start import positive, reachable
 from ._system import PLAIN, WIDER, System, beside, drifting, smooth, system
 from ._tails import tails, thinned
@@ -205,7 +206,7 @@ def _sure(smooth: Array, size: Array, covariance: Array, scale: Array) -> tuple[
     out of its uncertainty, direction by direction, and of all.
     """
     root = np.linalg.qr(smooth / np.sqrt(len(smooth)))[1]
-    variance, turn = np.linalg.eigh(root @ (covariance / np.outer(scale, scale)) @ root.T)
+    variance, turn = eigen(root @ (covariance / np.outer(scale, scale)) @ root.T)
     square = (turn.T @ (root @ size)) ** 2
     return float(square[square > SURE**2 * variance].sum()), float(square.sum())
 
@@ -263,8 +264,8 @@ def _gls(s: System, keep: NDArray[np.bool_], rough: Array, white: bool) -> Fitte
 
 def _basis(jacobian: Array) -> tuple[Array, int]:
     """(n, p) → (n, r) orthonormal basis of what the unknowns do to the touches, r."""
-    basis, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-    rank = int((singular > FAINT * singular[0]).sum())
+    basis, size = singular(jacobian)
+    rank = int((size > FAINT * size[0]).sum())
     return basis[:, :rank], rank
 
 
@@ -370,8 +371,7 @@ def _alone(gram: Array, right: Array, total: float, n: int, stated: float = 0.0)
 
     In the eigenvectors of Z'Z no matrix has to be factored again for each variance.
     """
-    # Divide and conquer, which numpy has, does not converge for a few such matrices; relatively robust representations do.
-    value, turn = linalg.eigh(gram, driver="evr", check_finite=False)
+    value, turn = eigen(gram)
     value, square = np.maximum(value, 0.0), (turn.T @ right) ** 2
 
     def of(x: Array) -> Array:

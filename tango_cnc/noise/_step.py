@@ -15,6 +15,7 @@ from ..kinematics import Slot
 from ..records import Array
 from ..terms._moment import between, gains
 from ..touches import Touches
+from ._decomposed import singular
 from ._fit import LARGEST, Fitted, gls
 from ._start import SUSPECT, reachable
 from ._system import System, system, widened
@@ -131,8 +132,8 @@ def _scan(s: System, normal: Array, keep: NDArray[np.bool_], white: float) -> tu
     """
     n = len(s.gaps)
     full = np.vstack([s.jacobian * keep[:, None], s.known * s.least])
-    basis, singular, _ = np.linalg.svd(full, full_matrices=False)
-    basis = basis[:n, singular > 1e-7 * singular[0]]
+    basis, size = singular(full)
+    basis = basis[:n, size > 1e-7 * size[0]]
     left = np.where(keep, s.gaps, 0.0)
     left = left - basis @ (basis.T @ left)
     seen = normal * keep[:, None]

@@ -12,6 +12,7 @@ from ..judgement import TableTolerances
 from ..plausible.bounds import alone, is_backlash
 from ..records import Array, Machine
 from ..terms import SCALES, Coefficient
+from ._decomposed import eigen
 
 WAVES = (24, 12)  # functions of the walk in each direction of each day: many, as far as there is room, and few
 EACH = 16  # touches of a day for each of many: what is faster is between two touches
@@ -128,5 +129,5 @@ def beside(part: Array, basis: Array, share: float = FAINTER) -> tuple[Array, ND
     for but for that would, centimetres large, be the very scatter of the touches.
     """
     left = part - basis @ (basis.T @ part)
-    square, turn = np.linalg.eigh(left.T @ left)
-    return turn, square > share**2 * float(np.linalg.eigvalsh(part.T @ part)[-1])
+    square, turn = eigen(left.T @ left)
+    return turn, square > share**2 * float(eigen(part.T @ part)[0][-1])

@@ -76,12 +76,9 @@ def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
         return
     best = max(found, key=lambda f: (round(f.score), f.what == "position"))  # an error motion of its own can stand for it
     names = [result.model.names[int(j)] for j in np.argsort(-moved) if moved[j] > TOUCHED]
-    number = result.model.touches.number
-    between = _between(result.model.touches, best)
-    kind = "band_at" if best.what == "band" and between.get("low") == between.get("high") else best.what
     text = say(
         "plausible.lacking.found",
-        what=say(f"plausible.lacking.{kind}", axis=best.axis, first=number[best.first], last=number[best.last], **between),
+        what=place_words(result.model.touches, best),
         names=joined(", ", [result.selection.label(n) for n in names[:SHOWN]]),
         size=f"{float(moved.max()):.0f}",
     )
@@ -90,6 +87,13 @@ def lacking(result: Estimate, level: float = LEVEL) -> Iterator[Remark]:
         yield Remark("doubtful", text, moves=tuple(result.model.names[:p]))
     else:
         yield Remark("doubtful", text, moves=tuple(names))
+
+
+def place_words(touches: Touches, found: Pattern) -> str:
+    """touches, pattern → what it looks like, with the touches or the places between which it lies."""
+    number, between = touches.number, _between(touches, found)
+    kind = "band_at" if found.what == "band" and between.get("low") == between.get("high") else found.what
+    return say(f"plausible.lacking.{kind}", axis=found.axis, first=number[found.first], last=number[found.last], **between)
 
 
 def _any_shape(result: Estimate, found: Sequence[Pattern]) -> bool:
@@ -105,7 +109,7 @@ def _any_shape(result: Estimate, found: Sequence[Pattern]) -> bool:
 def _more(result: Estimate, best: Pattern, level: float) -> bool:
     """→ whether the residuals show another pattern beside the best one: then that one only resembles what it was."""
     left = left_over(result)
-    return left is not None and bool(_found(result.model.touches, without(left, best.columns), level))
+    return left is not None and bool(found_in(result.model.touches, without(left, best.columns), level))
 
 
 def without(left: Left, columns: Array) -> Left:
@@ -139,10 +143,11 @@ def patterns(result: Estimate, level: float = LEVEL) -> list[Pattern]:
     left = left_over(result)
     if left is None or left.spare < SPARE:
         return []
-    return _found(touches, left, level)
+    return found_in(touches, left, level)
 
 
-def _found(touches: Touches, left: Left, level: float) -> list[Pattern]:
+def found_in(touches: Touches, left: Left, level: float) -> list[Pattern]:
+    """touches, what some unknowns leave of them, level → patterns in it that chance makes no more often than the level says."""
     return [*_steady(touches, left, level), *_moments(touches, left, level), *_bands(touches, left, level)]
 
 

@@ -179,7 +179,7 @@ def cases(name: str) -> dict[str, Case]:
     if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
     if spoken == "osp":
-        found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[1001]"}, "probe_state")
+        found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[11]"}, "probe_state")
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         offset = {"contact_frame": "work", "g54": {"X": 5.0, "Y": 2.0}}
         found["frames"] = Case("frames", {"habits": offset}, names="contact")

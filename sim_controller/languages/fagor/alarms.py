@@ -16,6 +16,7 @@ TEXTS = {
     "feed": "FEEDRATE NOT PROGRAMMED",
     "structure": "$IF AND $ENDIF DO NOT MATCH",
     "header": "PROGRAM HEADER MISSING",
+    "memory": "NOT ENOUGH MEMORY",
     "end": "END OF PROGRAM MISSING",
     "offset": "OFFSET DOES NOT EXIST",
     "file": "FILE NOT OPEN",

@@ -21,6 +21,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value
+from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
 
@@ -58,6 +59,7 @@ class Profile:
     increment: Decimal = Decimal("0.001")  # mm and deg
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg, zero offset active from the start, until G53
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # D → mm; D1 is active from the start
+    memory: int = 512  # kB free for a program; 0: it runs from a disk
     rollover: tuple[str, ...] = ()
     signed_direction: bool = False  # the sign of a roll-over axis' angle is its direction
     miss: Literal["silent", "alarm"] = "silent"  # G100 that meets nothing
@@ -105,7 +107,7 @@ class Control:
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
         self._local, self._file, self._motion_code = {}, "", 0
-        blocks = [_bare(line) for line in lines]
+        blocks = [_bare(line) for line in stored(lines, self._profile.memory, lambda where: alarm("memory", where))]
         if not blocks or not re.fullmatch(r"%[A-Z0-9_]{1,14}", blocks[0]):
             raise alarm("header")
         try:

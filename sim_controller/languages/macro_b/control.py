@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
+from .._shared.memory import stored
 from .alarms import alarm, as_alarm
 from .axes import Axes
 from .blocks import Block, Word, words
@@ -56,7 +57,8 @@ class Control:
             if streamed:
                 main = Program("main program", (line for line in lines if not re.match(r"\s*[O:]\d", line)), streamed=True)
             else:
-                tape = split(lines, self._profile.reading_stops)
+                held = stored(lines, self._profile.memory, lambda where: alarm("PS0070", where))
+                tape = split(held, self._profile.reading_stops)
                 if not tape:
                     raise alarm("PS5010", "empty tape")
                 self._programs |= dict(tape)

@@ -30,6 +30,7 @@ class Profile:
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
     skip_word: str = "G31"  # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555)
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
+    memory: int = 512  # kB free for a program; 0: it runs from a disk
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
     scaled: Mapping[str, float] = field(default_factory=dict)  # of work coordinates; -1 is a mirror image (a setting, G51, G51.1)
     # the work offset turns with this rotary axis, machine moves do not (Haas G254); whether #504x and #506x know of it

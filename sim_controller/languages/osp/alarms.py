@@ -14,6 +14,7 @@ TEXTS = {
     "feed": "NO FEED",
     "name": "PROGRAM OR SEQUENCE NAME",
     "end": "NO END OF PROGRAM",
+    "memory": "PROGRAM MEMORY FULL",
     "nesting": "TOO MANY SUBPROGRAMS",
     "file": "FILE",
     "offset": "OFFSET NUMBER",

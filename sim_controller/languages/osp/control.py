@@ -22,6 +22,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value, held
+from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
 from .program import LOCAL, Program, split
@@ -54,6 +55,10 @@ GRAMMAR = Grammar(
 COMPUTED = re.compile(r"(?<![A-Z])([XYZABC])\s*=\s*([^ ]+)")  # an expression stands behind =
 WORD = re.compile(r"\s*(?P<letters>RS|[A-Z])(?P<equals>\s*=)?\s*(?P<number>[+-]?(?:\d+\.?\d*|\.\d+))?(?![\d.])")
 
+PROBE = 11  # input variable of the probe: one of the EC inputs, which is the builder's choice
+TIMERS = range(1000, 1005)  # input variables that count from switching on, in ms, s, min, h, days (OSP-P200L 5238-E p. 297)
+RUNNING = 3.0  # that they show here
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -74,6 +79,7 @@ class Profile:
     decimals: Decimal = Decimal(4)  # that PUT prints
     orient: str = "RS"  # letter of the angle behind M19; behind another one the spindle stays as it is
     scaled: Mapping[str, float] = field(default_factory=dict)  # of what is programmed, in H0 too; -1 is a mirror image
+    memory: int = 512  # kB free for a program; 0: it runs from a disk
     restart: bool = False  # sequence restart: VRSTT is 128
 
 
@@ -101,7 +107,7 @@ class Control:
 
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one file, which is stored before it is executed. Raises Alarm and Silence."""
-        programs = split(lines)
+        programs = split(stored(lines, self._profile.memory, lambda where: alarm("memory", where)))
         if not programs:
             raise alarm("name", "the file has no program name")
         self._programs = self._stored | programs
@@ -184,8 +190,10 @@ class Control:
                 return local.get(name)
         elif (axis := name[4:]) in self._profile.axes and name[:4] == "VSAP" and index == 1 and self._profile.indexed:
             return self._contact[axis]
-        elif name == "VDIN" and index == 1001:
+        elif name == "VDIN" and index == PROBE:
             return float(self._motion.deflected)
+        elif name == "VDIN" and index in TIMERS:
+            return RUNNING
         elif (axis := name[4:]) in self._profile.axes and name[:4] == "VZOF" and index == 1:
             return self._profile.g54.get(axis, 0.0)
         raise alarm("variable", name if index is None else f"{name}[{index:g}]")

@@ -6,6 +6,7 @@ from ...motion import MotionStop
 from .._shared.alarm import Alarm, Silence
 
 TEXTS = {
+    "6500": "NC MEMORY IS FULL",
     "10720": "SOFTWARE LIMIT SWITCH",
     "10860": "FEEDRATE NOT PROGRAMMED",
     "12080": "SYNTAX ERROR",

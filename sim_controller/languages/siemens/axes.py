@@ -28,6 +28,7 @@ class Profile:
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg, active from the start
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # D → mm; D1 is active from the start
     rollover: tuple[str, ...] = ()  # modulo axes
+    memory: int = 512  # kB free for a program; 0: it runs from a disk
     probe_input: int = 1  # that the probe is wired to, 1 or 2
     deflected: Literal["alarm", "ignore"] = "alarm"  # MEAS with a probe that is deflected: alarm, or a move without an edge
     status: bool = True  # $AC_MEA tells contact from none; else it is always 1

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, MutableMapping
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
+from .._shared.memory import stored
 from .alarms import alarm, as_alarm
 from .axes import Axes, Profile, Target, default_profile
 from .expressions import Reader, Value, real, truth
@@ -48,7 +49,8 @@ class Control:
         self._motion_code, self._axes.incremental = "G1", False
         self._axes.settle()
         try:
-            self._program([block_of(line) for line in lines if not line.startswith("%")])
+            held = stored(lines, self._profile.memory, lambda where: alarm("6500", where))
+            self._program([block_of(line) for line in held if not line.startswith("%")])
         except MotionStop as stop:
             raise as_alarm(stop) from None
         finally:
