@@ -16,7 +16,7 @@ from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
 from tango_cnc.noise._fit import _components, _sure
-from tango_cnc.noise._tails import tails
+from tango_cnc.noise.tails import tails
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 

@@ -14,7 +14,7 @@ from ..records import Array
 from ._decomposed import eigen, singular
 from ._start import positive, reachable
 from ._system import PLAIN, WIDER, System, beside, drifting, smooth, system
-from ._tails import tails, thinned
+from .tails import tails, thinned
 
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
 RANGE = (-20.0, 25.0)  # of the logarithm of a component's variance over the white one
