@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ._aside import set_aside
 from ._progress import Progress, said
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ class Live:
     """Steps → progress on stderr, and one JSON object a line for other programs."""
 
     def __init__(self, file: str | None) -> None:
+        set_aside()
         self._bar, self._stdout, self._lost = Progress(), file == "-", False
         # begun with the first step, so that a refused run leaves the file as it was
         self._out = None if file is None or self._stdout else click.open_file(file, "w", encoding="utf-8", lazy=True)

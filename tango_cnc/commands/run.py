@@ -18,6 +18,7 @@ from ..files.checked import broken_off
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
+from ._aside import set_aside
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
 from ._live import Live
 from ._plan import obstructed_option, warnings
@@ -104,6 +105,7 @@ def command(
     from ..link.measure import protocol_of
     from ..plan import plan
 
+    set_aside()
     target = readings_file or of_stylus(folder / "readings.csv", stylus or 1)
     if watching:
         _watched(target, json_file)
