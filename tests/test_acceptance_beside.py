@@ -49,7 +49,7 @@ def test_a_sound_machine_with_every_error_motion_is_not_doubted(sound: tuple[Est
     assert sound[0].sigma > 2e-3
     found = by_figures(DOUBTED, SOUND, with_figures(seen_by(sound[0])))
     assert found.verdict == "trustworthy" and found.reasons == ()
-    assert "no mere scatter" in found.remarks[-1] and "degree 6, 6 harmonics" in found.remarks[-1]
+    assert "no mere scatter" in found.remarks[-1] and "degree 9, 6 harmonics" in found.remarks[-1]
 
 
 @pytest.mark.parametrize("what", ["knocked", "slipped"])

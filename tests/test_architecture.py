@@ -39,7 +39,7 @@ INTERNAL: dict[str, str | None] = {
     "readback": "records kinematics check gate nearest",
     "program": "records files plan readback",
     "link": "records gate files plan duration program nearest",
-    "design": f"{NUMERIC} plan check duration gate iso230 verify report.units",
+    "design": f"{NUMERIC} plan check duration gate iso230 verify report.units plausible.planned",
     "noise": f"{NUMERIC} plausible",
     "plausible": f"{NUMERIC} asked",
     "asked": "records kinematics files.shape",

@@ -31,10 +31,10 @@ from tango_cnc.nightly.doubt import NightDoubt, believed
 from tango_cnc.nightly.mail import answer, message
 from tango_cnc.nightly.night import known_before
 from tango_cnc.nightly.standing import standing
-from tango_cnc.nightly.words import headline
+from tango_cnc.nightly.words import changed, headline
 from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
-from tango_cnc.report.repeated import as_decided
+from tango_cnc.report.repeated import as_decided, shortened
 from tango_cnc.state import Frame, State
 
 Tell = Callable[..., list[dict[str, Any]]]
@@ -391,7 +391,7 @@ def test_a_limit_that_is_crossed_comes_before_what_has_changed() -> None:
     record = night(verdict="out_of_limits", alarms=[alarm], limits=[limit])
     assert record["headline"] == "volume is 75.9 µm, 60 µm are allowed: C axis has moved along X by +20 µm"
     subject, text = message(record, (), ())
-    assert "OUT OF LIMITS" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
+    assert "OUT OF LIMITS, HAS CHANGED" in subject and text.index("BEYOND 60") < text.index("* C axis has moved") < text.index(
         "since the night ending 2026-10-04"  # as on the page: the night that found it
     )
     assert text.count("BEYOND") == 1
@@ -482,6 +482,36 @@ def test_the_headline_counts_only_alarms_that_are_still_open() -> None:
     assert said().endswith("more open alarms: 2") and said("a-1", "a-2").endswith("more open alarms: 1")
     assert said("a-2").endswith("more open alarms: 1") and "more open" not in said("a-1", "a-2", "a-3")
     assert said("a-2", action="acknowledge").endswith("more open alarms: 2")
+
+
+def test_beyond_a_limit_the_headline_names_the_gravest_alarm_that_stands_and_counts_the_others() -> None:
+    limit = {"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}
+    told = {"night": "2026-10-04", "now": "", "owner": "Ann", "decision": None}
+    standing_ones = [told | {"id": "a-1", "text": "C has moved by +20 µm"}, told | {"id": "a-2", "text": "it drifts"}]
+    record = night(standing=standing_ones, limits=[limit], verdict="out_of_limits", end_utc="2026-10-05T02:04:00Z")
+    begins = "volume is 75.9 µm, 60 µm are allowed: alarm of 2026-10-04: C has moved by +20 µm; "
+    assert record["headline"] == f"{begins}nobody has answered the alarm of 2026-10-04; more open alarms: 1"
+
+    def said(alarm: str) -> str:
+        return as_decided(record, [Decision(alarm, "accept", "Bo", "", None, "2026-10-05T08:00:00Z")])
+
+    assert said("a-1") == f"{begins}Bo has accepted it (2026-10-05); more open alarms: 1"
+    assert said("a-2").endswith("nobody has answered the alarm of 2026-10-04")
+    knocked = night(**{**record, "alarms": [told | {"id": "a-3", "text": "A has moved", "parameter": "EZ0A"}]})
+    assert knocked["headline"] == "volume is 75.9 µm, 60 µm are allowed: A has moved; more open alarms: 2"
+    plain = night(**{**knocked, "limits": [], "verdict": "changed"})
+    assert plain["headline"] == "A has moved; more open alarms: 2"
+
+
+def test_a_list_of_nights_keeps_the_knock_of_the_night_that_found_it() -> None:
+    """Three errors stood behind the limit every night; the list said the same of all nights and left the knock out."""
+    limit = {"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}
+    parts = {p: changed(p, "+3 µm", "last week") for p in ("EY0C", "EB0C")}
+    behind = [{"what": "volume", "parameter": p, "text": text} for p, text in parts.items()]
+    quiet = night(limits=[limit], behind=behind, verdict="out_of_limits")["headline"]
+    alarm = {"id": "1", "parameter": "EX0C", "text": changed("EX0C", "+20 µm")}
+    knocked = night(limits=[limit], behind=behind, verdict="out_of_limits", alarms=[alarm])["headline"]
+    assert shortened([quiet, knocked, quiet, quiet])[1] == knocked and shortened([quiet, quiet])[1] != quiet
 
 
 def test_the_headline_of_a_crossed_limit_begins_with_what_made_it_and_not_with_what_is_new() -> None:

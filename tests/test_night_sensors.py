@@ -217,6 +217,31 @@ def test_one_error_that_follows_the_bed_is_said_to_go_with_the_temperature(
         assert f"K {'warmer' if steps[number] > 0 else 'colder'} (bed" in text and "goes back with the temperature" in text
     last = alarms[-1][1]
     assert last["warmer"]["per_kelvin"] == pytest.approx(2e-3, rel=0.2) and "it has gone with the temperature, +" in last["do"]
+    assert "it goes with the temperature: +1." in last["text"] and "it goes with the temperature" in records[-1]["headline"]
+
+
+def test_what_has_gone_with_the_temperature_before_tonight_is_named_with_it() -> None:
+    """One night alone on a warmer machine lies on a line with all nights before it, whatever it is: tonight is not asked."""
+    warm = (20.0, 21.5, 19.0, 22.0, 20.5)
+
+    def night(number: int, celsius: float, own: float) -> dict[str, Any]:
+        bed = {"bed": {"mean": celsius, "first": celsius, "last": celsius}}
+        return {
+            "night": f"2026-10-{number:02d}",
+            "temperatures": bed,
+            "parameters": {"EX0C": {"value": own, "unit": "mm", "std": 1e-4}},
+        }
+
+    alarm = {"cause": "axis_location", "parameter": "EX0C", "size": 0.008, "std": 5e-4, "unit": "mm", "do": "Ask.", "instead": []}
+    alarm |= {"text": "C axis has moved along X"}
+    known, heard = {"EX0C": {"value": 0.109, "unit": "mm", "std": 1e-4}}, {"bed": {"state": "heard"}}
+    follows = [night(18 - i, c, 0.1 + 2e-3 * (c - 20.0)) for i, c in enumerate(reversed(warm))]
+    told = with_warmth(alarm, known, heard, 24.5, follows)
+    assert "it goes with the temperature: +2.0 µm/K over the last 5 nights" in told["text"] and told["cause"] == "axis_location"
+    knocked = with_warmth(alarm | {"size": 0.016}, known, heard, 24.5, follows)
+    assert "goes with" not in knocked["text"] and knocked["instead"] == ["temperature"]  # 16 µm where 8 are due
+    still = [night(18 - i, 20.0 + 0.1 * (i % 2), 0.1) for i in range(5)]
+    assert "goes with" not in with_warmth(alarm, known, heard, 24.5, still)["text"]
 
 
 def test_a_knock_on_a_machine_that_is_a_little_warmer_is_no_matter_of_temperature() -> None:

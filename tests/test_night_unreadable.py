@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import shutil
-from contextlib import nullcontext
+import sqlite3
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,10 +14,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from support.controls import GOLDEN
-from support.histories import knowledge
+from support.histories import knowledge, record
 from support.nights_parts import Nobody, RealDisk, Time, machine_of, settings_of
 
 from tango_cnc.cli import tango
+from tango_cnc.files import read_cell
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
 from tango_cnc.nightly import Measured, Ports, PreflightPoint, night
@@ -62,6 +64,34 @@ def test_somebody_hears_of_a_mistake_in_the_cell_and_the_night_is_on_record(
     assert tell.return_value == 3 and "not sent" in tell.output and waiting.exists()
     status = CliRunner().invoke(tango, ["nightly", "-C", str(cell), "--status"], standalone_mode=False)
     assert status.return_value == 1 and "no night can begin" in status.output and "not sent yet" in status.output
+
+
+def test_a_cell_that_cannot_be_read_leaves_no_night_among_those_of_another_machine(cell: Path, tmp_path: Path) -> None:
+    """Two folders with one name in one history: the message is sent, and the history of the other machine stays as it is."""
+    shared = SETTINGS.format(board=tmp_path / "board.txt") + "history: ../fleet.db\n"
+    (cell / "nightly.yaml").write_text(shared, encoding="utf-8")
+    other = tmp_path / "other"
+    shutil.copytree(cell, other)
+    spoil(cell, "machine.yaml", "tip_radius", "tip_radios")
+    name = read_cell(other).machine.name
+    with opened(tmp_path / "fleet.db") as history:
+        history.add_night(record(1, name, cell=str(other)))
+        assert CliRunner().invoke(tango, ["nightly", "-C", str(cell)]).exit_code != 0
+        assert len(history.nights(name)) == 1
+    told = (tmp_path / "board.txt").read_text(encoding="utf-8")
+    assert "tip_radios" in told and "not in the history" in told and str(other) in told
+
+
+def test_a_night_says_that_the_triggers_of_its_history_are_gone(cell: Path, tmp_path: Path) -> None:
+    spoil(cell, "machine.yaml", "tip_radius", "tip_radios")
+    with opened(cell / "history.db"):
+        pass
+    with closing(sqlite3.connect(cell / "history.db")) as plain:
+        plain.execute("DROP TRIGGER night_no_delete")
+        plain.commit()
+    CliRunner().invoke(tango, ["nightly", "-C", str(cell)])
+    told = (tmp_path / "board.txt").read_text(encoding="utf-8")
+    assert "what it holds of night: somebody has taken its triggers out" in told
 
 
 def test_a_history_that_cannot_be_opened_is_told(cell: Path, tmp_path: Path) -> None:

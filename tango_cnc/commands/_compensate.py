@@ -9,7 +9,10 @@ from typing import Any
 from ..compensate import targets
 from ..compensate.fit import Fit
 from ..compensate.proposal import Proposal
+from ..compensate.rows import lines_of, rows_of
+from ..compensate.space import sample
 from ..compensate.trial import Sign
+from ..estimate import Estimate
 from ..identify.words import summary
 from ..records import InputError, Machine
 from ._common import table
@@ -133,6 +136,14 @@ def text(proposal: Proposal) -> str:
     lines += ["", "not confirmed; check each on your control before you write:"]
     lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
     return "\n".join(lines)
+
+
+def met(proposal: Proposal, result: Estimate) -> list[str]:
+    """proposal, its estimate → a line for each table: which of its rows the touches meet; a wrong row that none meets stays."""
+    changed = {h.place for h in proposal.held if proposal.numbers[h.place] != proposal.present[h.place]}
+    touches = result.model.touches
+    found = lines_of(rows_of(proposal.held, changed, touches, sample(touches.machine, proposal.request.limits)))
+    return ["", *found] if found else []
 
 
 def pinned(proposal: Proposal) -> list[str]:

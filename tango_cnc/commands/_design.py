@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from .. import kinematics
-from ..design import order, propose, region, sequence, timed
+from ..design import doubts, floor, order, propose, region, sequence, timed
 from ..design.balls import unknowns
 from ..design.changed import Change
 from ..design.check import ALARMS, POWER, Power
@@ -63,6 +63,8 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
         "correlation_with_time": _with_time(found),
         "expected_std": {n: {"std": s, "unit": u} for n, (s, u) in propose.std_of(ready, found.information, widens).items()},
         "not_identifiable": [c.text for c in ready.problem.choice.selection.unseen],
+        "weak": doubts.weak(ready, found, widens),
+        **doubts.untrusted(ready, found),
     }
     if (without := left_out(ready.problem)) is not None and (said := sentences(without)):
         data["left_out"] = {**asdict(without), "text": said}
@@ -95,7 +97,20 @@ def as_json(ready: Setting, found: Chosen, why: str, sees: Power | None, others:
             "missed_below_um": {n: 1e3 * s for n, s in sees.others.items() if math.isfinite(s)},
             "unseen": [n for n, s in sees.others.items() if not math.isfinite(s)],
         }
+        least = floor.floor(found, sees.size) if np.isfinite(found.bound) else None
+        data["check"]["floor"] = None if least is None else _floored(least, sees.size)
     return data
+
+
+def _floored(least: floor.Floor, size: float) -> dict[str, Any]:
+    """what no check sees, mm that this one sees → plain data."""
+    return {
+        "this_time_um": 1e3 * least.now,
+        "any_time_um": 1e3 * least.ever,
+        "wished_um": 1e3 * floor.WISHED,
+        "wished_minutes": least.minutes,
+        "text": floor.lines(least, size),
+    }
 
 
 def _broken_off(ready: Setting, found: Chosen) -> list[dict[str, Any]]:
@@ -173,6 +188,7 @@ def as_text(ready: Setting, data: dict[str, Any]) -> str:
         )
     lines.append(f"time runs with the position of a rotary axis by a correlation of {data['correlation_with_time']:.2f} at most")
     lines += [f"cannot be seen: {text}" for text in data["not_identifiable"]]
+    lines += doubts.lines(data)
     return "\n".join(lines)
 
 
@@ -252,6 +268,7 @@ def _seen(check: dict[str, Any]) -> list[str]:
         _stylus(check["stylus_um"]),
         "it rests on the full run: 'tango check' says what these touches alone do not determine",
     ]
+    lines += (check["floor"] or {}).get("text", [])
     missed = sorted(((s, n) for n, s in check["missed_below_um"].items() if s > check["size_um"]), reverse=True)
     if missed:
         said = ", ".join(f"{n} below {s:.0f} µm" for s, n in missed[:6])

@@ -22,6 +22,7 @@ from ..compensate import turned as turn
 from ..compensate.loads import files_of
 from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
+from ..compensate.rows import added, lines_of
 from ..compensate.seen import WITHIN
 from ..compensate.shares import Before
 from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
@@ -245,7 +246,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
         )
     asked = _asked(cell, kept, _days(kept, None), options)
     before, _ = promises(kept.record)
-    found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"])
+    found = look(asked, cell, before, positioning_feed(cell), gate_of(cell), options["minutes"], rows=bool(options.get("rows")))
     place = options["out"] or _free(cell.folder / loop.FOLDER / f"{loop.CHECK}{number:03d}")
     _write(cell, found, place)
     data = {
@@ -257,6 +258,7 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
         "time_s": round(found.seconds, 1),
         "std_of_share": {name: round(std, 3) for name, std in zip(found.names, found.std, strict=True)},
         "too_small": list(found.small),
+        "rows_not_met": {one.table: one.missed(found.made) for one in found.tables},
     }
     if not write_json(options["json_file"], data):
         click.echo(_text(cell, kept, asked, found, place))
@@ -375,6 +377,11 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
             lines.append("a stylus that stays in its holder since the full run makes it better known: state --same-stylus")
     if found.small:
         lines.append(f"not asked for, as each takes little of the error away, or no touch tells it: {', '.join(found.small)}")
+    lines += lines_of(found.tables, found.made)
+    if others := added(found.tables, found.made):
+        beyond = f" and {len(others) - 12} more" if others[12:] else ""
+        numbers = ", ".join(str(found.numbers[i]) for i in others[:12]) + beyond
+        lines.append(f"touches {numbers} of the strategy would meet what it meets of the others: --rows makes them as well")
     return "\n".join(
         [
             *lines,

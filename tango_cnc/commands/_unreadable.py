@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from ..files.nightly import NAME, SCHEMES, Nightly, read_nightly
 from ..history import Decision, Knowledge, Night
 from ..nightly import Measured, PreflightPoint
+from ..nightly.ports import Past
 from ..records import InputError, TangoError
 
 URL = re.compile(rf"(?:{'|'.join(SCHEMES)}):[^\s,'\"\]}}]+")
@@ -88,6 +89,10 @@ class NoHistory:
         """Raises what is wrong."""
         self._no()
 
+    def of_now(self) -> Past:
+        """→ this: it is the same at every moment."""
+        return self
+
     def records(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
         """Raises what is wrong."""
         self._no()
@@ -143,6 +148,10 @@ class OfAnother:
     def nights(self, machine: str | None = None, last: int | None = None) -> tuple[Night, ...]:
         """→ none."""
         return ()
+
+    def of_now(self) -> Past:
+        """→ this: it is the same at every moment."""
+        return self
 
     def records(self, machine: str, last: int | None = None) -> tuple[Any, ...]:
         """→ none."""

@@ -73,6 +73,7 @@ def _facts(context: click.Context, _parameter: click.Parameter, name: str | None
 @click.option("--measured", type=int, metavar="N", help="Judge compensation N by --readings made with it in the control.")
 @click.option("--short-check", "short", type=int, metavar="N", help="Choose a few touches that show whether N has helped.")
 @click.option("--minutes", type=click.FloatRange(1, 60), help="With --short-check: time, in place of as much as it needs.")
+@click.option("--rows", is_flag=True, help="With --short-check: also touches that meet every row of a table that can be met.")
 @click.option("--turned", metavar="C=180:X=MM,Y=MM", help="With --measured, for kinematics alone: a feature at two angles.")
 @click.option("--rolled-back", type=int, metavar="N", help="Note that undo/ of compensation N has been loaded; with --reason.")
 @click.option("--reason", metavar="TEXT", help="With --rolled-back: why.")
@@ -107,13 +108,7 @@ def command(**options: Any) -> int:
         raise InputError("--tcp, --no-tcp: found both; allowed: the one that is true of the readings")
     options["tcp"] = True if options["tcp"] else False if options["no_tcp"] else None
     if options["checked"] is not None:
-        record = loop.check(options["checked"])
-        if (folder / loop.CELL).exists():
-            _short_check.of_machine(loop.Kept(0, options["checked"], record), read_cell(folder, strategy=False).machine.name)
-        if not write_json(options["json_file"], {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
-            of = f"{record['target']} for the machine {record.get('machine')!r}"
-            click.echo(f"{options['checked']}: every file of {of} is as it was written")
-        return 0
+        return _checked(folder, options["checked"], options["json_file"])
     if options["events"]:
         return _history(folder, options["json_file"])
     if options["written"] is not None:
@@ -128,14 +123,35 @@ def command(**options: Any) -> int:
     if options["sign_of"] is not None:
         return _sign_trial.judged(cell, options)
     if options["source"] is not None:
-        contained(cell.folder, options)
-        options["of_no_machine"] = _consented(cell.folder, options)
-        result, _ = _estimate(cell, options)
-        data = _program.program(cell, result, options["source"], options)
-        if not write_json(options["json_file"], data):
-            click.echo(_program.said(data))
-            _warmth(cell, result)
-        return 0
+        return _program_of(cell, options)
+    return _proposed(cell, options)
+
+
+def _checked(folder: Path, checked: Path, json_file: str | None) -> int:
+    """cell, folder of a compensation → exit code: whether its files are as they were written."""
+    record = loop.check(checked)
+    if (folder / loop.CELL).exists():
+        _short_check.of_machine(loop.Kept(0, checked, record), read_cell(folder, strategy=False).machine.name)
+    if not write_json(json_file, {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
+        click.echo(f"{checked}: every file of {record['target']} for the machine {record.get('machine')!r} is as it was written")
+    return 0
+
+
+def _program_of(cell: Cell, options: dict[str, Any]) -> int:
+    """cell, options → exit code: an NC program is compensated."""
+    contained(cell.folder, options)
+    options["of_no_machine"] = _consented(cell.folder, options)
+    result, _ = _estimate(cell, options)
+    data = _program.program(cell, result, options["source"], options)
+    if not write_json(options["json_file"], data):
+        click.echo(_program.said(data))
+        _warmth(cell, result)
+    return 0
+
+
+def _proposed(cell: Cell, options: dict[str, Any]) -> int:
+    """cell, options → exit code: what a control can hold, and the files for it."""
+    folder: Path = options["folder"]
     if options["target"] is None:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
@@ -165,6 +181,7 @@ def command(**options: Any) -> int:
     taken = write_json(options["json_file"], as_json(proposal))
     if not taken:
         click.echo(_compensate.text(proposal))
+        click.echo("\n".join(_compensate.met(proposal, result)))
         _warmth(cell, result)
     capped(proposal, options["cap_mm"], options["cap_deg"])
     if options["dry_run"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from datetime import date
 from pathlib import Path
 
@@ -88,12 +89,8 @@ def command(
     if html is not None:
         needed()
     if table_file is not None:
-        if not response:
-            raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
-        for option, target in (("--html", html), ("--world", world_file), ("--learn", learn)):
-            if target is not None:
-                raise InputError(f"{option}: found together with --table; allowed: with the readings of a cell only")
-        result = diagnose_table(table_file, _names(response), _names(model), covariates, group, seed)
+        of_a_cell = (("--html", html), ("--world", world_file), ("--learn", learn))
+        result = diagnose_table(table_file, _table_only(response, of_a_cell), _names(model), covariates, group, seed)
         if not write_json(json_file, result):
             click.echo(table_text(result))
         return 0
@@ -137,6 +134,16 @@ def command(
     if judgement.verdict == "trustworthy" and found.verdict == "adequate" and file is None and json_file != "-":
         ahead(folder, "uncertainty", "report")
     return status(judgement, despite)
+
+
+def _table_only(response: str | None, of_a_cell: Sequence[tuple[str, object]]) -> list[str]:
+    """--response, options of a cell with their values → measured columns. Raises InputError for what a table cannot have."""
+    if not response:
+        raise InputError("--table: found no --response; allowed: the name of the measured column, e.g. --response r")
+    for option, target in of_a_cell:
+        if target is not None:
+            raise InputError(f"{option}: found together with --table; allowed: with the readings of a cell only")
+    return _names(response)
 
 
 def _unused(readings: Readings, source: Path) -> list[str]:

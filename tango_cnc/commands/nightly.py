@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import getpass
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from functools import partial
@@ -107,7 +107,8 @@ def command(
             keep_readings(folder, control.planned)
             control.twin = lambda: other
             with told_of_signals() as ending:
-                world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending)
+                open_ = _noticed(history)
+                world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending, open_)
                 record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(past, record)
             seen = _known(past, record)
@@ -147,6 +148,14 @@ class _Held:
         return first or datetime.now().astimezone()
 
 
+def _noticed(history: Any) -> tuple[str, ...]:
+    """history → what the message says of it: tables that anybody may change."""
+    from ..history.guards import without_triggers
+
+    open_ = without_triggers(history.engine)
+    return (say("night.night.unguarded", tables=", ".join(open_)),) if open_ else ()
+
+
 def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
@@ -176,22 +185,28 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
     """Puts a night on record whose cell or history cannot be read, as far as that goes, and tells whoever is to be told."""
     from ..history import opened
     from ..nightly import Ports, night
+    from ._cell_nights import twin
     from ._night_world import locked
-    from ._unreadable import NoHistory, Unreadable, machine_of
+    from ._unreadable import NoHistory, OfAnother, Unreadable, machine_of
 
     none, cell = Unreadable(error), str(folder.resolve())
 
-    def begin(past: Any, name: str) -> None:
-        night(name, cell, settings, Ports(_Held(begun), disk, none, mail, past, none, locked(folder)))
+    def begin(past: Any, name: str, noticed: Sequence[str] = ()) -> None:
+        night(name, cell, settings, Ports(_Held(begun), disk, none, mail, past, none, locked(folder), noticed=noticed))
 
     with ExitStack() as stack:
         try:
-            history = stack.enter_context(opened(history_of(folder, settings, where)))
+            place = history_of(folder, settings, where)
+            history = stack.enter_context(opened(place))
             name = machine_of(folder, history.machines())
+            other = twin(history, name, folder, str(place))
         except TangoError as second:
             begin(NoHistory(second), machine_of(folder, ()))
         else:
-            begin(history, name)
+            if other is None:
+                begin(history, name, _noticed(history))
+            else:  # the nights there are those of another machine: nothing of this one is put among them
+                begin(OfAnother(), name, (say("night.night.of_another", name=name, other=other),))
 
 
 def _install(cell: Cell, kind: str, at: str) -> int:

@@ -19,9 +19,10 @@ from ..records import Array, Cell, InputError, Plan
 from ..touches import Touches, of_facets
 from .fit import posed
 from .promise import Figure
+from .rows import TableRows, added, rows_of
 from .seen import WITHIN, asked_for
 from .shares import Part, System, apart, foreseen, system
-from .short import WHOLE, Short, levers_of
+from .short import WHOLE, Short, changes, levers_of
 from .space import Poses
 from .warmth import MAYBE
 
@@ -59,6 +60,14 @@ class Look:
     std: tuple[float, ...]  # of the share of each
     small: tuple[str, ...]  # files, and parts of files, that it does not ask for
     grown: float | None = None  # K, standard deviation to which it tells what all axes have grown alike; None: no touch tells it
+    chosen: Count | None = None  # (n,) of the touches of the strategy: how often each is made
+    numbers: tuple[int, ...] = ()  # of the touches of the strategy
+    tables: tuple[TableRows, ...] = ()  # what every touch of the strategy feels of the rows of tables that were written
+
+    @property
+    def made(self) -> list[int]:
+        """→ touches of the strategy that it makes."""
+        return [] if self.chosen is None else np.flatnonzero(self.chosen).tolist()
 
     @property
     def open(self) -> float:
@@ -73,11 +82,20 @@ class Look:
 
 
 def look(
-    asked: Short, cell: Cell, before: Figure, feed: float | None, gate: str, minutes: float | None = None, goal: float = 0.0
+    asked: Short,
+    cell: Cell,
+    before: Figure,
+    feed: float | None,
+    gate: str,
+    minutes: float | None = None,
+    goal: float = 0.0,
+    *,
+    rows: bool = False,
 ) -> Look:
     """short check, cell with the strategy to choose from, µm before, mm/min of protected moves, gate, minutes at most → touches.
 
-    `goal`: with minutes, the standard deviation of a share that does; the check takes no longer then.
+    `goal`: with minutes, the standard deviation of a share that does; the check takes no longer then. `rows`: with them the
+    touches that meet each row of a table which the strategy meets, however long they take.
 
     Raises InputError where nothing that changed is seen by touches like these.
     """
@@ -101,8 +119,15 @@ def look(
     every = (*(() if warm is None else (warm,)), *(aim for aim, _, _ in aims))
     job = _Job(cell, made, feed, proof(made, gate, feed), every, where, costs, warm is not None)
     words = tuple(name for _, names, _ in aims for name in names), tuple(name for _, _, small in aims for name in small)
-    if minutes:  # whoever states a time wants to know as much as that allows
-        return job.made_of(60 * minutes, goal, *words)
+    # Whoever states a time wants to know as much as that allows.
+    found = job.made_of(60 * minutes, goal, *words) if minutes else _soonest(job, words)
+    numbers, tables = tuple(t.number for t in made.touches), rows_of(asked.held, changes(asked.kept), touches, at)
+    found = replace(found, numbers=numbers, tables=tables)
+    return job.also(found, added(found.tables, found.made)) if rows else found
+
+
+def _soonest(job: _Job, words: tuple[tuple[str, ...], tuple[str, ...]]) -> Look:
+    """what is chosen from, names of what is to be known and of what is not → the touches of a check whose time nobody states."""
     longer = job.made_of(60 * LONGEST, GOAL, *words)
     if longer.seconds <= 60 * USUAL:
         return longer
@@ -219,7 +244,7 @@ class _Job:
                 continue
             std = _std(self.aims, chosen)
             grown, std = (MAYBE * float(std[0]), std[1:]) if self.warm else (None, std)
-            made = Look(found, planned, takes, names, tuple(std.tolist()), small, grown)
+            made = Look(found, planned, takes, names, tuple(std.tolist()), small, grown, chosen)
             best = made if best is None or made.open < best.open else best
             known = max(made.std) <= goal and (made.grown or 0.0) <= max(goal, GOAL) * MAYBE
             if known or takes > FULL * seconds or not np.isfinite(longest):
@@ -228,6 +253,19 @@ class _Job:
         if best is None:
             raise InputError(f"--minutes: found {seconds / 60:.3g}, in which no check can be made; allowed: more time")
         return best
+
+    def also(self, found: Look, rows: Sequence[int]) -> Look:
+        """touches of a check, rows of touches that are made as well → the check with both."""
+        if not rows or found.chosen is None:
+            return found
+        chosen = found.chosen.copy()
+        chosen[list(rows)] = np.maximum(chosen[list(rows)], 1)
+        cell = _with(self.cell, self.made, chosen)
+        planned, std = plan(cell, "leave-out"), _std(self.aims, chosen)
+        grown, std = (MAYBE * float(std[0]), std[1:]) if self.warm else (None, std)
+        takes = self.alive + sum(of_moves(planned, self.feed))
+        made = replace(found, cell=cell, plan=planned, seconds=takes, chosen=chosen)
+        return replace(made, std=tuple(std.tolist()), grown=grown)
 
 
 def _whole(asked: Short, ready: System, at: Poses) -> Array:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,10 +17,9 @@ from numpy.typing import NDArray
 
 from ..duration import proof
 from ..records import InputError
-from . import order
+from . import least, order
 from .balls import needed
 from .broken_off import LOSS, worth_when_broken_off
-from .candidates import WIDE
 from .criterion import parts
 from .early import in_vain
 from .enough import believed, serves
@@ -52,7 +50,6 @@ FIRST = 3  # times that a first plan is looked for where all of one had no safe 
 OFTEN = 3  # times that a check is searched again: of its three or four turns each plan has others, and the search ends elsewhere
 LONG = 36_000.0  # s, longer than any plan
 TRIED = 3  # indexations of a plan that says what a touch takes
-SPARE = 1.1  # times as many seconds are counted: ways of that plan are short already
 SHARP = 3.0  # power of each variance by which the worst of many counts more
 Mask = NDArray[np.bool_]
 
@@ -75,7 +72,7 @@ class TooFew(NoTime):
     def __init__(self, found: Chosen, touches: int, unknowns: int) -> None:
         self.found = found
         half = (30.0 * n for n in itertools.count(math.ceil(found.problem.seconds / 30)))
-        self.seconds = next(s for s in half if s > LONG or most_told(found.problem, costs_of(found), s)[0] >= unknowns)
+        self.seconds = next(s for s in half if s > LONG or least.most_told(found.problem, costs_of(found), s)[0] >= unknowns)
         self.why = f"there is time for about {touches} touches, and the goal has {unknowns} unknowns besides those of the facets"
         super().__init__(f"--minutes: found {found.problem.seconds / 60:.3g}; {self.why}; allow more time")
 
@@ -93,6 +90,8 @@ def chosen(problem: Problem, early: bool = False, loss: float = LOSS) -> Chosen:
     problem = replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem
     again = order.again(problem.choice.cell, problem.feed)
     made, relaxed = _searched(problem, again, early)
+    if early and not serves(problem, made.information):  # before parts of it are looked for
+        raise Undetermined(made)
     made = with_parts(made, again, loss, partial(_of_part, again=again)) if early else worth_when_broken_off(made, again, 0.0)
     return certified(made, _lifted(made.problem, relaxed))
 
@@ -139,6 +138,11 @@ def _searched(problem: Problem, again: float, early: bool) -> tuple[Chosen, Rela
 def quick(problem: Problem) -> Chosen:
     """problem → a plan made quickly, as `chosen` begins with. Raises InputError when the time is too short for any."""
     return _first(replace(problem, senses=senses_of(problem.choice)) if problem.senses is None else problem)[0]
+
+
+def exchanged(found: Chosen) -> Chosen:
+    """quick plan → one of its time whose visits are exchanged, for what its touches and turns take. Raises InputError for none."""
+    return _tried(found.problem, costs_of(found), SHAKES, None)[0]
 
 
 def _first(problem: Problem) -> tuple[Chosen, Relaxed]:
@@ -194,8 +198,8 @@ def _hopeless(problem: Problem) -> None:
 
     What a touch takes is seen in a plan of few indexations with many facets, where ways are short.
     """
-    choice, least = problem.choice, least_touches(problem)
-    if not least:
+    choice, unknowns = problem.choice, least.touches(problem)
+    if not unknowns:
         return
     fullest = np.argsort([-len(own) for own in choice.of_pose], kind="stable")[:TRIED]
     mask = np.isin(choice.pose, fullest)
@@ -204,36 +208,9 @@ def _hopeless(problem: Problem) -> None:
         trial, _ = passable(own, mask, sorted(fullest.tolist()), order.Legs(choice.cell, problem.feed))
     except NoWay:
         return
-    most, touches = most_told(problem, costs_of(trial), problem.seconds)
-    if most < least:
-        raise TooFew(trial, round(touches / SPARE), least)
-
-
-def most_told(problem: Problem, costs: tuple[float, float, float], seconds: float) -> tuple[float, float]:
-    """problem, s of a facet, of a visit and of all else, s → unknowns of the machine that a plan can tell at most; its touches.
-
-    At each visit a facet is worth one touch, and every facet touched brings an unknown of its own; those of a ball share three.
-    """
-    touch, visit, spare = costs
-    of_ball = Counter(facet.ball for facet in problem.choice.cell.artefact.facets.values() if facet.ball is not None)
-    own = min([1.0, *(3 / count for count in of_ball.values())])
-    visits = np.arange(1, len(problem.choice.of_pose) + 1)
-    touches = np.maximum(SPARE * (seconds - spare) - visits * visit, 0.0) / touch
-    told = touches * (1 - own / visits)
-    best = int(np.argmax(told))
-    return float(told[best]), float(touches[best])
-
-
-def least_touches(problem: Problem) -> int:
-    """problem → touches without which no plan determines what the goal asks for; 0 where that is not known so simply.
-
-    φ is of some combinations of unknowns; all of them have to be seen, and what is certain without a touch helps little.
-    """
-    aims = problem.criterion.worst if problem.criterion.spread is None else problem.criterion.spread
-    if problem.choice.twice or problem.criterion.determinant or aims is None:
-        return 0
-    certain = np.linalg.matrix_rank(problem.held - (problem.choice.sigma / WIDE) ** 2 * np.eye(len(problem.held)))
-    return int(np.linalg.matrix_rank(aims) - certain)
+    most, touches = least.most_told(problem, costs_of(trial), problem.seconds)
+    if most < unknowns:
+        raise TooFew(trial, round(touches / least.SPARE), unknowns)
 
 
 def _lifted(problem: Problem, relaxed: Relaxed) -> Relaxed:

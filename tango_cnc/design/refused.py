@@ -6,8 +6,9 @@ import math
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from ..duration import spoken
 from ..records import InputError
-from . import how_long
+from . import how_long, least
 from .enough import SPARE, believed, serves, to_spare
 from .left_out import left_out, sentences
 from .problem import Chosen
@@ -15,6 +16,7 @@ from .problem import Chosen
 if TYPE_CHECKING:
     from .propose import Setting
 
+MANY = 4  # indexations that are worth a word
 SHORT = 4.0  # mm of stand-off from which a touch can be made shorter
 MORE = 1.02  # times the time in which the touches that lack would be made
 
@@ -66,10 +68,10 @@ def undetermined(found: Chosen) -> str:
 def refused(ready: Setting, error: InVain) -> InputError:
     """setting, why no plan does → the error that names it, the minutes that would do, and what else does."""
     problem, minutes = error.found.problem, error.minutes
-    least = f"more than {how_long.LONGEST:g} minutes"
+    long = f"more than {how_long.LONGEST:g} minutes"
     if minutes is not None:
-        least = f"more than {error.least:g} minutes (about {minutes:g})" if error.least else f"about {minutes:g} minutes or more"
-    said = [least]
+        long = f"more than {error.least:g} minutes (about {minutes:g})" if error.least else f"about {minutes:g} minutes or more"
+    said = [long]
     if ready.wish.approach.standoff > SHORT:
         said.append("shorter touches by --within MM, where it is known how far facets are from their places")
     if not problem.choice.twice and "S4" in ready.wish.terms:
@@ -82,8 +84,21 @@ def refused(ready: Setting, error: InVain) -> InputError:
             [
                 f"--minutes: {'the usual' if ready.wish.minutes is None else 'found'} {problem.seconds / 60:.3g}",
                 error.why,
+                *_turns(error.found),
                 *(sentences(lost) if lost else ()),
                 "allowed: " + ", or ".join(said),
             ]
         )
     )
+
+
+def _turns(found: Chosen) -> list[str]:
+    """plan that does not do → how many indexations any plan takes, where that is several, and what their turns take."""
+    count = least.visits(found.problem)
+    if count < MANY:
+        return []
+    told = least.told(found.problem)
+    return [
+        f"the errors of the rotary axes alone take {count} indexations, as touches at one tell {told} numbers of them at most; "
+        f"these turns take {spoken(count * found.costs[1])}"
+    ]

@@ -18,7 +18,9 @@ from ..records import Array
 from ..terms._shape import BEYOND, CYCLE, EVEN, LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form, values, weights
 from ..touches import Touches
 from ._field import Field, State, score
-from ._smooth import CYCLES, HALF, WHOLE, Kernel, between, moves, scaled
+from ._forms import CYCLES
+from ._ground import HALF, WHOLE, between, moves
+from ._smooth import Kernel, scaled
 
 SETS = 10  # sets of covariates that are compared again
 WIDER = 6  # sets that are tried of a covariate that a shape already has and any other one

@@ -18,9 +18,10 @@ from ..touches import Touches
 from ._candidates import Candidate, candidate
 from ._catalogue import STRONG, Chosen
 from ._field import CHANGES, Field, Picked, begin, price, score, whiten
+from ._ground import HALF, moves
 from ._names import discounts
 from ._rows import Rows
-from ._smooth import HALF, Kernel, moves, scaled
+from ._smooth import Kernel, scaled
 from ._space import orthonormal
 
 SLOW = 2  # functions of what the size depends on

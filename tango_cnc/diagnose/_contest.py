@@ -8,7 +8,7 @@ that the model does not reach; what is chosen whitens the data and all shapes, s
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as field_of
 
 import numpy as np
@@ -78,80 +78,112 @@ def contest(field: Field, y: Array, fixed: Sequence[Chosen], names: Sequence[Cho
     Beside a shape that has more evidence it does not stand: it may be a part of what this shape is a part of. Where they follow
     nothing in common, it stands if it is sure. Subsets of the touches (margin below 0) do not ask for that.
     """
-    cheaper = discounts(y, [*fixed, *names], names)
-
-    def beside(
-        kept: Sequence[Chosen], noises: bool, apart: Sequence[Chosen], away: Sequence[Chosen]
-    ) -> tuple[float, tuple[Picked, ...]]:
-        known, key = asked(field, y, apart, kept).grown, (noises, *sorted(id(c.candidate) for c in away))
-        if key not in known:
-            s = grown(field, y, apart, kept, noises, away)
-            known[key] = evidence(field, s, kept) - sum(c.price for c in apart), s.picked
-        return known[key]
-
-    def of(
-        kept: Sequence[Chosen], noises: bool = False, away: Sequence[Chosen] = ()
-    ) -> tuple[float, tuple[Picked, ...], Sequence[Chosen]]:
-        """→ evidence, what was picked, single touches set aside. Shapes are also looked for with all touches: what a few of
-        them show would never be seen where these few were set aside before.
-        """
-        best: tuple[float, tuple[Picked, ...], Sequence[Chosen]] = (*beside(kept, noises, fixed, away), fixed)
-        tried = {len(fixed)}
-        for picked in (best[1], beside(kept, noises, (), away)[1] if fixed else ()):
-            apart = needed(y, fixed, kept, picked)
-            if len(apart) not in tried:
-                tried.add(len(apart))
-                best = max(best, (*beside(kept, noises, apart, away), apart), key=lambda one: one[0])
-        return best[0] + sum(cheaper[id(c)] for c in kept), best[1], best[2]
-
+    asking = _Asking(field, y, fixed, discounts(y, [*fixed, *names], names))
     nothing = evidence(field, begin(field, y, columns_of(len(y), fixed)), ()) - sum(c.price for c in fixed)
-    only_shapes, shapes, beyond = of((), away=names)
+    shapes = asking.of((), away=names)
     if not names:
-        needless = tuple(c for c in fixed if c not in beyond)
-        return Outcome((), (), shapes, nothing, of((), True)[0], only_shapes, needless, best=only_shapes)
-    by_names = of(names, True)[0]
-    kept = once(names)
-    value, picked, apart = of(kept)
-    best = max(value, only_shapes)
-    without: list[tuple[float, tuple[Picked, ...], Sequence[Chosen]]] = []
-    order: list[Chosen] = []
-    while kept:
-        order = list(kept)
-        without = [of([c for c in kept if c is not old], away=[old]) for old in kept]
-        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if margin > 0 and len(kept) > 1 else margin for c in kept]
-        above = [w[0] + (m if _patterns(w[1]) else 0.0) for w, m in zip(without, margins, strict=True)]
-        if _patterns(shapes) and only_shapes + min(margins) > value:
-            kept, picked, apart = [], shapes, beyond
-            break
-        worst = int(np.argmax(above))
-        if above[worst] <= value:
-            break
-        value, picked, apart = without[worst]
-        del kept[worst]
-    smaller: list[Chosen] = []
-    if kept and margin > 0:
-        still = [c for c, w in zip(kept, without, strict=True) if c.candidate.learned or _larger(c, value - w[0], picked)]
-        if len(still) < len(kept):
-            smaller = [c for c in kept if c not in still]
-            kept = still
-            _, picked, apart = of(kept)
-    own = [p.columns for p in picked if not p.kernel.noise]
-    if own and kept:
-        q = orthonormal(np.hstack(own))
-        still = [c for c in kept if c.candidate.learned or not _inside(c.columns, q)]
-        if len(still) < len(kept):
-            kept = still
-            _, picked, apart = of(kept)
-    beaten = {id(c): w for c, w in zip(order, without, strict=True) if c in kept and _patterns(w[1])}
-    above_shapes = {key: value - w[0] for key, w in beaten.items()}
+        alone, needless = asking.of((), True).value, tuple(c for c in fixed if c not in shapes.apart)
+        return Outcome((), (), shapes.picked, nothing, alone, shapes.value, needless, best=shapes.value)
+    by_names = asking.of(names, True).value
+    stands = asking.of(once(names))
+    best = max(stands.value, shapes.value)
+    stands, order, without = _without_needless(asking, stands, shapes, margin)
+    value, smaller = stands.value, []
+    if stands.kept and margin > 0:
+        still = [
+            c
+            for c, w in zip(stands.kept, without, strict=True)
+            if c.candidate.learned or _larger(c, value - w.value, stands.picked)
+        ]
+        smaller = [c for c in stands.kept if c not in still]
+        stands = asking.of(still) if smaller else stands
+    stands = _outside_of_shapes(asking, stands)
+    kept, picked = stands.kept, stands.picked
+    beaten = {id(c): w for c, w in zip(order, without, strict=True) if c in kept and _patterns(w.picked)}
+    above_shapes = {key: value - w.value for key, w in beaten.items()}
     nearest = {
-        key: max((p for p in w[1] if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
+        key: max((p for p in w.picked if not p.kernel.noise), key=lambda p: p.score).kernel.covariate for key, w in beaten.items()
     }
     lost = tuple(c for c in names if c not in kept)
-    apart = [c for c in needed(y, fixed, kept, picked) if c in apart] if lost or picked else fixed
+    apart = [c for c in needed(y, fixed, kept, picked) if c in stands.apart] if lost or picked else fixed
     needless = tuple(c for c in fixed if c not in apart)
     resembled = tuple(c for c in lost if c not in smaller)
-    return Outcome(tuple(kept), resembled, picked, nothing, by_names, only_shapes, needless, above_shapes, nearest, best)
+    return Outcome(tuple(kept), resembled, picked, nothing, by_names, shapes.value, needless, above_shapes, nearest, best)
+
+
+@dataclass(frozen=True)
+class _Stands:
+    """Names, their evidence together, what was picked beside them, single touches that are set aside."""
+
+    kept: Sequence[Chosen]
+    value: float
+    picked: tuple[Picked, ...]
+    apart: Sequence[Chosen]
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """Field, data (m,), single touches that may be set aside, by id of a name what it costs less beside the others."""
+
+    field: Field
+    y: Array
+    fixed: Sequence[Chosen]
+    cheaper: Mapping[int, float]
+
+    def of(self, kept: Sequence[Chosen], noises: bool = False, away: Sequence[Chosen] = ()) -> _Stands:
+        """names, whether only noises stand beside them, names that are out → what stands then.
+
+        Shapes are also looked for with all touches: what a few of them show would never be seen where these few were set aside
+        before.
+        """
+        best = self._beside(kept, noises, self.fixed, away)
+        tried = {len(self.fixed)}
+        for one in (best, *((self._beside(kept, noises, (), away),) if self.fixed else ())):
+            apart = needed(self.y, self.fixed, kept, one.picked)
+            if len(apart) not in tried:
+                tried.add(len(apart))
+                best = max(best, self._beside(kept, noises, apart, away), key=lambda s: s.value)
+        return replace(best, value=best.value + sum(self.cheaper[id(c)] for c in kept))
+
+    def _beside(self, kept: Sequence[Chosen], noises: bool, apart: Sequence[Chosen], away: Sequence[Chosen]) -> _Stands:
+        known, key = asked(self.field, self.y, apart, kept).grown, (noises, *sorted(id(c.candidate) for c in away))
+        if key not in known:
+            s = grown(self.field, self.y, apart, kept, noises, away)
+            known[key] = evidence(self.field, s, kept) - sum(c.price for c in apart), s.picked
+        return _Stands(kept, *known[key], apart)
+
+
+def _without_needless(
+    asking: _Asking, stands: _Stands, shapes: _Stands, margin: float
+) -> tuple[_Stands, Sequence[Chosen], Sequence[_Stands]]:
+    """names that stand, shapes in place of all of them, margin → those that beat what stands in their place, the names that were
+    compared last, what stands without each of them.
+    """
+    order: Sequence[Chosen] = ()
+    without: list[_Stands] = []
+    while stands.kept:
+        order = kept = list(stands.kept)
+        without = [asking.of([c for c in kept if c is not old], away=[old]) for old in kept]
+        margins = [0.0 if c.candidate.learned else max(margin, ALONE) if margin > 0 and len(kept) > 1 else margin for c in kept]
+        above = [w.value + (m if _patterns(w.picked) else 0.0) for w, m in zip(without, margins, strict=True)]
+        if _patterns(shapes.picked) and shapes.value + min(margins) > stands.value:
+            stands = replace(stands, kept=(), picked=shapes.picked, apart=shapes.apart)
+            break
+        worst = int(np.argmax(above))
+        if above[worst] <= stands.value:
+            break
+        stands = without[worst]
+    return stands, order, without
+
+
+def _outside_of_shapes(asking: _Asking, stands: _Stands) -> _Stands:
+    """what stands → the same without names that its shapes hold already."""
+    own = [p.columns for p in stands.picked if not p.kernel.noise]
+    if not own or not stands.kept:
+        return stands
+    q = orthonormal(np.hstack(own))
+    still = [c for c in stands.kept if c.candidate.learned or not _inside(c.columns, q)]
+    return asking.of(still) if len(still) < len(stands.kept) else stands
 
 
 def needed(y: Array, fixed: Sequence[Chosen], kept: Sequence[Chosen], picked: Sequence[Picked]) -> list[Chosen]:

@@ -6,72 +6,95 @@ compared, a name that only resembles it has no rival.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..records import Array
-from ..terms._shape import LEGENDRE, ONE, SIDE, TURN, WAVES, Factor, Form
+from ..terms._shape import ONE, WAVES, Factor, Form
+from ._ground import Ground, around, side
 
 FEW = 2  # functions of a covariate in a pair
 COURSE = 4  # functions of time in a pair
 EASES = 8  # functions of the time since an indexation: what eases does it at first
 LOBES = 6  # functions of the direction around the stylus
-WHOLE = 4.0  # rad: what an axis turns beyond this is a wave
 
 
-def crossed(known: Mapping[str, Array], linear: Sequence[str], rotary: Sequence[str]) -> Iterator[Form]:
-    """covariates (n,) by name, axes that move → shapes of pairs."""
+def crossed(g: Ground) -> Iterator[Form]:
+    """ground → shapes of pairs."""
+    turned = [g.slow(axis, FEW, 2 * FEW) for axis in g.rotary]
+    course = [g.line("time", COURSE)] if "time" in g.known else []
+    yield from _of_sides(g, turned, course)
+    yield from _of_places(g, turned, course)
+    yield from _of_the_probe(g, course)
+    yield from _carried(g, turned)
+    yield from _since(g)
+    yield from _from_a_side(g)
 
-    def line(name: str, count: int) -> Factor:
-        v = known[name]
-        return Factor(name, LEGENDRE, float(v.min()), float(v.max()), count)
 
-    def slow(axis: str, count: int = FEW) -> Factor:
-        return Factor(axis, TURN, -1e3, 1e3, 2 * FEW) if np.ptp(known[axis]) > WHOLE else line(axis, count)
+def _of_sides(g: Ground, turned: Sequence[Factor], course: Sequence[Factor]) -> Iterator[Form]:
+    """→ sides of machine and table; an angle of an axis with a side of the machine is one with a side of the table."""
+    for face in (name for name in g.known if name.startswith("normal")):
+        for other in [*course, *(turned if face.endswith("table") else ())]:
+            yield Form((g.line(face, FEW), other), ONE)
 
-    sides = [name for name in known if name.startswith("normal")]
-    places = [name for name in known if name.startswith("place")]
-    turned = [slow(axis) for axis in rotary]
-    course = [line("time", COURSE)] if "time" in known else []
-    for side in sides:  # an angle of an axis with a side of the machine is one with a side of the table
-        for other in [*course, *(turned if side.endswith("table") else ())]:
-            yield Form((line(side, FEW), other), ONE)
-    for place in places:
-        for other in [*course[:1], *turned]:
-            few = line("time", FEW) if other.covariate == "time" else other
-            yield from (Form((line(place, FEW), few), felt) for felt in ("table", *(f"table {c}" for c in "xyz")))
-    if "probe direction along" in known:
-        yield from (Form((line("probe direction along", FEW), other), ONE) for other in course)
-    if "probe direction" in known:
-        yield from (Form((Factor("probe direction", TURN, -1e3, 1e3, LOBES), other), "across") for other in course)
-        for axis in (*linear, *rotary):
-            if f"d{axis}" in known:
-                yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), Factor("probe direction", TURN, -1e3, 1e3, LOBES)), "across")
-    carried = any(_differ(known.get(f"normal {c}, table"), known.get(f"normal {c}, machine")) for c in "xyz")
-    moving = [*([line("time", FEW)] if "time" in known else []), *turned] if carried else []
-    for i, one in enumerate(moving):  # what the table carries
-        for other in (*moving[i + 1 :], *(line(axis, FEW) for axis in linear)):
-            yield from (Form((one, other), f"table {c}") for c in "xyz")
-    if carried and len(rotary) == 2:  # a bearing that another axis loads
-        yield Form((slow(rotary[0], 2 * FEW), slow(rotary[1], 2 * FEW)), "table")
-    felt = (ONE, *(f"machine {c}" for c in "xyz"), *(f"axis {a}" for a in (*linear, *rotary)))
+
+def _of_places(g: Ground, turned: Sequence[Factor], course: Sequence[Factor]) -> Iterator[Form]:
+    """→ places on the table, with time and angles."""
+    for place in (name for name in g.known if name.startswith("place")):
+        for other in [*(replace(x, count=FEW) for x in course), *turned]:
+            yield from (Form((g.line(place, FEW), other), felt) for felt in ("table", *_table()))
+
+
+def _of_the_probe(g: Ground, course: Sequence[Factor]) -> Iterator[Form]:
+    """→ sides of the probe, with time and the side from which an axis came."""
+    if "probe direction along" in g.known:
+        yield from (Form((g.line("probe direction along", FEW), other), ONE) for other in course)
+    if "probe direction" in g.known:
+        lobes = around("probe direction", LOBES)
+        yield from (Form((lobes, other), "across") for other in course)
+        yield from (Form((came, lobes), "across") for _, came in _came(g, g.axes))
+
+
+def _carried(g: Ground, turned: Sequence[Factor]) -> Iterator[Form]:
+    """→ what the table carries; a bearing that another axis loads. Nothing where no axis turns the table."""
+    if not any(_differ(g.known.get(f"normal {c}, table"), g.known.get(f"normal {c}, machine")) for c in "xyz"):
+        return
+    moving = [*([g.line("time", FEW)] if "time" in g.known else []), *turned]
+    for i, one in enumerate(moving):
+        for other in (*moving[i + 1 :], *(g.line(axis, FEW) for axis in g.linear)):
+            yield from (Form((one, other), felt) for felt in _table())
+    if len(g.rotary) == 2:
+        one, other = (g.slow(axis, 2 * FEW, 2 * FEW) for axis in g.rotary)
+        yield Form((one, other), "table")
+
+
+def _since(g: Ground) -> Iterator[Form]:
+    """→ what was wound up, or clamped: it eases with the time since an indexation or a pause."""
     for before in ("since indexation", "pause"):
-        if before in known:
-            for axis in (*linear, *rotary):
-                for weight in felt:
-                    yield Form((line(before, 1), line(axis, FEW)), weight)
-    if "since indexation" in known:  # what was wound up, or clamped, eases from the side that it came from
-        for axis in rotary:
-            if f"d{axis}" in known:
-                eases = line("since indexation", EASES)
-                for weight in (f"axis {axis}", *(f"machine {c}" for c in "xyz")):
-                    yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), replace(eases, kind=WAVES)), weight)
-    for axis in rotary:  # the side from which an axis came, at its own places
-        if f"d{axis}" in known:
-            for weight in (f"axis {axis}", *(f"machine {c}" for c in "xyz")):
-                yield Form((Factor(f"d{axis}", SIDE, -1.0, 1.0, 1), line(axis, FEW)), weight)
+        if before in g.known:
+            yield from (Form((g.line(before, 1), g.line(axis, FEW)), felt) for axis in g.axes for felt in g.felt)
+    if "since indexation" in g.known:  # from the side that it came from
+        eases = g.line("since indexation", EASES, WAVES)
+        for axis, came in _came(g, g.rotary):
+            yield from (Form((came, eases), felt) for felt in (f"axis {axis}", *g.directions))
+
+
+def _from_a_side(g: Ground) -> Iterator[Form]:
+    """→ the side from which a rotary axis came, at its own places."""
+    for axis, came in _came(g, g.rotary):
+        yield from (Form((came, g.line(axis, FEW)), felt) for felt in (f"axis {axis}", *g.directions))
+
+
+def _came(g: Ground, axes: Iterable[str]) -> Iterator[tuple[str, Factor]]:
+    """axes → those that came from both sides, with their sides."""
+    yield from ((axis, side(f"d{axis}")) for axis in axes if f"d{axis}" in g.known)
+
+
+def _table() -> Iterator[str]:
+    """→ how a touch may feel what moves the table along an axis of its own."""
+    return (f"table {c}" for c in "xyz")
 
 
 def _differ(one: Array | None, other: Array | None) -> bool:

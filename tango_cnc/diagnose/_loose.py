@@ -20,13 +20,13 @@ from ._contest import MARGIN
 from ._explain import Rough
 from ._field import Picked, score
 from ._gain import rms
+from ._ground import WHOLE, between, moves
 from ._records import Finding, Remainder
 from ._rows import Rows
-from ._smooth import Kernel, between, moves, scaled
+from ._smooth import Kernel, scaled
 from ._space import space
 
 FEW = 2  # functions of an angle: with more, any few touches follow one
-WHOLE = 4.0  # rad: what an axis turns beyond this is a wave
 PLACES = 4  # of an angle or a side beyond which it may rest elsewhere
 LEAST = 5  # touches of a facet: fewer follow anything
 FOLLOWED = ("normal", "since", "pause")  # covariates beside the axes, their sides and time

@@ -10,7 +10,7 @@ Few functions tell best what a weak shape follows; its size comes from more of t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -23,7 +23,8 @@ from ._alike import SAME
 from ._catalogue import STRONG
 from ._contest import SURE
 from ._field import Field, Picked, State, begin, price, score, scores, whiten
-from ._smooth import CURVED, Kernel
+from ._forms import CURVED
+from ._smooth import Kernel
 
 TOLD = 3  # other covariates that are named
 LEVER = 0.75  # of the lever of a tilt that one place makes
@@ -107,25 +108,14 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     field = adapting.field
     if not told_of(p):
         return p
-    s = beside(begin(field, y, names), others)
-    best, at = scores(field, s)
-    rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
-    every, parts = [field.kernels[r] for r in rows], [_parts(field.kernels[r]) for r in rows]
-    worth = np.array([best[r, 0] - price(field, len(y), field.kernels[r]) for r in rows])
-    taus = [float(at[r, 0]) for r in rows]
-    choice = [0.0 for _ in rows]
-    known = len(rows)  # from there on, functions were adapted
-    formed = [rows[int(k)] for k in np.argsort(-worth) if every[int(k)].form is not None]
-    for a in adapting.near(s, best[:, 0], formed, [p.kernel]):
-        every.append(a.kernel)
-        parts.append(_parts(a.kernel))
-        worth = np.append(worth, a.score - price(field, len(y), a.kernel) - a.choice)
-        taus.append(a.tau)
-        choice.append(a.choice)
-    own, plain = _parts(p.kernel), worth.copy()
+    found = _compared(adapting, beside(begin(field, y, names), others), y, p)
+    own, worth = _parts(p.kernel), np.array([one.worth for one in found])
+    plain = worth.copy()
     # Functions that were adapted are chosen among hundreds: with one more covariate they follow anything a little better.
-    more = [k >= known and own < parts[k] and _inside(every[k], own) for k in range(len(parts))]
-    worth -= [max(AMONG - paid, 0.0) if one else 0.0 for one, paid in zip(more, choice, strict=True)]
+    worth -= [
+        max(AMONG - one.choice, 0.0) if one.adapted and own < one.parts and _inside(one.kernel, own) else 0.0 for one in found
+    ]
+    every, parts = [one.kernel for one in found], [one.parts for one in found]
     order = [int(k) for k in np.argsort(-worth)]
     if worth[order[0]] < 0:
         return None
@@ -140,17 +130,54 @@ def _plainer(adapting: Adapting, y: Array, names: Array, p: Picked, others: Sequ
     wider = [every[first].covariate] if parts[j] < parts[first] else []  # the pair, where one of its two does as well
     wider += [p.kernel.covariate] if parts[j] < own else []
     wider += _more(every, parts, plain, j)
-    levers = _levers(every[j], field.means.whole) if len(parts[j]) == 1 else []
-    levers = [" × ".join((place, *parts[j])) for place in levers if place not in parts[j]]
-    levers += _against(every[j], field.means.whole)
-    told = {frozenset(one.split(" × ")): one for one in reversed([*levers, *wider, *(every[k].covariate for k in near)])}
-    rivals = tuple(reversed(told.values()))[:TOLD]
-    if j >= known:  # functions that were not adapted know their size better, unless they clearly cannot follow it
-        j = next((k for k in order if k < known and parts[k] == parts[j] and worth[k] > max(worth[j] - SURE, 0.0)), j)
+    rivals = _rivals([*_levered(every[j], parts[j], field), *wider, *(every[k].covariate for k in near)])
+    if found[j].adapted:  # functions that were not adapted know their size better, unless they clearly cannot follow it
+        j = next((k for k in order if not found[k].adapted and parts[k] == parts[j] and worth[k] > max(worth[j] - SURE, 0.0)), j)
     j = next((k for k in order if worth[k] > 0 and _richer(every[k], every[j])), j)
     if every[j] is not p.kernel:
-        p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=taus[j])
+        p = replace(p, kernel=every[j], columns=field.project(every[j]), tau=found[j].tau)
     return replace(p, rivals=rivals)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """A shape: what it follows, its evidence less its price, its τ, and the price that was paid for adapted functions."""
+
+    kernel: Kernel
+    parts: set[str]
+    worth: float
+    tau: float
+    choice: float = 0.0
+    adapted: bool = False
+
+
+def _compared(adapting: Adapting, s: State, y: Array, p: Picked) -> list[_Compared]:
+    """what adapts shapes, state beside the others, data (m,), what was chosen → all that is compared with it, adapted ones last."""
+    field = adapting.field
+    best, at = scores(field, s)
+    rows = [r for r, k in enumerate(field.kernels) if _parts(k) and (k.form is not None or p.kernel.form is None)]
+    kernels = [field.kernels[r] for r in rows]
+    found = [
+        _Compared(k, _parts(k), best[r, 0] - price(field, len(y), k), float(at[r, 0])) for r, k in zip(rows, kernels, strict=True)
+    ]
+    down = np.argsort([-one.worth for one in found])
+    formed = [rows[int(k)] for k in down if kernels[int(k)].form is not None]
+    for a in adapting.near(s, best[:, 0], formed, [p.kernel]):
+        worth = a.score - price(field, len(y), a.kernel) - a.choice
+        found.append(_Compared(a.kernel, _parts(a.kernel), worth, a.tau, a.choice, True))
+    return found
+
+
+def _levered(kernel: Kernel, parts: set[str], field: Field) -> list[str]:
+    """shape, what it follows → covariates that do the same on this plan through the lever of a place, or from the other side."""
+    levers = _levers(kernel, field.means.whole) if len(parts) == 1 else []
+    return [*(" × ".join((place, *parts)) for place in levers if place not in parts), *_against(kernel, field.means.whole)]
+
+
+def _rivals(covariates: Sequence[str]) -> tuple[str, ...]:
+    """covariates, the most important first → each once in any order of its two, as many as people read."""
+    told = {frozenset(one.split(" × ")): one for one in reversed(covariates)}
+    return tuple(reversed(told.values()))[:TOLD]
 
 
 def _more(every: Sequence[Kernel], parts: Sequence[set[str]], worth: Array, j: int) -> list[str]:

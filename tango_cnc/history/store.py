@@ -28,12 +28,12 @@ from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
+from ._columns import columns_of, rows_of
 from ._database import connect, first_line
 from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
-_NIGHT = asked.COLUMNS
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,7 @@ class History:
     _ids: dict[str, int] = field(default_factory=dict, compare=False, repr=False)  # of machines: they never change
     _alarms: dict[int, _fleet.Told] = field(default_factory=dict, compare=False, repr=False)  # of entries: nor do they
     clock: Callable[[], datetime] | None = field(default=None, compare=False, repr=False)
+    _heard: dict[Any, list[Row[Any]]] | None = field(default=None, compare=False, repr=False)  # answers of one moment
 
     def as_of(self, clock: Callable[[], datetime]) -> History:
         """clock → the same history, read as it is by that clock: without nights that it dates in the future.
@@ -51,6 +52,13 @@ class History:
         The clock of such a night was wrong. Where it was the newest by its date, it would hide every night after it.
         """
         return replace(self, clock=clock)
+
+    def of_now(self) -> History:
+        """→ the same history, for reading as it is at one moment: what is asked a second time is not asked of the database.
+
+        Who judges a night asks for the same nights thirty times. What somebody decides meanwhile counts in the next night.
+        """
+        return replace(self, _heard={})
 
     def _until(self) -> dict[str, Any]:
         """→ the last moment at which a night may have begun, where there is a clock."""
@@ -78,7 +86,7 @@ class History:
                 connection, record["machine"], record.get("cell", ""), "night", record["end_utc"], content
             )
             own = {"entry_id": entry, "machine_id": machine}
-            connection.execute(asked.ADD[t.night.name], {**own, **_columns(record)})
+            connection.execute(asked.ADD[t.night.name], {**own, **columns_of(record)})
             connection.execute(asked.ADD[t.night_record.name], {"entry_id": entry, "json": text})
             parameters = [
                 {**own, "name": name, "start_utc": record["start_utc"], **{key: p[key] for key in ("value", "std", "unit")}}
@@ -88,7 +96,7 @@ class History:
                 connection.execute(asked.ADD[t.night_parameter.name], parameters)
             if readings is not None:
                 packed = zlib.compress(readings.encode(), 6)
-                own_readings = {"entry_id": entry, "rows": _rows_of(readings), "sha256": csv_hash, "csv": packed}
+                own_readings = {"entry_id": entry, "rows": rows_of(readings), "sha256": csv_hash, "csv": packed}
                 connection.execute(asked.ADD[t.night_readings.name], own_readings)
             if knowledge is not None:
                 connection.execute(asked.ADD[t.night_estimate.name], {"entry_id": entry, "names": names, "numbers": numbers})
@@ -126,6 +134,8 @@ class History:
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
+        if self._heard is not None:
+            self._heard.clear()
         try:
             with self.engine.connect().execution_options(writes=True) as connection, connection.begin():
                 yield connection
@@ -359,9 +369,9 @@ class History:
         own, said = (record["start_utc"], machine), record.get("parameters") or {}
         if parameters != {(n, p["value"], p["std"], p.get("unit"), *own) for n, p in said.items()}:
             return ()
-        if text is not None and (row.csv_sha256, row.csv_rows) != (csv, _rows_of(text)):
+        if text is not None and (row.csv_sha256, row.csv_rows) != (csv, rows_of(text)):
             return ()
-        if any(getattr(row, key) != value for key, value in _columns(record).items()):
+        if any(getattr(row, key) != value for key, value in columns_of(record).items()):
             return ()
         held = (row.json, csv, row.numbers)
         return _chain.content_of_night(*held, row.names), _chain.content_without_names(*held)
@@ -377,6 +387,14 @@ class History:
         return self._ids[name]
 
     def _rows(self, wanted: Select[Any], given: Mapping[str, Any] | None = None) -> list[Row[Any]]:
+        if self._heard is None:
+            return self._asked(wanted, given)
+        key = wanted, *(tuple(v) if isinstance(v, list) else v for item in sorted((given or {}).items()) for v in item)
+        if key not in self._heard:
+            self._heard[key] = self._asked(wanted, given)
+        return self._heard[key]
+
+    def _asked(self, wanted: Select[Any], given: Mapping[str, Any] | None) -> list[Row[Any]]:
         try:
             with self.engine.connect() as connection:
                 found = list(connection.execute(wanted, given).all())
@@ -404,25 +422,6 @@ def opened(where: str | Path, create: bool = True) -> Iterator[History]:
         yield history
     finally:
         history.close()
-
-
-def _rows_of(readings: str) -> int:
-    """text of readings.csv → how many touches it has."""
-    return max(readings.count("\n") - 1, 0)
-
-
-def _columns(record: Mapping[str, Any]) -> dict[str, Any]:
-    """record of a night → its columns in a list: all of them come from the record, so a change of one shows."""
-    residual, change, volume = record.get("residual") or {}, record.get("change") or {}, record.get("volume") or {}
-    return {
-        **{key: record[key] for key in _NIGHT[:7]},
-        "alarms": len(record.get("alarms", ())),
-        "p_value": change.get("p_value"),
-        "touches": int(record.get("touches") or 0),
-        "rms_um": residual.get("rms_um"),
-        "volume_um": volume.get("worst_um"),
-        "duration_s": float(record.get("duration_s") or 0.0),
-    }
 
 
 def _by_end(nights: Sequence[Night]) -> tuple[Night, ...]:

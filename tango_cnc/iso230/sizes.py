@@ -29,7 +29,7 @@ from ..records import Array, Machine, TangoError
 from ..terms import Coefficient, backlash
 from .whole import FINEST, WIDTH, Tip, Whole, motion_of, place_of_tip, waves, widths, with_all
 
-HIGHEST = (6, 6)  # degree of polynomials, harmonics: of every machine that is drawn
+HIGHEST = (9, 6)  # degree of polynomials, harmonics: of every machine that is drawn; a wave that is two and a half long needs 9
 ALONE, MOTION, DEGREES = (
     2.0,
     2.0,

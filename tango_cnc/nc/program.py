@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain, islice
+from itertools import chain, groupby, islice
 from types import ModuleType
 
 import numpy as np
@@ -127,68 +127,75 @@ def _batch(
     state: _State,
     machinery: dict[float, Machinery],
 ) -> Iterator[tuple[list[str], Block]]:
+    """motions of a batch → their lines; `account`, `state` and `machinery` go on from batch to batch."""
+    rotary = set(setup.machine.rotary) if settings.rotary else set()
+    chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
+    _counted(motions, chosen, setup, account)
+    written: dict[int, list[Array]] = {}
+    for length in {m.length for m in chosen} - machinery.keys():
+        machinery[length] = Machinery(setup.machine, known, length, positions(setup, [{}], [length])[0])
+    for _, same in groupby(chosen, key=lambda m: m.length):  # runs of one tool
+        run = list(same)
+        _corrected(run, machinery[run[0].length], setup, settings, account, state, written)
+    for m in motions:
+        if (parts := written.get(m.block.number)) is not None:
+            yield _written(m, parts, language, setup, settings, account, state), m.block
+            continue
+        account.passed += m.block.kind != "none"
+        if m.block.kind == "rapid":
+            state.out.update(m.block.target)
+        for axis in m.block.forgets:
+            state.out.pop(axis, None)
+        yield [m.block.text], m.block
+
+
+def _counted(motions: list[Motion], chosen: list[Motion], setup: Setup, account: Account) -> None:
+    """Motions of a batch, those that are corrected: what the account says of them."""
     account.blocks += len(motions)
     account.assumed |= {axis for m in motions if m.assumed and m.block.kind in ("feed", "arc") for axis in m.assumed}
     for m in motions:
         for name in m.block.unknown:
             account.unknown.setdefault(name, m.block.number)
-    rotary = set(setup.machine.rotary) if settings.rotary else set()
-    chosen = [m for m in motions if m.block.kind in ("rapid", "feed", "arc") and (m.known or rotary & m.block.target.keys())]
     for m in chosen:
         if m.block.kind == "rapid" and m.known and not m.block.target.keys().isdisjoint(setup.machine.rotary):
             account.turning += 1
             if len(account.turning_lines) < NAMED:
                 account.turning_lines.append(m.block.number)
-    written: dict[int, list[Array]] = {}
-    for length in {m.length for m in chosen}:
-        if length not in machinery:
-            zero = positions(setup, [{}], [length])[0]
-            machinery[length] = Machinery(setup.machine, known, length, zero)
-    begin = 0
-    while begin < len(chosen):  # runs of one tool
-        stop = begin
-        while stop < len(chosen) and chosen[stop].length == chosen[begin].length:
-            stop += 1
-        run = chosen[begin:stop]
-        _corrected(run, machinery[run[0].length], setup, settings, account, state, written)
-        begin = stop
-    for m in motions:
-        parts = written.get(m.block.number)
-        if parts is None:
-            if m.block.kind != "none":
-                account.passed += 1
-            if m.block.kind == "rapid":
-                state.out.update(m.block.target)
-            for axis in m.block.forgets:
-                state.out.pop(axis, None)
-            yield [m.block.text], m.block
+
+
+def _written(
+    m: Motion, parts: list[Array], language: ModuleType, setup: Setup, settings: RewriteSettings, account: Account, state: _State
+) -> list[str]:
+    """motion, corrected positions (k,) of the ends of its parts → its lines."""
+    moves = [_words(m, at, i == 0, i == len(parts) - 1, setup, settings, state) for i, at in enumerate(parts)]
+    moves = [move for i, move in enumerate(moves) if move or i == 0]
+    text: list[str] = language.write(m.block, moves, settings.decimals)
+    account.compensated += 1
+    account.split += len(parts) > 1
+    account.arcs += m.block.kind == "arc"
+    if settings.keep and text != [m.block.text]:
+        account.changes.append((m.block.text, text))
+    return text
+
+
+def _words(
+    m: Motion, at: Array, first: bool, last: bool, setup: Setup, settings: RewriteSettings, state: _State
+) -> dict[str, float]:
+    """motion, corrected position (k,) of a part, whether it is the first and the last → what its block says of each axis."""
+    rotary = set(setup.machine.rotary) if settings.rotary else set()
+    new: dict[str, float] = {}
+    for axis, v in words(setup, at, m.added).items():
+        meant = m.block.target.get(axis)
+        if not m.known and axis not in rotary:  # where the linear axes are, no block has said yet
+            if meant is not None:
+                new[axis] = state.out[axis] = meant
             continue
-        moves = []
-        for i, at in enumerate(parts):
-            value = words(setup, at, m.added)
-            last = i == len(parts) - 1
-            new: dict[str, float] = {}
-            for axis, v in value.items():
-                if not m.known and axis not in rotary:  # where the linear axes are, no block has said yet
-                    if axis in m.block.target:
-                        new[axis] = state.out[axis] = m.block.target[axis]
-                    continue
-                rounded = round(v, settings.decimals) + 0.0
-                named = axis in m.block.target and (last or m.block.kind == "arc" or axis in setup.machine.linear)
-                if (named and (i == 0 or last)) or (axis in state.out and state.out[axis] != rounded):
-                    new[axis] = rounded
-                    state.out[axis] = rounded
-                elif axis in m.block.target and axis not in state.out:
-                    new[axis] = state.out[axis] = rounded
-            moves.append(new)
-        moves = [move for i, move in enumerate(moves) if move or i == 0]
-        text = language.write(m.block, moves, settings.decimals)
-        account.compensated += 1
-        account.split += len(parts) > 1
-        account.arcs += m.block.kind == "arc"
-        if settings.keep and text != [m.block.text]:
-            account.changes.append((m.block.text, text))
-        yield text, m.block
+        rounded = round(v, settings.decimals) + 0.0
+        named = meant is not None and (last or m.block.kind == "arc" or axis in setup.machine.linear)
+        changed = axis in state.out and state.out[axis] != rounded
+        if (named and (first or last)) or changed or (meant is not None and axis not in state.out):
+            new[axis] = state.out[axis] = rounded
+    return new
 
 
 def _corrected(

@@ -22,8 +22,14 @@ Place = int | tuple[int, ...]  # of what is followed; several of them: their mea
 
 def told(record: Mapping[str, Any], *names: str) -> bool:
     """record, names of parameters (none: any) → whether the night told a change of them: what came before it is another story."""
-    found = [*(record.get("alarms") or ()), *(record.get("repaired") or ())]
-    return any(not names or a.get("parameter") in names for a in found)
+    changed = told_of(record)
+    return bool(changed) if not names else not changed.isdisjoint(names)
+
+
+def told_of(record: Mapping[str, Any]) -> frozenset[str]:
+    """record → parameters of which the night told a change; '' of an alarm that names none."""
+    found = (*(record.get("alarms") or ()), *(record.get("repaired") or ()))
+    return frozenset(a.get("parameter") or "" for a in found) if found else frozenset()
 
 
 def followed(k: Known) -> list[Place]:

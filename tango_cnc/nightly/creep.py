@@ -23,7 +23,7 @@ from .course import (
     now_of,
     only,
     places_of,
-    told,
+    told_of,
 )
 from .drift import LEAST, TOLD, Drift, drift_of, limited
 from .lookback import drifting
@@ -50,19 +50,15 @@ def creeping(
     tried = 0
     best: tuple[float, float, Place, int] = (CREEPS, 0.0, -1, 0)
     back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
-    courses = {i: _course(k, i, after, back) for i in followed(k)}
+    said = [told_of(r) for r in back]
+    courses = {i: _course(k, i, after, back, said) for i in followed(k)}
     for i, (day, values) in courses.items():
         windows = [n for n in WINDOWS if n <= len(day)]
         tried += len(windows)
-        steps = np.diff(values) / np.diff(day)
-        for nights in windows:
-            own = steps[: nights - 1]
-            mean = float(own.sum()) / len(own)
-            spread = float(np.sqrt((own - mean) @ (own - mean) / (len(own) - 1)))
-            sigmas = abs(mean) / max(spread / np.sqrt(len(own)), 1e-15)
-            chance = 2 * float(special.stdtr(len(own) - 1, -sigmas))
-            if (chance, sigmas) < best[:2]:
-                best = (chance, sigmas, i, nights)
+        if windows:
+            chances, farthest = _one_way(np.diff(values) / np.diff(day), windows)
+            own = [(float(c), float(s), i, n) for c, s, n in zip(chances, farthest, windows, strict=True)]
+            best = min(best, *own, key=lambda one: one[:2])
     chance, sigmas, i, nights = best
     if (i == -1 or tried * chance > CREEPS) and (
         slow := _slow(k, back, after, {i: len(day) for i, (day, _) in courses.items()})
@@ -104,16 +100,32 @@ def _slow(
     return min(found, key=lambda one: one[:2], default=None)
 
 
-def _course(k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]]) -> tuple[Array, Array]:
-    """what is known, a parameter, state after tonight, measured nights newest first → (m,) days, (m,) values, back to its last
-    alarm or repair.
+def _one_way(steps: Array, windows: Sequence[int]) -> tuple[Array, Array]:
+    """(m,) steps a day, newest first, nights of each window → of each: chance that what wanders goes as far one way, and how many
+    standard deviations that is.
+    """
+    inside = np.arange(len(steps)) < np.array(windows)[:, None] - 1
+    many = inside.sum(axis=1)
+    mean = inside @ steps / many
+    spread = np.sqrt(np.sum(inside * (steps - mean[:, None]) ** 2, axis=1) / (many - 1))
+    sigmas = np.abs(mean) / np.maximum(spread / np.sqrt(many), 1e-15)
+    return 2 * special.stdtr(many - 1, -sigmas), sigmas
+
+
+def _course(
+    k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]], said: Sequence[frozenset[str]]
+) -> tuple[Array, Array]:
+    """what is known, a parameter, state after tonight, measured nights newest first, what each told a change of → (m,) days,
+    (m,) values, back to its last alarm or repair.
     """
     days, values, names = [after.day], [now_of(i, after)[0]], names_of(k, i)
-    for r in back:
-        if any(name not in r["parameters"] for name in names) or not r["state"]["day"] < days[-1]:
+    ends = {*names, ALIKE} if names[0] in SCALES else {*names}
+    for r, changed in zip(back, said, strict=True):
+        own, day = [r["parameters"].get(name) for name in names], float(r["state"]["day"])
+        if None in own or not day < days[-1]:
             break
-        days.append(float(r["state"]["day"]))
-        values.append(sum(float(r["parameters"][name]["value"]) for name in names) / len(names))
-        if told(r, *names, *((ALIKE,) if names[0] in SCALES else ())):
+        days.append(day)
+        values.append(sum(float(p["value"]) for p in own) / len(names))
+        if not changed.isdisjoint(ends):
             break
     return np.array(days), np.array(values)

@@ -19,7 +19,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import optimize, special
+from scipy import special
 
 from ..history import History, Stored, Trend
 from ..records import Array, InputError
@@ -40,6 +40,9 @@ TWICE = 3.0  # of the logarithm of the likelihood: what is nearer than that fits
 ALIKE = "scales"  # the linear scales together
 CHOSEN = 2  # numbers of a told drift that the nights have chosen beside its size: its first night and its last
 RESTS = 2.0  # of the logarithm of the likelihood, by which a drift that came to rest has to fit better than one that goes on
+TELLS = 1e-9  # of the largest singular value of what may explain a series: what is less says nothing new
+LOG_RATES = np.linspace(-9.0, 14.0, 24)  # logarithms of rates of wandering that are tried, against `_Series.wander`
+FINER = np.linspace(-1.0, 1.0, 9)  # steps of the rates tried around the best of them
 FAINT = 0.02  # of the variance: a night that took out less knows nothing by itself
 
 
@@ -344,16 +347,25 @@ def _date(day: float) -> str:
 def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
     """series, (n, k) what may explain it → log likelihood at the best rate of wandering, (k,) sizes, (k, k) covariance."""
     ratio, mixed = s.apart
-    apart = mixed @ np.column_stack([columns, s.value])
+    across, long, _ = np.linalg.svd(columns, full_matrices=False)
+    apart = mixed @ np.column_stack([across[:, long > TELLS * long[0]], s.value])  # columns that say the same are one
 
-    def at(log_rate: float) -> tuple[float, Array, Array]:
-        variance = 1 + np.exp(log_rate) * ratio
-        white = apart / np.sqrt(variance)[:, None]
-        rows, value = white[:, :-1], white[:, -1]
-        spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
-        size = spread @ rows.T @ value
-        rest = value - rows @ size
-        return -0.5 * float(rest @ rest + np.sum(np.log(variance * s.variance))), size, spread
+    def at(logs: Array) -> Array:
+        variance = 1 + np.exp(logs)[:, None] * ratio
+        white = apart / np.sqrt(variance)[:, :, None]
+        rows, value = white[:, :, :-1], white[:, :, -1:]
+        along = rows.transpose(0, 2, 1)
+        rest = (value - rows @ np.linalg.solve(along @ rows, along @ value))[:, :, 0]
+        return np.asarray(-0.5 * (np.sum(rest**2, axis=1) + np.sum(np.log(variance * s.variance), axis=1)))
 
-    best = optimize.minimize_scalar(lambda x: -at(x)[0], bounds=(-9.0, 14.0), method="bounded", options={"xatol": 0.05})
-    return at(float(best.x))
+    found, rate, step = at(LOG_RATES), 0.0, 1.0
+    tried = LOG_RATES
+    for _ in range(2):  # all rates at once, and then those around the best one closer together
+        rate = float(tried[int(np.argmax(found))])
+        tried = np.clip(rate + step * FINER, LOG_RATES[0], LOG_RATES[-1])
+        found, step = at(tried), step * float(FINER[1] - FINER[0])
+    best = int(np.argmax(found))
+    white = mixed / np.sqrt(1 + np.exp(tried[best]) * ratio)[:, None]
+    rows = white @ columns
+    spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
+    return float(found[best]), spread @ rows.T @ (white @ s.value), spread

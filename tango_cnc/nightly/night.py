@@ -68,10 +68,10 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         **({"limits_for": settings.limits_for} if settings.limits_for else {}),
         "artefacts": {"folder": f"nights/{stamp}"},
     }
-    left: list[str] = []
+    left = [*world.noticed]
     try:
         with world.lock:
-            left = _left_behind(machine, cell, settings, world, begun)
+            left += _left_behind(machine, cell, settings, world, begun)
             base |= known_before(machine, world, cell)
             base |= dated(base, world.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
@@ -123,7 +123,7 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
 
 def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
     """→ members of the record, unknowns, files, text of the readings."""
-    kind, why_kind, touches = world.analysis.choice(world.past, day)
+    kind, why_kind, touches = world.analysis.choice(world.past.of_now(), day)
     points = [room(world.disk, settings), *world.control.preflight(kind, touches)]
     found: dict[str, Any] = {"preflight": [p.as_json() for p in points], "asked": {"kind": kind, "why": why_kind}}
     failed = [p for p in points if not p.passed]
@@ -145,7 +145,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
         return found | {"kind": "none", "why": measured.why or say("night.night.no_touch_was_made")}, None, {}, measured.text
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
-        more, knowledge, files = world.analysis.analysed(world.past, day, kind, measured)
+        more, knowledge, files = world.analysis.analysed(world.past.of_now(), day, kind, measured)
     except LinkError as error:  # the history went away: nothing is wrong with the readings, and nobody has judged them
         why = say("night.night.not_judged", touches=len(measured.readings), why=sentence(error))
         return (

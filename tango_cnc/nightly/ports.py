@@ -120,6 +120,9 @@ class Mail(Protocol):
 class Past(Protocol):
     """The history, as far as a night needs it."""
 
+    def of_now(self) -> Past:
+        """→ the same, for reading as it is at one moment."""
+
     def machines(self) -> tuple[str, ...]:
         """→ names."""
 
@@ -185,3 +188,4 @@ class Ports:
     lock: AbstractContextManager[None]
     happened: Sequence[Event] = ()  # to compensations, oldest first
     ending: Callable[[], None] = lambda: None  # called when a night has its result: what is kept and told is kept and told whole
+    noticed: Sequence[str] = ()  # sentences about the history that the message says, too

@@ -164,29 +164,30 @@ def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale:
             back.append(record)
         if told(record) or len(back) == SPANS[-1]:
             break
-    best: tuple[float, float, Place, Mapping[str, Any], float, float] | None = None
-    tried = 0
+    now = {i: now_of(i, after) for i in followed(k)}
+    found: list[tuple[Place, Mapping[str, Any]]] = []
+    told_of: list[tuple[float, float, float, float]] = []
     for record in [back[span - 1] for span in SPANS if span <= len(back)]:
-        days = after.day - float(record["state"]["day"])
+        days = max(after.day - float(record["state"]["day"]), 0.0)
         rates = np.array(record["state"]["rates"], dtype=float)
         rates = rates if len(rates) == len(k.followed.names) else k.followed.wander
         nights = float(record["state"].get("learned") or 0) or UNLEARNED
-        for i in followed(k):
-            then = on_record(k, i, record, after)
-            if then is None:
+        for i, (here, sure) in now.items():
+            if (then := on_record(k, i, record, after)) is None:
                 continue
-            tried += 1
-            now, sure = now_of(i, after)
-            size, known = now - then[0], sure**2 + then[1] ** 2
             rate = float(np.sum(rates[list(i)])) / len(i) ** 2 if isinstance(i, tuple) else float(rates[i])
-            wandered = rate * max(days, 0.0)
-            sigmas = abs(size) / float(np.sqrt((known + wandered) * max(scale, 1.0)))
-            chance = by_chance(sigmas, known, wandered, nights)
-            if best is None or chance < best[0]:
-                best = (chance, sigmas, i, record, size, float(np.sqrt(known)))
-    if best is None or best[1] < TOLD:
+            found.append((i, record))
+            told_of.append((here - then[0], sure**2 + then[1] ** 2, rate * days, nights))
+    if not found:
         return None
-    chance, sigmas, i, record, size, std = best
+    sizes, knowns, wandered, learned = np.array(told_of).T
+    far = np.abs(sizes) / np.sqrt((knowns + wandered) * max(scale, 1.0))
+    chances = by_chance(far, knowns, wandered, learned)
+    best = int(np.argmin(chances))
+    if far[best] < TOLD:
+        return None
+    (i, record), size, std = found[best], float(sizes[best]), float(np.sqrt(knowns[best]))
+    chance, sigmas, tried = float(chances[best]), float(far[best]), len(found)
     if (other := alone_or_alike(k, i, record, after)) != i:
         i, size, std = other, *moved_since(k, other, record, after)
     if k.worst(only(k, i, size)) < LEAST:
@@ -216,11 +217,11 @@ def _young(k: Known, records: Sequence[Mapping[str, Any]], after: State) -> Drif
     return drift_of(k, i, last, size, std, after, sigmas, chance, records, alarms=False)
 
 
-def by_chance(sigmas: float, known: float, wandered: float, nights: float) -> float:
-    """standard deviations, variance of what two nights do not know and of a wander whose rate is known from so many nights →
+def by_chance(sigmas: Array | float, known: Array | float, wandered: Array | float, nights: Array | float) -> Array:
+    """(n,) standard deviations, variance of what two nights do not know and of a wander whose rate is known from so many nights →
     probability that chance moves a parameter as far, either way."""
-    freedom = nights * ((known + wandered) / max(wandered, 1e-3 * known, 1e-30)) ** 2
-    return 2 * float(special.stdtr(freedom, -sigmas))
+    freedom = nights * ((known + wandered) / np.maximum(np.maximum(wandered, 1e-3 * known), 1e-30)) ** 2
+    return np.asarray(2 * special.stdtr(freedom, -np.asarray(sigmas)))
 
 
 def slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:

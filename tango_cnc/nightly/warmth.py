@@ -23,6 +23,7 @@ MOST = {"mm": 5e-3, "rad": 5e-6, "mm/mm": 2e-5}  # per K: what moves by more is 
 LOOKED, ENOUGH = 14, 5  # nights
 STIRRED = 0.5  # K, standard deviation of the temperature of those nights
 FOLLOWS = 0.9  # share of its variance that the temperature explains, from which an error is said to go with it
+SHARE = 0.3  # of what the temperature would make: what an alarm may be beside it and still go with the temperature alone
 UNKNOWN = 1e-8  # standard deviation of a coefficient per K that no night has opened
 
 
@@ -44,14 +45,26 @@ def with_warmth(
     if abs(float(alarm["size"])) > most * abs(now - last):
         return alarm
     names, told = by_how_much(sensors, now, last, night)
-    follows, rate = "", _rate(str(alarm["parameter"]), float(own["value"]), now, recent)
+    follows, name = "", str(alarm["parameter"])
+    rate = _rate([*_points(name, recent), (now, float(own["value"]))])
     if rate is not None:
         follows = say("night.sensors.follows", count=rate[1], rate=value(rate[0], f"{alarm['unit']}/K"))
     key = f"night.sensors.{'warmer' if now >= last else 'colder'}_do"
     warmer = {"sensors": names, "celsius": now, "kelvin": now - last, "then": last, "night": night}
     warmer |= {} if rate is None else {"per_kelvin": rate[0], "nights": rate[1]}
     instead = [TEMPERATURE, *(n for n in alarm["instead"] if n != TEMPERATURE)]
-    return alarm | {"warmer": warmer, "instead": instead, "do": say(key, do=alarm["do"], follows=follows, **told)}
+    alarm = alarm | {"warmer": warmer, "instead": instead, "do": say(key, do=alarm["do"], follows=follows, **told)}
+    before = _rate(_points(name, recent))
+    since = next((c for r in recent if r["night"] == alarm.get("since") and (c := celsius_of(r)) is not None), last)
+    if before is None or not _explained(float(alarm["size"]), float(alarm["std"]), before[0] * (now - since)):
+        return alarm
+    named = {"rate": value(before[0], f"{alarm['unit']}/K"), "count": before[1], "kelvin": f"{now - since:+.1f}"}
+    return alarm | {"text": say("night.sensors.goes_with", text=alarm["text"], **named)}
+
+
+def _explained(size: float, std: float, due: float) -> bool:
+    """size of a change and its standard deviation, what the temperature would make → whether that is all of it."""
+    return abs(size - due) < max(3 * std, SHARE * abs(due))
 
 
 def unknown(followed: Frame, state: State) -> bool:
@@ -61,15 +74,22 @@ def unknown(followed: Frame, state: State) -> bool:
     return bool(len(own)) and bool(np.all(own < UNKNOWN))
 
 
-def _rate(name: str, value_: float, now: float, recent: Sequence[Mapping[str, Any]]) -> tuple[float, int] | None:
-    """parameter, its value and °C tonight, records newest first → per K, nights, where it goes with the temperature; else None."""
-    points = [(now, value_)]
+def _points(name: str, recent: Sequence[Mapping[str, Any]]) -> list[tuple[float, float]]:
+    """parameter, records newest first → °C and value of the last nights that have both."""
+    points = []
     for r in recent[:LOOKED]:
         own, celsius = own_of(r.get("parameters") or {}, name), celsius_of(r)
         if own is not None and celsius is not None:
             points.append((celsius, float(own["value"])))
+    return points
+
+
+def _rate(points: Sequence[tuple[float, float]]) -> tuple[float, int] | None:
+    """°C and value of nights → per K, nights, where the parameter goes with the temperature; else None."""
+    if len(points) < ENOUGH:
+        return None
     x, y = np.array(points).T
-    if len(points) < ENOUGH or float(np.std(x)) < STIRRED or float(np.std(y)) == 0:
+    if float(np.std(x)) < STIRRED or float(np.std(y)) == 0:
         return None
     share = float(np.corrcoef(x, y)[0, 1]) ** 2
     return (float(np.polyfit(x, y, 1)[0]), len(points)) if share >= FOLLOWS else None

@@ -67,7 +67,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         return say("night.words.readings_not_be_relied_on", reason=reasons[0])
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if alarms and not beyond:
-        return every(alarms)
+        return joined("", (every(alarms), more)) if (more := _more(record, 0)) else every(alarms)
     part = (
         say("night.words.stopped_after_touches", touches=record["touches"], planned=record["planned"])
         if record["status"] == "partial"
@@ -81,7 +81,8 @@ def _headline(record: Mapping[str, Any]) -> str:
         why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
         why = [*own, *why] if behind and behind[0].get("parameter") in by_alarm else [*why, *own]  # what does most comes first
-        cause = joined("", (": ", joined("; ", why))) if why else ""
+        why = why if alarms else [*why, *_open(record)]
+        cause = joined("", (": ", joined("; ", why), _more(record, 0 if alarms else 1))) if why else ""
         crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
@@ -96,14 +97,10 @@ def _headline(record: Mapping[str, Any]) -> str:
         return _who_ignores(crossed, record, {x.get("parameter") for x in behind})
     if standing := record.get("standing"):
         first = standing[0]
-        more = say("night.words.more_wait", count=len(standing) - 1) if len(standing) > 1 else ""
+        more = _more(record, 1)
         by_now = joined("; ", (first.get("now"), (first.get("ahead") or {}).get("text")))
         now = joined("", (" (", by_now, ")")) if by_now else ""
-        who = (
-            say("night.words.has", owner=first["owner"])
-            if first["decision"]
-            else say("night.words.nobody_has_answered_alarm", night=first["night"])
-        )
+        who = _who(first)
         waiting = say(
             "night.words.changed_since_night",
             night=first["night"],
@@ -146,6 +143,28 @@ def _headline(record: Mapping[str, Any]) -> str:
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""
     return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
+
+
+def _open(record: Mapping[str, Any]) -> list[Said]:
+    """record of a night without an alarm of its own → the gravest alarm that stands, in one sentence; [] where none stands."""
+    standing = record.get("standing")
+    if not standing:
+        return []
+    first = standing[0]
+    return [say("night.words.open_alarm", night=first["night"], text=first["text"], who=_who(first))]
+
+
+def _who(alarm: Mapping[str, Any]) -> Said:
+    """alarm of another night → who has it, or that nobody has answered it."""
+    if alarm["decision"]:
+        return say("night.words.has", owner=alarm["owner"])
+    return say("night.words.nobody_has_answered_alarm", night=alarm["night"])
+
+
+def _more(record: Mapping[str, Any], told: int) -> str:
+    """record, standing alarms that the headline names → how many more stand; '' for none."""
+    count = len(record.get("standing") or ()) - told
+    return say("night.words.more_wait", count=count) if count > 0 else ""
 
 
 def _who_ignores(told: str, record: Mapping[str, Any], behind: Collection[Any]) -> str:

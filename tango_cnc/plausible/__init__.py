@@ -27,17 +27,15 @@ from .either import AS_WELL, drift_of, either
 from .few_terms import few_terms
 from .groups import common
 from .halves import halves
-from .hidden_drift import hidden_drift
-from .hidden_step import hidden_step
 from .lacking import AGREED, LEVEL, lacking
 from .late import late
 from .learned import learned
+from .planned import hidden
 from .program import another_program
 from .search import less, place, suspects
 from .setup import offset, stylus
 from .spare import spare
 from .spindle import still
-from .unseen import unseen
 from .words import beyond_text
 
 ORDER: tuple[Verdict, ...] = ("trustworthy", "doubtful", "implausible")
@@ -236,12 +234,9 @@ def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patt
         if (drift := drift_of(result)) is not None:
             behind = BETTER if agrees else AS_WELL
             found += [*either(result, drift, behind), *creeps(result, drift, behind)]
-    bent = list(unseen(result))  # it speaks of every error of position that is no gain, a step among them
     return [
         *found,
-        *bent,
-        *hidden_drift(result),
-        *(() if bent else hidden_step(result)),
+        *hidden(result),
         *learned(result),
         *stylus(cell, told),
         *offset(told),

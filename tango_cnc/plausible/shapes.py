@@ -19,6 +19,17 @@ SEEN = 0.2  # share of the largest wave below which one is not looked for
 
 def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     """touches → (words, axis, (n, k) mm a unit) of each pattern that acts all the time."""
+    yield from _by_position(touches)
+    yield from _by_time(touches)
+    yield from _by_direction(touches)
+    yield from _by_place(touches)
+    for axis in touches.machine.rotary:
+        yield "settles", axis, touches.machine_normal * _settling(touches, axis)[:, None]
+    yield "memory", "", _remembered(touches)
+
+
+def _by_position(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → what errs with the position of an axis."""
     slots, machine = touches.seen.slots, touches.machine
     for axis in (*machine.rotary, *machine.linear):
         at = touches.axis(axis)
@@ -32,7 +43,16 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
         for slot, lever in slots.items():
             if slot.axis == axis and slot.stage in ("motion", "inter"):
                 yield "position" if slot.stage == "motion" else "motion", axis, lever[:, None] * shapes
-    t = (touches.time - touches.time.min()) / (float(np.ptp(touches.time)) or 1.0)
+
+
+def _course(touches: Touches) -> Array:
+    """touches → (n,) time from 0 to 1."""
+    return np.asarray((touches.time - touches.time.min()) / (float(np.ptp(touches.time)) or 1.0))
+
+
+def _by_time(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → what moves while the test goes on: a center, the table, the spindle."""
+    slots, machine, t = touches.seen.slots, touches.machine, _course(touches)
     for axis in machine.rotary:
         center = [lever for slot, lever in slots.items() if slot.axis == axis and slot.stage == "inter" and slot.component < 3]
         if center and np.ptp(touches.axis(axis)) > 0:
@@ -43,6 +63,10 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
     if np.ptp(touches.axis("S")) > TURNED:  # else what creeps in the spindle is a drift of the table
         for shape in (t, t**2):
             yield "creeps", "", touches.spindle_normal[:, :2] * shape[:, None]
+
+
+def _by_direction(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → what errs with the direction of a touch: one that answers late, a stylus that is not round, a wrong radius."""
     for i, axis in enumerate("XYZ"):
         for sign, word in ((1.0, "-"), (-1.0, "+")):
             yield "late", f"{axis}{word}", (touches.machine_normal[:, [i]] * sign > 0.5).astype(float)
@@ -51,11 +75,15 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
         angle = np.arctan2(normal[:, 1], normal[:, 0])
         for k in (2, 3):
             yield "probe", "", across[:, None] * np.stack([np.cos(k * angle), np.sin(k * angle)], axis=1)
-    up = touches.machine_normal @ np.array(machine.spindle.direction)
+    up = touches.machine_normal @ np.array(touches.machine.spindle.direction)
     yield "probe", "", np.abs(touches.spindle_normal[:, [2]])
     yield "probe", "", np.abs(up)[:, None]
     yield "radius", "", np.ones((len(touches), 1))
-    at = places(touches)
+
+
+def _by_place(touches: Touches) -> Iterator[tuple[str, str, Array]]:
+    """touches → what grows with a place: what gives way, a scale or a squareness that changes in time."""
+    machine, at, t = touches.machine, places(touches), _course(touches)
     for i, axis in enumerate("XYZ"):
         if axis in machine.linear:
             squared = touches.machine_normal[:, [i]] ** 2  # whichever side is touched, it gives way
@@ -66,9 +94,6 @@ def candidates(touches: Touches) -> Iterator[tuple[str, str, Array]]:
         for other, column in zip(machine.linear, at.T, strict=True):
             if moving != other:
                 yield "squares", f"{moving} and {other}", (touches.lever(moving) * column * t)[:, None]
-    for axis in machine.rotary:
-        yield "settles", axis, touches.machine_normal * _settling(touches, axis)[:, None]
-    yield "memory", "", _remembered(touches)
 
 
 def places(touches: Touches) -> Array:

@@ -6,6 +6,7 @@ A cause that moved in several nights has drifted: its size is the sum, and what 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..loaded import changes
@@ -32,6 +33,30 @@ def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))))} for a in alarms]
 
 
+@dataclass(frozen=True)
+class _Today:
+    """A night and how it is told: record, last night that measured, decisions by alarm, units, texts, chain of axes, date, what
+    happened to compensations."""
+
+    record: Mapping[str, Any]
+    known: Mapping[str, Any]
+    decisions: Mapping[str, Any]
+    u: Units
+    t: Texts
+    machine: Machine | None
+    today: str
+    events: Sequence[Any]
+
+    @property
+    def stale(self) -> bool:
+        """→ whether a compensation was written or taken out after the last night that measured."""
+        return bool(self.known.get("end_utc")) and bool(changes(self.events, str(self.known["end_utc"])))
+
+    def alarm(self, a: Mapping[str, Any], decision: Any) -> dict[str, Any]:
+        """alarm, its decision → what a page shows of it, by what the control held."""
+        return alarm(as_loaded(a, self.events), decision, self.u, self.t, self.machine, self.record, self.today)
+
+
 def faults(
     record: Mapping[str, Any],
     waiting: Sequence[Mapping[str, Any]],
@@ -50,53 +75,77 @@ def faults(
     is closed last. One order a machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
-    standing = {str(a.get("id")): a for a in known.get("standing") or ()}
-    standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in known.get(key) or ()}  # what somebody ignores
-    tonight = [(a, False) for a in record.get("alarms") or ()]
-    older = [(a, True) for a in (*(record.get("standing") or ()), *waiting)]
-    before_ = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
-    stale = bool(known.get("end_utc")) and bool(changes(events, str(known["end_utc"])))
-    told: dict[str, dict[str, Any]] = {}
-    for a, before_tonight in [*tonight, *older]:
-        if str(a.get("id")) in standing:
-            a = {
-                **a,
-                **{key: standing[str(a["id"])].get(key) for key in ("total", "now", "stands", "slowed")},
-                "confirmed": _confirmed(standing[str(a["id"])], known),
-            }
-        if not before_tonight:
-            a = {**a, "utc": record.get("start_utc")}
-        elif (own := before_.get(str(a.get("id")))) is not None:
-            a = {**a, **{k: own[k] for k in ("utc", "was") if own.get(k) is not None and a.get(k) is None}}
-            a |= {k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {}
-        if stale:  # what the last night measured was another machine
-            a |= {"total": None, "now": ""}
-        a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
-        a = as_loaded(a, events)
-        one = alarm(a, decisions.get(str(a.get("id"))), u, t, machine, record, today)
-        told.setdefault(str(a.get("id") or len(told)), one | {"older": before_tonight})
+    how = _Today(record, known, decisions, u, t, machine, today, events)
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
-    causes = together(list(told.values()), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
+    causes = together(_told(how, waiting), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
     found = [x | {"whole": "" if old else _whole_error(x, known, u, t, machine, events)} for x in causes]
-    for a in record.get("behind") or ():
-        a = as_loaded({**a, "utc": record.get("start_utc")}, events)
-        sizes = [size_of(x) for x in found if x.get("parameter") == a.get("parameter")]
-        if not sizes or max(sizes) < 0.8 * size_of(a):  # an alarm that says the same is not told twice
-            asked = next((x for x in found if x.get("parameter") == a.get("parameter") and not closed(x)), None)
-            whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
-            found.append(alarm(a, None, u, t, machine, record, today) | {"older": False} | whose)
-    drift = next((x for x in found if x["drifts"] and not change(x["cause_key"]).of_the_probe and not closed(x)), None)
-    if drift is not None:
-        what = subject(str(drift.get("parameter") or drift["cause"]), machine, t)
-        found = [
-            x | ({"todo": t("morning.after_drift", do=x["todo"], what=what), "alone": x["todo"]} if _entered(x) else {})
-            for x in found
-        ]
-    behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
+    found = _after_a_drift(_with_limits(found, how), machine, t)
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
+    behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
+
+
+def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """night, alarms of earlier nights → every alarm once as a page tells it, those of the night first."""
+    standing = {str(a.get("id")): a for a in how.known.get("standing") or ()}
+    standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in how.known.get(key) or ()}  # what somebody ignores
+    former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
+    tonight = [(a, False) for a in how.record.get("alarms") or ()]
+    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting)]
+    told: dict[str, dict[str, Any]] = {}
+    for a, before_tonight in [*tonight, *older]:
+        key = str(a.get("id"))
+        a = _as_it_stands(a, standing.get(key), how.known)
+        a = _as_its_night_wrote(a, former.get(key)) if before_tonight else {**a, "utc": how.record.get("start_utc")}
+        if how.stale:  # what the last night measured was another machine
+            a |= {"total": None, "now": ""}
+        a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
+        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
+    return list(told.values())
+
+
+def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm, what the last night that measured says of it, that night → the same with what there is of it now."""
+    if stands is None:
+        return dict(a)
+    now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed")}
+    return {**a, **now, "confirmed": _confirmed(stands, known)}
+
+
+def _as_its_night_wrote(a: dict[str, Any], own: Mapping[str, Any] | None) -> dict[str, Any]:
+    """alarm of an earlier night, as that night wrote it → with its moment; what is settled keeps its own advice."""
+    if own is None:
+        return a
+    a |= {k: own[k] for k in ("utc", "was") if own.get(k) is not None and a.get(k) is None}
+    return a | ({k: own.get(k) for k in ("do", "on_part", "on_part_um")} if a.get("settled") else {})
+
+
+def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any]]:
+    """faults → with what stands behind a crossed limit; an alarm that says the same is not told twice."""
+    for a in how.record.get("behind") or ():
+        a = {**a, "utc": how.record.get("start_utc")}
+        same = [x for x in found if x.get("parameter") == a.get("parameter")]
+        if same and max(map(size_of, same)) >= 0.8 * size_of(as_loaded(a, how.events)):
+            continue
+        asked = next((x for x in same if not closed(x)), None)
+        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
+        found = [*found, how.alarm(a, None) | {"older": False} | whose]
+    return found
+
+
+def _after_a_drift(found: list[dict[str, Any]], machine: Machine | None, t: Texts) -> list[dict[str, Any]]:
+    """faults → where one of the machine drifts, the numbers that wait until it does not."""
+    drift = next((x for x in found if x["drifts"] and not change(x["cause_key"]).of_the_probe and not closed(x)), None)
+    if drift is None:
+        return found
+    what = subject(str(drift.get("parameter") or drift["cause"]), machine, t)
+
+    def waits(x: Mapping[str, Any]) -> dict[str, Any]:
+        return {"todo": t("morning.after_drift", do=x["todo"], what=what), "alone": x["todo"]}
+
+    return [x | (waits(x) if _entered(x) else {}) for x in found]
 
 
 def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:

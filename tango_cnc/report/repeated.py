@@ -10,6 +10,8 @@ from .days import days_between
 
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
+OPEN = "night.words.open_alarm"
+MORE = "night.words.more_wait"
 DECIDED = {
     "acknowledge": "night.words.has",
     "accept": "night.words.has_accepted",
@@ -25,20 +27,33 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     who has answered it since.
     """
     headline = record.get("headline") or ""
-    if isinstance(headline, Said) and headline.key == BEYOND:
-        return _of_night(headline, _found_on(record))
-    if not isinstance(headline, Said) or headline.key != STANDING:
+    if not isinstance(headline, Said):
         return str(headline)
-    standing = record.get("standing") or ()
+    standing, tonight = record.get("standing") or (), bool(record.get("alarms"))
     since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED]
     closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
-    others = sum(not closed.get(alarm["id"], False) for alarm in standing[1:])
-    headline = headline.but(more=say("night.words.more_wait", count=others) if others else "")
-    own = [d for d in since if standing and d.alarm == standing[0]["id"]]
-    if not own:
-        return headline
-    last = own[-1]
-    return headline.but(who=say(DECIDED[last.action], owner=last.owner, date=last.utc[:10], until=last.until or ""))
+    others = sum(not closed.get(alarm["id"], False) for alarm in standing[0 if tonight else 1 :])
+    more = say(MORE, count=others) if others else ""
+    own = [d for d in since if standing and not tonight and d.alarm == standing[0]["id"]]
+    who = say(DECIDED[own[-1].action], owner=own[-1].owner, date=own[-1].utc[:10], until=own[-1].until or "") if own else None
+    if headline.key == BEYOND:
+        return str(_answered(_of_night(headline, _found_on(record)), more, who))
+    if headline.key != STANDING:
+        return str(_answered(headline, more, None)) if standing and tonight else str(headline)
+    headline = headline.but(more=more)
+    return headline if who is None else headline.but(who=who)
+
+
+def _answered(text: Any, more: str, who: str | None) -> Any:
+    """sentence with standing alarms, how many more stand by now, who has answered the one it names since (None: nobody) → the same
+    as it is now.
+    """
+    if not isinstance(text, Said):
+        return text
+    if text.key == MORE:
+        return more
+    values = {name: _answered(x, more, who) for name, x in text.values.items()}
+    return text.but(**values | ({"who": who} if text.key == OPEN and who is not None else {}))
 
 
 def _found_on(record: Mapping[str, Any]) -> dict[str, str]:
@@ -91,11 +106,15 @@ def _same(text: str, newer: str) -> bool:
     return text.key == BEYOND and text.values["what"] == newer.values["what"] and _cause(text) == _cause(newer)
 
 
-def _cause(text: Said) -> tuple[str, str]:
-    """a crossed limit → what stands behind it, without its size: key of the sentence and the parameter."""
-    found = text.values.get("cause")
-    parts = [x for x in found.values.values() if isinstance(x, Said)] if isinstance(found, Said) else []
-    return (parts[0].key, str(parts[0].values.get("name", ""))) if parts else ("", "")
+def _cause(text: Any) -> list[tuple[str, str]]:
+    """a crossed limit, or a sentence in it → what stands behind it, without its size: keys of all sentences and their parameters.
+    A night that finds a change has another one than the nights after it.
+    """
+    if not isinstance(text, Said):
+        return []
+    if text.key == BEYOND:
+        return _cause(text.values.get("cause"))
+    return [(text.key, str(text.values.get("name", ""))), *(one for x in text.values.values() for one in _cause(x))]
 
 
 def _short(text: str) -> str:

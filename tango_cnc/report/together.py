@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..records import Machine
@@ -26,6 +27,43 @@ def closed(a: Mapping[str, Any]) -> bool:
     return a["decision"] is not None and a["decision"].action in CLOSED
 
 
+@dataclass(frozen=True)
+class _Telling:
+    """How a page tells it: units, texts, chain of axes; date of the last night that measured, and whether it is too old."""
+
+    u: Units
+    t: Texts
+    machine: Machine | None
+    known_of: str
+    old: bool
+
+
+@dataclass(frozen=True)
+class _Story:
+    """Alarms of one parameter, oldest first: size of the oldest, of all (mm or rad), two knocks in words, whether it drifts."""
+
+    same: Sequence[Mapping[str, Any]]
+    own: float
+    every: float
+    knocks: str
+    drifts: bool
+
+    @property
+    def one_number(self) -> bool:
+        """→ whether the parameter is one number, which has a sum; several numbers have none."""
+        return spoken(str(self.same[0].get("parameter"))) != self.same[0].get("parameter")
+
+    @property
+    def goes_on(self) -> bool:
+        """→ whether its steps are not counted by its alarms."""
+        return any(a.get("goes_on") for a in self.same)
+
+    @property
+    def has_moved_on(self) -> bool:
+        """→ whether what stands is another size than the oldest alarm found."""
+        return bool(self.own) and (self.drifts or abs(self.every - self.own) > SAME * abs(self.own))
+
+
 def together(
     alarms: Sequence[dict[str, Any]],
     u: Units,
@@ -40,56 +78,101 @@ def together(
     long ago to say what still stands → one for each parameter, with all that has come together since the oldest of them; what a
     compensation has settled is apart from what came after it.
     """
+    how = _Telling(u, t, machine, known_of, old)
     groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
     for a in alarms:
         groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled")), _on_a_drift(a, alarms)), []).append(a)
-    found, written = [], last_written(events)
+    written = last_written(events)
+    found = []
     for (parameter, settled, knocked), same in groups.items():
         same.sort(key=_moment)
-        first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
-        own, every = sizes[0], sum(sizes)
-        if first.get("total") is not None and not knocked:
-            knocks = groups.get((parameter, settled, True), ())
-            every = float(first["total"]) - sum(float(a["size"]) for a in knocks if _moment(a) > _moment(first))
-        knocks_told = _knocks(same, known_of, u, t) if spoken(parameter) != parameter else ""
-        drifts = any(a.get("rate_per_day") and a.get("steady", True) for a in same) or (
-            not knocks_told and _one_way(same, events, repaired)
-        )
-        open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
-        first = first | {"begun": min(open_since, default=first["begun"])}
-        first = first | {"drifts": drifts, "ids": [a["id"] for a in same if a["decision"] is None and a["id"]], "total": every}
-        first |= {"held": [a["id"] for a in same if a["decision"] is not None and not closed(a)]}
-        first |= {"gone": _gone(same) and not drifts}
-        if first["gone"]:
-            first |= _gone_back(first, own, every, u, t)
-        elif (
-            own and (drifts or abs(every - own) > SAME * abs(own)) and spoken(str(first.get("parameter"))) != first.get("parameter")
-        ):
-            goes_on = any(a.get("goes_on") for a in same)  # its steps are not counted by its alarms
-            first |= _whole(first, own, every, drifts and not old, 1 if goes_on else len(same), u, t, machine)
-            first |= {"text": f"{first['text']} {knocks_told}"} if knocks_told and not drifts else {}
-            if not (old or knocks_told or goes_on or drifts) and known_of > str(first["first"]):
-                first["then"] = _then(first, own, known_of, u, t)
-                first["text"] = f"{first['text']} {first['then']}"
-            first |= {"todo": same[-1]["todo"]} if knocks_told and str(known_of) <= str(same[-1]["first"]) else {}
-            if drifts and written and written >= str(same[-1]["night"]):
-                first["todo"] = t("morning.drift_written_do", date=day(written, t))
-        elif len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
-            first["text"] = f"{first['text']} {t('morning.twice')}"
-        elif first["older"] and first.get("now") and not old:
-            now = plain(t.of(_confirmed_on(first["now"], known_of, t)), u, t, machine)
-            told = t("morning.now_of", told=now, date=day(known_of, t)) if known_of and _of_two_nights(first["now"]) else now
-            first["still"] = whole_sentence(sentence(told, Units()))
-            first["text"] = f"{first['text']} {first['still']}"
-        elif len(same) > 1 and spoken(str(first.get("parameter"))) == first.get("parameter"):  # several numbers have no sum
-            first["text"] = f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"
-        if old and known_of and first["id"] and not closed(first):
-            first["text"] = f"{first['text']} {t('morning.unknown_now', date=day(known_of, t))}"
-        unanswered = next((a for a in same if a["decision"] is None), None)
-        found.append(
-            first if unanswered is None else first | {k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night")}
-        )
+        apart = () if knocked else groups.get((parameter, settled, True), ())
+        story = _story(same, knocked, apart, events, repaired, how)
+        found.append(_as_first_unanswered(_one_of(story, written, how), same))
     return found
+
+
+def _story(
+    same: Sequence[dict[str, Any]],
+    knocked: bool,
+    apart: Sequence[Mapping[str, Any]],
+    events: Sequence[Any],
+    repaired: Sequence[str],
+    how: _Telling,
+) -> _Story:
+    """alarms of a parameter, whether they are knocks on a drift, knocks on theirs that are told apart → what came together."""
+    first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
+    every = sum(sizes)
+    if first.get("total") is not None and not knocked:
+        every = float(first["total"]) - sum(float(a["size"]) for a in apart if _moment(a) > _moment(first))
+    story = _Story(same, sizes[0], every, "", False)
+    knocks = _knocks(same, how.known_of, how.u, how.t) if story.one_number else ""
+    steady = any(a.get("rate_per_day") and a.get("steady", True) for a in same)
+    return replace(story, knocks=knocks, drifts=steady or (not knocks and _one_way(same, events, repaired)))
+
+
+def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
+    """story, date of the last compensation → the oldest of its alarms, as all of them are told."""
+    same = story.same
+    open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
+    gone = _gone(same) and not story.drifts
+    first = {
+        **same[0],
+        "begun": min(open_since, default=same[0]["begun"]),
+        "drifts": story.drifts,
+        "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
+        "total": story.every,
+        "held": [a["id"] for a in same if a["decision"] is not None and not closed(a)],
+        "gone": gone,
+    }
+    if gone:
+        first |= _gone_back(first, story.own, story.every, how.u, how.t)
+    elif story.has_moved_on and story.one_number:
+        first |= _moved_on(first, story, written, how)
+    else:
+        first |= _as_found(first, story, how)
+    if how.old and how.known_of and first["id"] and not closed(first):
+        first["text"] = f"{first['text']} {how.t('morning.unknown_now', date=day(how.known_of, how.t))}"
+    return first
+
+
+def _as_first_unanswered(told: Mapping[str, Any], same: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """what is told, its alarms → the same, asked of whom the oldest alarm asks that nobody has answered."""
+    unanswered: Mapping[str, Any] = next((a for a in same if a["decision"] is None), {})
+    return {**told, **{k: unanswered[k] for k in ("decision", "decided", "who", "nobody", "night") if unanswered}}
+
+
+def _moved_on(first: Mapping[str, Any], story: _Story, written: str, how: _Telling) -> dict[str, Any]:
+    """oldest alarm, story of a number that is another one today, date of the last compensation → how it is told as a whole."""
+    same, t, drifts = story.same, how.t, story.drifts
+    steps = 1 if story.goes_on else len(same)
+    told = _whole(first, story.own, story.every, drifts and not how.old, steps, how.u, t, how.machine)
+    if story.knocks and not drifts:
+        told["text"] += f" {story.knocks}"
+    if not (how.old or story.knocks or story.goes_on or drifts) and how.known_of > str(first["first"]):
+        told["then"] = _then(first, story.own, how.known_of, how.u, t)
+        told["text"] += f" {told['then']}"
+    if story.knocks and str(how.known_of) <= str(same[-1]["first"]):
+        told["todo"] = same[-1]["todo"]
+    if drifts and written and written >= str(same[-1]["night"]):
+        told["todo"] = t("morning.drift_written_do", date=day(written, t))
+    return told
+
+
+def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[str, Any]:
+    """oldest alarm, story of what is as it was found, or of several numbers, which have no sum → its sentences."""
+    same, t = story.same, how.t
+    if len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
+        return {"text": f"{first['text']} {t('morning.twice')}"}
+    if first["older"] and first.get("now") and not how.old:
+        now = plain(t.of(_confirmed_on(first["now"], how.known_of, t)), how.u, t, how.machine)
+        dated = bool(how.known_of) and _of_two_nights(first["now"])
+        told = t("morning.now_of", told=now, date=day(how.known_of, t)) if dated else now
+        still = whole_sentence(sentence(told, Units()))
+        return {"still": still, "text": f"{first['text']} {still}"}
+    if len(same) > 1 and not story.one_number:
+        return {"text": f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"}
+    return {}
 
 
 def _confirmed_on(now: str, night: str, t: Texts) -> str:

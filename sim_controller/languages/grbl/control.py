@@ -223,51 +223,63 @@ class Control:
 
     def _block(self, text: str) -> list[str]:
         """condensed line → everything is checked before anything is done."""
-        words: list[tuple[str, float]] = []
-        at = 0
         self._system(text)
-        while at < len(text):
-            if text[at] == "#":
-                at = self._parameters.assigned(text, at + 1)
-                continue
-            if not "A" <= text[at] <= "Z":
-                return ["error:1"]
-            value, end = self._parameters.value(text, at + 1)
-            words.append((text[at], code(value) if text[at] in "GM" else value))
-            at = end
+        if (words := self._words(text)) is None:
+            return ["error:1"]
         codes = [number for letter, number in words if letter == "G"]
         others = [letter for letter, _ in words if letter != "G"]
         values = {letter: number for letter, number in words if letter != "G"}
         motions = [code for code in codes if code in (*MOTIONS, 80)]
         orient = values.get("M") == 19 and self.kind.orients
-        switches = values.get("M") in (*self.profile.clamp.values(), *self.profile.unclamp.values())
-        if any(code not in KNOWN and code not in self.kind.more for code in codes) or any(letter not in WORDS for letter in others):
-            return ["error:20"]
-        known = orient or switches or values.get("M") in SPINDLE
-        if any(letter in LETTERS and letter not in self.axes for letter in others) or ("M" in values and not known):
-            return ["error:20"]
-        if any(sum(code in group for code in codes) > 1 for group in (FRAMES, (20, 21), (90, 91), (4, 53, *HOMES))):
-            return ["error:21"]
-        if motions and any(code in HOMES for code in codes):
-            return ["error:24"]
-        if len(motions) > 1:
-            return ["error:24"]
-        if len(set(others)) != len(others):
-            return ["error:25"]
-        if values.get("F", 0.0) < 0:
-            return ["error:4"]
-        if ("P" in values and 4 not in codes) or ("R" in values and not orient):
-            return ["error:36"]
         motion = motions[0] if motions else self._modal
-        if 53 in codes and motion > 1:
-            return ["error:30"]
-        if motion == 80 and any(name in values for name in self.axes):
-            return ["error:31"]
+        if error := self._unknown(codes, others, values, orient) or self._against(codes, others, values, motions, motion, orient):
+            return [f"error:{error}"]
         self._modal, self._feed = motion, values.get("F", self._feed)
         self._relative = (self._relative or 91 in codes) and 90 not in codes
         self._inch = (self._inch or 20 in codes) and 21 not in codes
         self._frame = next((int(code) for code in codes if code in FRAMES), self._frame)
         return self._done(codes, values, orient)
+
+    def _words(self, text: str) -> list[tuple[str, float]] | None:
+        """condensed line → (letter, number) of its words, None where something is no word; assignments are made."""
+        words: list[tuple[str, float]] = []
+        at = 0
+        while at < len(text):
+            if text[at] == "#":
+                at = self._parameters.assigned(text, at + 1)
+                continue
+            if not "A" <= text[at] <= "Z":
+                return None
+            value, end = self._parameters.value(text, at + 1)
+            words.append((text[at], code(value) if text[at] in "GM" else value))
+            at = end
+        return words
+
+    def _unknown(self, codes: list[float], others: list[str], values: Mapping[str, float], orient: bool) -> int:
+        """G codes, other letters, their numbers, whether the spindle is oriented → error of a word that is not known, else 0."""
+        switches = values.get("M") in (*self.profile.clamp.values(), *self.profile.unclamp.values())
+        known = orient or switches or values.get("M") in SPINDLE
+        strange = any(code not in KNOWN and code not in self.kind.more for code in codes) or any(x not in WORDS for x in others)
+        missing = any(letter in LETTERS and letter not in self.axes for letter in others)
+        return 20 if strange or missing or ("M" in values and not known) else 0
+
+    def _against(
+        self, codes: list[float], others: list[str], values: Mapping[str, float], motions: list[float], motion: float, orient: bool
+    ) -> int:
+        """The same, its motions, the one that acts → error of words that cannot stand together, else 0."""
+        if any(sum(code in group for code in codes) > 1 for group in (FRAMES, (20, 21), (90, 91), (4, 53, *HOMES))):
+            return 21
+        if len(motions) > 1 or (motions and any(code in HOMES for code in codes)):
+            return 24
+        if len(set(others)) != len(others):
+            return 25
+        if values.get("F", 0.0) < 0:
+            return 4
+        if ("P" in values and 4 not in codes) or ("R" in values and not orient):
+            return 36
+        if 53 in codes and motion > 1:
+            return 30
+        return 31 if motion == 80 and any(name in values for name in self.axes) else 0
 
     def _done(self, codes: list[float], values: Mapping[str, float], orient: bool) -> list[str]:
         if 4 in codes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from ..blocks import Arc, Block, Modal, Word, arc_of, refused
 from ._iso import AFTER, ENDS, LONGEST, MOST, NUMBER, REFUSED, number_in, over
@@ -128,11 +129,40 @@ def _function(number: int, code: float, modal: Modal) -> None:
         modal.ended = f"M{code:g}"
 
 
+@dataclass(slots=True)
+class _Said:
+    """Words of a motion: its target by axis, radius, sense of an arc, whether it goes to a place of the machine."""
+
+    words: list[Word] = field(default_factory=list)
+    target: dict[str, float] = field(default_factory=dict)
+    radius: float | None = None
+    clockwise: bool | None = None
+    machine: bool = False
+
+
 def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: str) -> Block:
-    number, words = block.number, []
-    target: dict[str, float] = {}
-    radius, clockwise, machine = None, None, False
-    at = 0
+    """block, L, C, CR or CC, its text, where that begins, modal state, axes → the block with what it says."""
+    said = _words(block.number, text, shift, modal, axes)
+    block.words = tuple(said.words)
+    if kind == "CC":
+        return _pole(block, said, modal)
+    if said.machine:
+        block.kind, block.forgets = "machine", "".join(said.target)
+        for axis in said.target:
+            modal.position.pop(axis, None)
+        return block
+    if kind in ("C", "CR"):
+        block.arc, block.kind = _arc(block, kind, said, modal), "arc"
+    elif said.target:
+        block.kind = "rapid" if any(w.letter == "FMAX" for w in said.words) else "feed"
+    block.target = said.target
+    modal.position.update(said.target)
+    return block
+
+
+def _words(number: int, text: str, shift: int, modal: Modal, axes: str) -> _Said:
+    """block number, text, where it begins, modal state, axes → its words. Raises InputError for what is not followed."""
+    said, at = _Said(), 0
     for match in WORD.finditer(text):
         if gap := text[at : match.start()].strip():
             why = "incremental coordinates would add up their rounding" if gap.startswith("I") else "it is not followed"
@@ -140,67 +170,66 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
         at = match.end()
         letter, value = match["letter"], match["value"]
         number_of = number_in(number, match[0], value) if value is not None else 0.0
-        words.append(Word(letter, number_of, shift + match.start(), shift + match.end()))
+        said.words.append(Word(letter, number_of, shift + match.start(), shift + match.end()))
         if letter in ("RL", "RR"):
             raise refused(number, letter, REFUSED[41])
         if letter in "XYZABC":
-            if letter not in axes:
-                raise refused(number, match[0], f"this machine has no axis {letter}")
-            if value is None:
-                raise refused(number, match[0].strip(), "no number follows: parameters are not followed")
-            if letter in target:
-                raise refused(number, f"{letter} twice", "which one is meant is not known")
-            if abs(number_of) > MOST:
-                raise refused(number, f"{letter}{number_of:.3g}", "no machine goes there")
-            target[letter] = number_of
+            _aimed(number, match[0], letter, None if value is None else number_of, said.target, axes)
         elif letter == "R" and value is not None:
-            radius = number_of
+            said.radius = number_of
         elif letter.startswith("DR"):
-            clockwise = letter == "DR-"
+            said.clockwise = letter == "DR-"
         elif letter == "M":
             if value is None:
                 raise refused(number, "M", "no number follows: parameters are not followed")
             _function(number, number_of, modal)
-            machine = machine or number_of in (91, 92)
+            said.machine = said.machine or number_of in (91, 92)
     if gap := text[at:].strip():
         why = "radius compensation changes the path after this program" if gap in ("RL", "RR") else "it is not followed"
         raise refused(number, gap, why)
-    block.words = tuple(words)
-    if kind == "CC":
-        pole = {**modal.position, **target}
-        if not {"X", "Y"} <= pole.keys():
-            raise refused(number, "CC", "where it is, is not known: X or Y has not been programmed before")
-        modal.centre = pole["X"], pole["Y"]
-        if set(target) - {"X", "Y"}:
-            raise refused(number, "CC", "circles outside of the plane XY are not followed")
-        block.kind = "none"
-        block.label = "CC"
-        return block
-    if machine:
-        block.kind, block.forgets = "machine", "".join(target)
-        for axis in target:
-            modal.position.pop(axis, None)
-        return block
-    if kind in ("C", "CR"):
-        if clockwise is None:
-            raise refused(number, block.text.strip(), "no DR+ or DR- says which way it turns")
-        if kind == "CR":
-            block.arc = arc_of(number, modal, target, {}, radius, clockwise=clockwise)
-        else:
-            if modal.centre is None:
-                raise refused(number, "C", "no CC says where its center is")
-            if not {"X", "Y"} <= modal.position.keys():
-                raise refused(number, "C", "where it begins is not known: X or Y has not been programmed before")
-            start = modal.position["X"], modal.position["Y"]
-            away = {"I": modal.centre[0] - start[0], "J": modal.centre[1] - start[1]}
-            block.arc = arc_of(number, modal, target, away, None, clockwise=clockwise)
-        block.arc = Arc(("X", "Y"), block.arc.centre, clockwise)
-        block.kind = "arc"
-    elif target:
-        block.kind = "rapid" if any(w.letter == "FMAX" for w in words) else "feed"
-    block.target = target
-    modal.position.update(target)
+    return said
+
+
+def _aimed(number: int, word: str, letter: str, value: float | None, target: dict[str, float], axes: str) -> None:
+    """Block number, word, its axis and value, None without a number → into `target`. Raises InputError for what no axis can do."""
+    if letter not in axes:
+        raise refused(number, word, f"this machine has no axis {letter}")
+    if value is None:
+        raise refused(number, word.strip(), "no number follows: parameters are not followed")
+    if letter in target:
+        raise refused(number, f"{letter} twice", "which one is meant is not known")
+    if abs(value) > MOST:
+        raise refused(number, f"{letter}{value:.3g}", "no machine goes there")
+    target[letter] = value
+
+
+def _pole(block: Block, said: _Said, modal: Modal) -> Block:
+    """block of a CC → the same; the modal state has the center."""
+    pole = {**modal.position, **said.target}
+    if not {"X", "Y"} <= pole.keys():
+        raise refused(block.number, "CC", "where it is, is not known: X or Y has not been programmed before")
+    modal.centre = pole["X"], pole["Y"]
+    if set(said.target) - {"X", "Y"}:
+        raise refused(block.number, "CC", "circles outside of the plane XY are not followed")
+    block.kind, block.label = "none", "CC"
     return block
+
+
+def _arc(block: Block, kind: str, said: _Said, modal: Modal) -> Arc:
+    """block, C or CR, its words → the arc in XY, mm."""
+    number = block.number
+    if said.clockwise is None:
+        raise refused(number, block.text.strip(), "no DR+ or DR- says which way it turns")
+    if kind == "CR":
+        arc = arc_of(number, modal, said.target, {}, said.radius, clockwise=said.clockwise)
+    else:
+        if modal.centre is None:
+            raise refused(number, "C", "no CC says where its center is")
+        if not {"X", "Y"} <= modal.position.keys():
+            raise refused(number, "C", "where it begins is not known: X or Y has not been programmed before")
+        away = {"I": modal.centre[0] - modal.position["X"], "J": modal.centre[1] - modal.position["Y"]}
+        arc = arc_of(number, modal, said.target, away, None, clockwise=said.clockwise)
+    return Arc(("X", "Y"), arc.centre, said.clockwise)
 
 
 def write(block: Block, moves: Sequence[Mapping[str, float]], decimals: int) -> list[str]:

@@ -161,6 +161,11 @@ class _Program:
         if LABEL.fullmatch(code) or (not self._begun and BEFORE.fullmatch(code)):
             return
         self._begun |= code != ""
+        if not (self._states(line, code) or self._waits(code) or self._acts(code) or self._computes(code)):
+            self._print(code)
+
+    def _states(self, line: str, code: str) -> bool:
+        """→ whether the line is one of the head or the end, or switches something; then it is done."""
         if code in PASSIVE:
             if (code == "POPEN" and self._opened) or (code == "PCLOS" and self._closed):
                 raise InputError(f"a second {code}")
@@ -174,8 +179,6 @@ class _Program:
             self._machine.reset(code)
         elif line == SHOWS and self._shows and self._machine.walk.proving:
             self._shows = False  # whoever has read it presses start; once, right before the stylus is touched
-        elif DWELL.fullmatch(code):
-            self._machine.rests(float(code.split()[1][1:]))
         elif code == self._reset:
             if self._ask and not self._asked and "G49" in code.split():
                 raise InputError("G49 by itself may move Z by a tool length: IF[#4008NE49]THEN#3000=… has to stand before it")
@@ -183,27 +186,47 @@ class _Program:
         elif code in self._words:
             self._machine.walk.switch(code)
             self._watching |= code == self._on
+        elif code in ENDS and self._depth == 0:
+            self._machine.watched()
+            self.over = True
+        elif code == "G90":
+            self._relative = False
+        else:
+            return False
+        return True
+
+    def _waits(self, code: str) -> bool:
+        """→ whether the line only lets time pass or ends reading ahead; then it is done."""
+        if DWELL.fullmatch(code):
+            self._machine.rests(float(code.split()[1][1:]))
         elif code == self._wait:
             self._limited = True
             self._moving = self._moving and self._ahead
         elif code == ";" and self._ahead:
             self._blank += 1
             self._moving = self._moving and not (self._limited and self._blank >= BLANKS)
-        elif code in ENDS and self._depth == 0:
-            self._machine.watched()
-            self.over = True
-        elif match := self._turned.fullmatch(code) if self._turned else None:
+        else:
+            return False
+        return True
+
+    def _acts(self, code: str) -> bool:
+        """→ whether the line moves an axis; then it has."""
+        if match := self._turned.fullmatch(code) if self._turned else None:
             self._machine.turns("S", float(match[1]), False)
         elif match := TURN.fullmatch(code):
             self._machine.turns(match[1], self._angle(match[1], float(match[2])), True)
             self._moving, self._blank = True, 0
         elif match := STEP.fullmatch(code):
             self._step(match[1], match[2], float(match[3]), float(match[4]))
-        elif code == "G90":
-            self._relative = False
         elif match := FEED.fullmatch(code):
             self._feed(match[1], match[2].split(), match[3])
-        elif match := JUMP.fullmatch(code):
+        else:
+            return False
+        return True
+
+    def _computes(self, code: str) -> bool:
+        """→ whether the line computes, branches or calls a macro; then it has."""
+        if match := JUMP.fullmatch(code):
             self._probe(match[1])
             self._machine.does(self._jump(match[1], int(match[2])))
         elif match := PASSES.fullmatch(code):
@@ -216,7 +239,8 @@ class _Program:
         elif match := CALL.fullmatch(code):
             self._call(int(match[1]), match[2].split())
         else:
-            self._print(code)
+            return False
+        return True
 
     def _probe(self, condition: str) -> None:
         """The probe is asked: beside the machine there is one on which it is deflected."""

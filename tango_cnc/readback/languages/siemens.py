@@ -131,7 +131,15 @@ class _Program:
             raise InputError(f"found {asked[0]}; the probe is at input {self._input}")
         if line.startswith(";"):
             self._mark = match[1] if (match := MARK_BEHIND_SEMICOLON.fullmatch(line)) else self._mark
-        elif self._handed is not None and self._handed.takes(line):
+        elif not self._computes(line):
+            if self._within:
+                raise InputError("no line that an IF may have")
+            if not (self._states(line) or self._acts(line)):
+                self._print(line)
+
+    def _computes(self, line: str) -> bool:
+        """→ whether the line computes, branches, records or hands over; then it has."""
+        if self._handed is not None and self._handed.takes(line):
             self._hand_over(self._handed)
         elif match := JUMP.fullmatch(line):
             self._jump(match[1], match[2])
@@ -145,9 +153,13 @@ class _Program:
         elif match := ASSIGN.fullmatch(line):
             self._frame(match[2])
             self._machine.does(self._assignment(match[1], match[2]))
-        elif self._within:
-            raise InputError("no line that an IF may have")
-        elif match := REST.fullmatch(line):
+        else:
+            return False
+        return True
+
+    def _states(self, line: str) -> bool:
+        """→ whether the line only waits, shows or switches something, or ends the program; then it is done."""
+        if match := REST.fullmatch(line):
             self._machine.rests(float(match[1]))
         elif SETTLES.fullmatch(line):
             self._settled = True
@@ -163,7 +175,13 @@ class _Program:
         elif line == "M30":
             self._machine.watched()
             self.over = True
-        elif match := TURN.fullmatch(line):
+        else:
+            return False
+        return True
+
+    def _acts(self, line: str) -> bool:
+        """→ whether the line moves an axis; then it has."""
+        if match := TURN.fullmatch(line):
             self._machine.turns(match[1], float(match[2]), True)
             self._moving, self._asked, self._settled = True, False, False
         elif match := ORIENT.fullmatch(line):
@@ -177,7 +195,8 @@ class _Program:
         elif match := OFF.fullmatch(line):
             self._free(match[1].split(), float(match[2]))
         else:
-            self._print(line)
+            return False
+        return True
 
     def _frame(self, text: str) -> None:
         """An expression that asks for parts of a frame: beside the machine there are others where this part of it is left."""

@@ -59,26 +59,21 @@ def _rows(request: Request) -> list[dict[str, Any]]:
 
 
 def _row(row: Row, request: Request) -> dict[str, Any]:
+    """row, request → what the list shows of a machine."""
     state = state_of(request)
     t, s, u = state.texts, row.standing, state.units
-    axes = state.places.geometry(row.machine)
-    complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
     found = faults_of(row, state)
     told = answer_of(row, found, state)
-    owner = state.places.owner(row.machine)
     run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
-    asked = asked_of(row, state)
     ran = ran_of(request, row.machine) if told is None else ""
+    axes = state.places.geometry(row.machine)
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
-    cut = [(date, "partial", "") for date in dates_cut_off(row.machine.former)] if row.nights else []
-    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
-    old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
-    label = between(signs[::-1], t, old) if signs else ""
-    drawn = state.places.kept(f"strip {_stamp(row)} {old} {len(cut)}", lambda: strip(signs, label, t, old), LONG)
+    complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
+    may = ("wait" if busy else "none") if told is None else told.may
     return {
         "slug": row.machine.slug,
         "name": row.machine.name,
@@ -87,20 +82,12 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "unmeasured": unmeasured(ran, busy, row.machine, state),
         "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
         "night": row.nights[0].night if row.nights else "",
-        "may": ("wait" if busy else "none") if told is None else told.may,
-        "group": "moving" if moving else ("wait" if busy else "none") if told is None else told.may,
-        "level": "none" if told is None else told.level,
-        "answer": t("may.measuring" if busy else "may.unknown") if told is None else told.word,
-        "word": busy or ("" if told is None else told.short(t)),
-        "why": "" if told is None else told.why,
-        "numbers": "" if told is None else told.numbers,
-        "soon": "" if told is None else told.soon,
-        "headline": whole_sentence(said),
-        "who": who_of(told, {"owner": owner, "deputy": asked["deputy"], **_named(row.record)}, found, t),
-        "nobody": found[0]["nobody"] if found else not (owner or asked["deputy"]) and "owner" not in _named(row.record),
-        "has": bool(found and found[0]["decision"]),
+        "may": may,
+        "group": "moving" if moving else may,
+        **(_not_answered(busy, t) if told is None else _answered(told, busy, t)),
+        **_asked(row, told, found, state),
         "limit_for": "" if told is None or not allowed else _limit_for(row, state),
-        "call": to_ask(asked, found, t) if told is not None and told.may in ("no", "but", "unknown") else "",
+        "headline": whole_sentence(said),
         "fault": found[0]["text"] if found else "",
         "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
         "age": _age(row, t),
@@ -108,8 +95,47 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
-        "strip": drawn if signs else "",
+        "strip": _strip(row, allowed, state),
     }
+
+
+def _answered(told: Answer, busy: str, t: Texts) -> dict[str, str]:
+    """answer, how long the machine still measures → what the list says of it."""
+    words = {"level": told.level, "answer": told.word, "word": busy or told.short(t)}
+    return words | {"why": told.why, "numbers": told.numbers, "soon": told.soon}
+
+
+def _not_answered(busy: str, t: Texts) -> dict[str, str]:
+    """How long the machine still measures → what the list says where no night has an answer."""
+    return {"level": "none", "answer": t("may.measuring" if busy else "may.unknown"), "word": busy} | dict.fromkeys(
+        ("why", "numbers", "soon"), ""
+    )
+
+
+def _asked(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], state: PagesState) -> dict[str, Any]:
+    """row, answer, what is wrong → who has it, and whom one calls."""
+    t, owner, asked = state.texts, state.places.owner(row.machine), asked_of(row, state)
+    nobody = not (owner or asked["deputy"]) and "owner" not in _named(row.record)
+    calls = told is not None and told.may in ("no", "but", "unknown")
+    return {
+        "who": who_of(told, {"owner": owner, "deputy": asked["deputy"], **_named(row.record)}, found, t),
+        "nobody": found[0]["nobody"] if found else nobody,
+        "has": bool(found and found[0]["decision"]),
+        "call": to_ask(asked, found, t) if calls else "",
+    }
+
+
+def _strip(row: Row, allowed: Mapping[str, float], state: PagesState) -> str:
+    """row, limits (µm) → a sign for each of its nights, drawn once as long as nothing of it changes."""
+    if not row.nights:
+        return ""
+    t = state.texts
+    cut = [(date, "partial", "") for date in dates_cut_off(row.machine.former)]
+    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
+    old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
+    label = between(signs[::-1], t, old)
+    drawn: str = state.places.kept(f"strip {_stamp(row)} {old} {len(cut)}", lambda: strip(signs, label, t, old), LONG)
+    return drawn
 
 
 def _limit_for(row: Row, state: PagesState) -> str:
