@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import ftplib
+import socket
 import sys
+import threading
 from types import ModuleType
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
 from tango_cnc.link.protocols import remote
 from tango_cnc.link.transport import open_port, parse
+from tango_cnc.link.transport._stores import Ftp
 from tango_cnc.records import LinkError
 
 
@@ -122,3 +127,58 @@ def test_what_the_control_refuses_is_told_from_a_line_that_broke(
     monkeypatch.setattr(sys.modules["paramiko"].SSHClient, "connect", connect)
     with pytest.raises(LinkError, match=said):
         open_port(parse("sftp://anna@192.0.2.7/TANGO.TXT", remote.OPTIONS))
+
+
+class Server:
+    """FTP with one file. `ends` are the answers to the ends of transfers, the last one for all that follow."""
+
+    def __init__(self, *ends: str) -> None:
+        self.ends, self.sessions = list(ends), 0
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.parts = urlsplit(f"//127.0.0.1:{self.server.getsockname()[1]}/T.TXT")
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            connection, _ = self.server.accept()
+            self.sessions += 1
+            with contextlib.suppress(ConnectionError), connection, connection.makefile("rb") as lines:
+                connection.sendall(b"220 here\r\n")
+                for line in lines:
+                    connection.sendall(self._answer(line.split()[0].decode(), connection))
+
+    def _answer(self, verb: str, connection: socket.socket) -> bytes:
+        if verb in ("PASV", "EPSV"):
+            self.data = socket.create_server(("127.0.0.1", 0))
+            port = self.data.getsockname()[1]
+            return f"227 (127,0,0,1,{port >> 8},{port & 255})\r\n".encode()
+        if verb == "RETR":
+            connection.sendall(b"150 it comes\r\n")
+            data, _ = self.data.accept()
+            data.sendall(b"P1 H1\n")
+            data.close()
+            end = self.ends.pop(0) if len(self.ends) > 1 else self.ends[0]
+            return "".join(f"{answer}\r\n" for answer in end.split("|")).encode()
+        if verb == "SIZE":
+            return b"213 6\r\n"
+        return b"230 yes\r\n" if verb in ("USER", "PASS") else b"200 yes\r\n"
+
+
+def test_a_transfer_that_was_cut_off_and_answered_twice_puts_no_ftp_session_out_of_step() -> None:
+    server = Server("426 cut off|226 Transfer complete.", "226 Transfer complete.")
+    ftp = Ftp(server.parts, {}, secure=False)
+    assert [ftp.read("T.TXT", 0, 100) for _ in range(3)] == [b"P1 H1\n"] * 3
+    assert (ftp.size("T.TXT"), server.sessions) == (6, 2)
+    ftp.close()
+
+
+@pytest.mark.parametrize("question", ["read", "size", "write"])
+def test_an_answer_of_before_is_a_line_that_broke_and_the_next_question_opens_a_new_session(question: str) -> None:
+    server = Server("226 Transfer complete.|226 Transfer complete.", "226 Transfer complete.")
+    ftp = Ftp(server.parts, {}, secure=False)
+    assert ftp.read("T.TXT", 0, 100) == b"P1 H1\n"
+    arguments = {"read": ("T.TXT", 0, 100), "size": ("T.TXT",), "write": ("O1.NC", b"M2\n")}[question]
+    with pytest.raises(OSError, match="the control answers 2"):
+        getattr(ftp, question)(*arguments)
+    assert (ftp.read("T.TXT", 0, 100), server.sessions) == (b"P1 H1\n", 2)
+    ftp.close()
