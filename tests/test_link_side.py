@@ -20,7 +20,7 @@ from support.linkparts import FakeClock, job
 from support.runs import Control, Result, cell, readings  # noqa: F401
 from support.sessions import GOOD, Run, after_the_program, printed
 
-from tango_cnc.commands import _aside
+from tango_cnc.link import aside as beside
 from tango_cnc.link import measure as measuring
 from tango_cnc.link.client import Failed
 from tango_cnc.link.journal import Journal
@@ -168,9 +168,9 @@ def test_a_run_whose_readers_pause_is_ended_by_one_signal(cell):
 
 @POSIX
 def test_what_waits_for_a_reader_arrives_in_order_and_what_is_too_much_is_dropped(monkeypatch):
-    monkeypatch.setattr(_aside, "LAST", 0.2)
+    monkeypatch.setattr(beside, "LAST", 0.2)
     hear, say = os.pipe()
-    aside, most, line = _aside.Aside(say), _aside.MOST, "0123456789abcde\n" * 64
+    aside, most, line = beside.Aside(say), beside.MOST, "0123456789abcde\n" * 64
     began = time.monotonic()
     for number in range(2 * most // len(line)):
         aside.write(f"{number} {line}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._aside import set_aside
 from ._progress import Progress, said
 
 if TYPE_CHECKING:
@@ -19,6 +18,8 @@ class Live:
     """Steps → progress on stderr, and one JSON object a line for other programs."""
 
     def __init__(self, file: str | None) -> None:
+        from ..link.aside import set_aside
+
         set_aside()
         self._bar, self._stdout, self._lost = Progress(), file == "-", False
         # begun with the first step, so that a refused run leaves the file as it was

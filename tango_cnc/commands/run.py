@@ -18,7 +18,6 @@ from ..files.checked import broken_off
 from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
-from ._aside import set_aside
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
 from ._live import Live
 from ._plan import obstructed_option, warnings
@@ -102,6 +101,7 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
+    from ..link.aside import set_aside
     from ..link.measure import protocol_of
     from ..plan import plan
 
