@@ -127,7 +127,7 @@ def test_what_the_control_refuses_is_told_from_a_line_that_broke(
         open_port(parse("sftp://anna@192.0.2.7/TANGO.TXT", remote.OPTIONS))
 
 
-class Server:
+class Disk:
     """FTP with one file of records. `ends` are the answers to the ends of transfers, the last one for all that follow."""
 
     def __init__(self, *ends: str) -> None:
@@ -169,7 +169,7 @@ DONE = "226 Transfer complete."
 @pytest.mark.parametrize("end", [f"426 cut off|{DONE}", f"{DONE}|{DONE}"], ids=["cut off", "said twice"])
 def test_a_transfer_that_is_answered_twice_puts_no_ftp_session_out_of_step(end: str, before: int) -> None:
     """The answer that is left over is none to the next question: a new session is opened for it."""
-    server = Server(*[DONE] * before, end, DONE)
+    server = Disk(*[DONE] * before, end, DONE)
     if end.startswith(DONE) and before < 2:  # while the port is opened nothing is tried again
         with pytest.raises(LinkError, match="does not open: the control answers 226"):
             open_port(parse(server.url, remote.OPTIONS))
