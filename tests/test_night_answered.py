@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from support.answers import UNTIL, accept_stylus, answered, decide
+from support.answers import UNTIL, accept_stylus, answered, decide, open_and_decided
 from support.histories import knowledge
 from support.histories import record as kept
 from support.nights_parts import Event, Story
@@ -24,7 +24,7 @@ from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.moved import Moved
 from tango_cnc.nightly.night import EXIT
 from tango_cnc.nightly.words import headline
-from tango_cnc.report.faults import earlier, faults, unclosed
+from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context, render
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -222,11 +222,6 @@ def test_a_change_takes_an_older_one_back_only_where_it_goes_the_other_way_and_m
     alarm = {"cause": "axis_location", "parameter": "EX0C", "text": "t", "since": "2026-10-20", "size": tonight, "std": 0.0005}
     (told,) = undone(*[None] * 4, [alarm])  # type: ignore[arg-type]
     assert ("undoes" in told) == back and ("gone back" in told["text"]) == back
-
-
-def open_and_decided(file: Path, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    with opened(file) as history:
-        return unclosed(history, "trunnion", today)
 
 
 @pytest.mark.long

@@ -21,6 +21,7 @@ from .ports import Past
 from .words import value
 
 LAST_NIGHT = "last night"
+BESIDE = ("alike", "compensation", "ignored", "again", "follows", "undoes")  # what some alarms have
 TONIGHT = "tonight"  # after every moment on record
 
 
@@ -46,7 +47,7 @@ def standing(
     known, when = (parameters, "") if parameters else _known(past, machine)
     found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
-    seen = set(tonight)
+    seen, undone = set(tonight), set[str]()
     for stored in past.alarmed(machine, LISTED):
         seen |= merged(stored.record["alarms"])
         for alarm in stored.record["alarms"]:
@@ -55,6 +56,9 @@ def standing(
             seen.add(alarm["id"])
             decision = last.get(alarm["id"])
             if decision is not None and decision.action in ("accept", "repaired"):
+                undone |= {str(alarm["undoes"]["alarm"])} if alarm.get("undoes") else set()
+                continue
+            if alarm["id"] in undone:  # who closed its way back has closed it: what moves after that is another event
                 continue
             if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
                 continue
@@ -65,7 +69,9 @@ def standing(
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
-            told |= {key: alarm[key] for key in ("alike", "compensation", "ignored", "again", "follows") if alarm.get(key)}
+            told |= {
+                key: alarm[key] for key in ("alike", "compensation", "ignored", "again", "follows", "undoes") if alarm.get(key)
+            }
             told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
             told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)

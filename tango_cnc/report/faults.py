@@ -218,8 +218,9 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
         parts |= merged(stored.record["alarms"])
         for a in stored.record["alarms"]:
             newest.setdefault(a["id"], dated(a, stored.record))  # several nights report one that goes on
-    open_ = [a for a in newest.values() if a["id"] not in parts]
-    return [a for a in open_ if a["id"] not in last or last[a["id"]].action not in CLOSED], last
+    closed_ = {key for key in newest if key in last and last[key].action in CLOSED}
+    undone = {str(newest[key]["undoes"]["alarm"]) for key in closed_ if newest[key].get("undoes")}  # closed with its way back
+    return [a for a in newest.values() if a["id"] not in parts | closed_ | undone], last
 
 
 def _entered(a: Mapping[str, Any]) -> bool:

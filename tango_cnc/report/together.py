@@ -76,17 +76,23 @@ def together(
 ) -> list[dict[str, Any]]:
     """alarms, what happened to compensations, moments of repairs, date of the last night that measured, whether that one is too
     long ago to say what still stands → one for each parameter, with all that has come together since the oldest of them; what a
-    compensation has settled is apart from what came after it.
+    compensation has settled is apart from what came after it, and what has gone back from what came after that.
     """
     how = _Telling(u, t, machine, known_of, old)
-    groups: dict[tuple[str, bool, bool], list[dict[str, Any]]] = {}
+    groups: dict[tuple[str, bool, bool, int], list[dict[str, Any]]] = {}
     for a in alarms:
-        groups.setdefault((str(a.get("parameter") or a["id"]), bool(a.get("settled")), _on_a_drift(a, alarms)), []).append(a)
+        key = str(a.get("parameter") or a["id"]), bool(a.get("settled")), _on_a_drift(a, alarms), _gone_before(a, alarms)
+        groups.setdefault(key, []).append(a)
     written = last_written(events)
     found = []
-    for (parameter, settled, knocked), same in groups.items():
+    for (parameter, settled, knocked, times), same in groups.items():
         same.sort(key=_moment)
-        apart = () if knocked else groups.get((parameter, settled, True), ())
+        apart = [
+            a
+            for (other, held, on_a_drift, later), those in groups.items()
+            if (other, held) == (parameter, settled) and (on_a_drift > knocked or later > times)
+            for a in those
+        ]
         story = _story(same, knocked, apart, events, repaired, how)
         found.append(_as_first_unanswered(_one_of(story, written, how), same))
     return found
@@ -100,7 +106,7 @@ def _story(
     repaired: Sequence[str],
     how: _Telling,
 ) -> _Story:
-    """alarms of a parameter, whether they are knocks on a drift, knocks on theirs that are told apart → what came together."""
+    """alarms of a parameter, whether they are knocks on a drift, later ones of it that are told apart → what came together."""
     first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
     every = sum(sizes)
     if first.get("total") is not None and not knocked:
@@ -216,6 +222,12 @@ def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bo
     same = [x for x in alarms if x.get("rate_per_day") and x.get("steady", True) and x.get("parameter") == a.get("parameter")]
     rates = [abs(float(x["rate_per_day"])) for x in same]
     return bool(rates) and not a.get("rate_per_day") and abs(float(a.get("size") or 0.0)) > KNOCK * max(rates)
+
+
+def _gone_before(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> int:
+    """alarm, all alarms → how often its parameter had gone back before it: what moves after that is another event."""
+    same = [x for x in alarms if x.get("undoes") and x.get("parameter") == a.get("parameter")]
+    return sum(_moment(x) < _moment(a) for x in same)
 
 
 def _moment(a: Mapping[str, Any]) -> str:

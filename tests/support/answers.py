@@ -10,6 +10,7 @@ from support.nights_parts import Story, nights
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import Decision, History, opened
+from tango_cnc.report.faults import unclosed
 
 UNTIL = "2026-12-24"
 Answer = str | Callable[[History, Mapping[str, Any]], None]
@@ -53,3 +54,8 @@ def accept_stylus(history: History, record: Mapping[str, Any]) -> None:
     """history, record of the last night → its alarm of the stylus is accepted, and no other one."""
     (own,) = [a["id"] for a in record["alarms"] if a["cause"] == "stylus"]
     decide(history, record, own, "accept")
+
+
+def open_and_decided(file: Path, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    with opened(file) as history:
+        return unclosed(history, "trunnion", today)

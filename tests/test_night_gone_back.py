@@ -1,0 +1,41 @@
+"""A change that has gone back is over: what moves after it is another event, with a night of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from support.answers import answered, open_and_decided
+from support.nights_parts import Event, Story
+
+from tango_cnc.report.faults import earlier, faults
+from tango_cnc.report.morning import context
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("back", ["accept", None])
+def test_what_moves_after_a_change_has_gone_back_is_dated_by_itself(root: Path, tmp_path: Path, back: str | None) -> None:
+    """Whoever asks who was at the machine must ask about the night of the knock, not of another one that had gone again."""
+    story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.020}), Event(12, {"EY0C": -0.030})), wander=0.5)
+    decisions = {8: "acknowledge"} | ({9: back} if back else {})
+    records = answered(root, tmp_path / "h.db", story, 13, decisions)
+    (knock,) = records[11]["alarms"]
+    found, last = open_and_decided(tmp_path / "h.db", records[12]["night"])
+    page = context(records[12], tuple(last.values()), None, texts(), waiting=earlier(found))
+    told = next(a for a in (page["first"], *page["also"]) if a["id"] == knock["id"])
+    assert told["begun"] == knock["since"] and "−30 µm" in told["text"].replace("-", "−") and not told["gone"]
+    others = [a for a in (page["first"], *page["also"]) if a["id"] != knock["id"]]
+    assert all(a["gone"] for a in others) and bool(others) == (back is None)
+
+
+def test_what_has_gone_back_is_apart_from_what_came_after_it_on_the_page() -> None:
+    said = {"parameter": "EY0C", "cause": "axis_location", "unit": "mm", "std": 0.0005, "text": "it moved"}
+    first = said | {"id": "2026-11-12-a", "size": 0.020, "since": "2026-11-11", "utc": "2026-11-12T02:00:00Z"}
+    gone = said | {"id": "2026-11-15-a", "size": -0.020, "since": "2026-11-14", "utc": "2026-11-15T02:00:00Z"}
+    gone |= {"undoes": {"alarm": first["id"], "left": 0.0}}
+    knock = said | {"id": "2026-11-27-a", "size": -0.034, "since": "2026-11-26"}
+    record = {"verdict": "changed", "alarms": [knock], "standing": [], "start_utc": "2026-11-27T02:00:00Z", "night": "2026-11-27"}
+    found = faults(record, [gone, first], {}, Units(), texts())
+    assert [(x["begun"], x["gone"]) for x in found] == [("2026-11-26", False), ("2026-11-11", True)]
