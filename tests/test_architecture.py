@@ -113,6 +113,7 @@ TOUCHES_THE_WORLD = {
     *("subprocess", "tempfile", "termios", "threading", "time"),
 }
 LINK_WITH_IO = {
+    "aside",
     "transport",
     "session",
     "journal",

@@ -1,5 +1,6 @@
 """What is beside a run and must not end it, nor be harmed by it: outputs, files named in a URL, passwords, disks, old programs."""
 
+import contextlib
 import datetime
 import errno
 import io
@@ -19,6 +20,7 @@ from support.linkparts import FakeClock, job
 from support.runs import Control, Result, cell, readings  # noqa: F401
 from support.sessions import GOOD, Run, after_the_program, printed
 
+from tango_cnc.link import aside as beside
 from tango_cnc.link import measure as measuring
 from tango_cnc.link.client import Failed
 from tango_cnc.link.journal import Journal
@@ -128,6 +130,74 @@ def test_outputs_on_a_full_device_are_refused_before_the_run_and_streams_on_one_
     command = f"exec {sys.executable} -m tango_cnc run -C {cell} --port {control.url} --timeout 20 --json - >/dev/full 2>/dev/full"
     assert subprocess.run(["sh", "-c", command], stdin=subprocess.DEVNULL, timeout=300, check=False).returncode == 0
     assert len(readings(cell).touch) == 7
+
+
+@contextlib.contextmanager
+def full_pipe():
+    """→ the end of a pipe that takes no byte more: its reader pauses (Ctrl-S, a stopped pager)."""
+    hear, say = os.pipe()
+    os.set_blocking(say, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(say, b"x" * 256)
+    os.set_blocking(say, True)
+    try:
+        yield say
+    finally:
+        os.close(hear)
+        os.close(say)
+
+
+@pytest.mark.few(0)
+@POSIX
+def test_readers_that_pause_hold_no_run_up(cell):
+    with full_pipe() as out, full_pipe() as err:
+        process = started(cell, Control(cell), "--json", "-", stdout=out, stderr=err)
+        try:
+            assert process.wait(120) == 0
+        finally:
+            process.kill()
+    assert len(readings(cell).touch) == 7
+
+
+@pytest.mark.few(0)
+@POSIX
+def test_a_run_whose_readers_pause_is_ended_by_one_signal(cell):
+    with full_pipe() as err:
+        process = started(cell, Control(cell, stop=3), stdout=subprocess.DEVNULL, stderr=err)
+        try:
+            while not (cell / "readings.journal").exists() or (cell / "readings.journal").read_bytes().count(b'"reading"') < 3:
+                assert process.poll() is None
+                time.sleep(0.02)
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60) == 3
+        finally:
+            process.kill()
+    assert len(readings(cell, "readings.partial.csv").touch) == 3
+
+
+@POSIX
+def test_what_waits_for_a_reader_arrives_in_order_and_what_is_too_much_is_dropped(monkeypatch):
+    monkeypatch.setattr(beside, "LAST", 0.2)
+    hear, say = os.pipe()
+    aside, most, line = beside.Aside(say), beside.MOST, "0123456789abcde\n" * 64
+    began = time.monotonic()
+    for number in range(2 * most // len(line)):
+        aside.write(f"{number} {line}")
+        aside.flush()
+    aside.drain()
+    assert time.monotonic() - began < 60.0
+    got, reader = [], threading.Thread(target=lambda: got.extend(iter(lambda: os.read(hear, 1 << 16), b"")))
+    reader.start()
+    aside.drain()
+    aside.write("the last\n")
+    aside.drain()
+    os.close(say)
+    reader.join()
+    os.close(hear)
+    *numbers, last = re.findall(r"^(\d+) 0123|^(the last)$", b"".join(got).decode(), re.MULTILINE)
+    assert [int(number) for number, _ in numbers] == list(range(len(numbers))) and last == ("", "the last")
+    assert most - 2 * len(line) < sum(map(len, got)) < 1.1 * most
 
 
 @POSIX
@@ -455,6 +525,43 @@ def test_journals_are_listed_verified_and_salvaged(cell):
     assert list(readings(cell, "saved.csv").touch) == [1, 2, 3, 5, 6, 7]
     again = Result("journal", "salvage", "-C", cell, "--out", cell / "saved.csv")
     assert (again.code, "never overwritten" in again.err) == (2, True)
+
+
+@pytest.mark.few(0)
+def test_salvage_names_what_verify_sees_and_writes_no_touch_twice(cell):
+    assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0
+    file = cell / "readings.journal"
+    lines = file.read_bytes().splitlines(keepends=True)
+    at = next(i for i, line in enumerate(lines) if b'"touch":4' in line)
+    spoilt = {
+        "doubled": ([*lines[: at + 1], *lines[at:]], [1, 2, 3, 4, 5, 6, 7], f"{file}:{at + 2}: entry {at} where"),
+        "taken out": ([*lines[:at], *lines[at + 1 :]], [1, 2, 3, 5, 6, 7], f"{file}:{at + 1}: entry {at + 1} where"),
+        "cut": (lines[:-1], [1, 2, 3, 4, 5, 6, 7], "lines were taken away or added"),
+    }
+    for name, (left, touches, said) in spoilt.items():
+        file.write_bytes(b"".join(left))
+        seen = Result("journal", "verify", "-C", cell).out
+        saved = Result("journal", "salvage", "-C", cell, "--out", cell / f"{name}.csv")
+        assert (saved.code, said in seen, seen.strip() in saved.err) == (1, True, True), (name, saved.err)
+        assert list(readings(cell, f"{name}.csv").touch) == touches, name
+    file.write_bytes(b"".join(lines))
+    whole = Result("journal", "salvage", "-C", cell, "--out", cell / "whole.csv")
+    assert (whole.code, whole.err) == (0, "")
+
+
+@POSIX
+@pytest.mark.parametrize("words", [("journal", "verify"), ("journal", "salvage"), ("run", "--resume", "--yes"), ("run", "--watch")])
+def test_a_pipe_in_the_place_of_the_journal_is_refused_and_not_waited_for(cell, words):
+    os.mkfifo(cell / "readings.journal")
+    more = ["--port", "socket://127.0.0.1:1"] if words[0] == "run" else []
+    command = [sys.executable, "-m", "tango_cnc", *words, "-C", str(cell), *more]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=100, check=False)
+    assert (done.returncode, b"readings.journal: a device or a pipe" in done.stderr) == (2, True), done.stderr
+    if words[-1] == "verify":
+        listed = subprocess.run(
+            [*command[:4], "list", *command[5:]], stdin=subprocess.DEVNULL, capture_output=True, timeout=100, check=False
+        )
+        assert (listed.returncode, b"a device or a pipe" in listed.stdout) == (0, True), listed.stderr
 
 
 @pytest.mark.few(0)

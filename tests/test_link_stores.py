@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import ftplib
+import socket
 import sys
+import threading
 from types import ModuleType
 from typing import Any
 
@@ -122,3 +125,60 @@ def test_what_the_control_refuses_is_told_from_a_line_that_broke(
     monkeypatch.setattr(sys.modules["paramiko"].SSHClient, "connect", connect)
     with pytest.raises(LinkError, match=said):
         open_port(parse("sftp://anna@192.0.2.7/TANGO.TXT", remote.OPTIONS))
+
+
+class Disk:
+    """FTP with one file of records. `ends` are the answers to the ends of transfers, the last one for all that follow."""
+
+    def __init__(self, *ends: str) -> None:
+        self.ends, self.sessions, self.content = list(ends), 0, b"TANGO START 4BC33F4A4AB1 3\nP1 H1 X1\n"
+        self.server = socket.create_server(("127.0.0.1", 0))
+        self.url = f"ftp://127.0.0.1:{self.server.getsockname()[1]}/T.TXT"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        while True:
+            connection, _ = self.server.accept()
+            self.sessions += 1
+            with contextlib.suppress(ConnectionError), connection, connection.makefile("rb") as lines:
+                connection.sendall(b"220 here\r\n")
+                for line in lines:
+                    connection.sendall(self._answer(line.split()[0].decode(), connection))
+
+    def _answer(self, verb: str, connection: socket.socket) -> bytes:
+        if verb == "PASV":
+            self.data = socket.create_server(("127.0.0.1", 0))
+            port = self.data.getsockname()[1]
+            return f"227 (127,0,0,1,{port >> 8},{port & 255})\r\n".encode()
+        if verb == "RETR":
+            connection.sendall(b"150 it comes\r\n")
+            data, _ = self.data.accept()
+            data.sendall(self.content)
+            data.close()
+            end = self.ends.pop(0) if len(self.ends) > 1 else self.ends[0]
+            return "".join(f"{answer}\r\n" for answer in end.split("|")).encode()
+        if verb == "SIZE":
+            return f"213 {len(self.content)}\r\n".encode()
+        return b"230 yes\r\n" if verb in ("USER", "PASS") else b"200 yes\r\n"
+
+
+DONE = "226 Transfer complete."
+
+
+@pytest.mark.parametrize("before", range(4))
+@pytest.mark.parametrize("end", [f"426 cut off|{DONE}", f"{DONE}|{DONE}"], ids=["cut off", "said twice"])
+def test_a_transfer_that_is_answered_twice_puts_no_ftp_session_out_of_step(end: str, before: int) -> None:
+    """The answer that is left over is none to the next question: a new session is opened for it."""
+    server = Disk(*[DONE] * before, end, DONE)
+    if end.startswith(DONE) and before < 2:  # while the port is opened nothing is tried again
+        with pytest.raises(LinkError, match="does not open: the control answers 226"):
+            open_port(parse(server.url, remote.OPTIONS))
+        return
+    port = open_port(parse(server.url, remote.OPTIONS))
+    server.content += b"P2 H1 X2\n"
+    assert port.read(1.0) == b"P2 H1 X2\n"
+    server.content += b"P3 H1 X3\n"
+    while not (last := port.read(1.0)):
+        pass
+    assert (last, server.sessions) == (b"P3 H1 X3\n", 2)
+    port.close()

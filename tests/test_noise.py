@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.coverage import CASES, coverage, pushed, row
+from support.coverage import CASES, coverage, measured, pushed, row, true_bar
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
 from tango_cnc.noise._fit import _components, _sure
+from tango_cnc.noise.tails import tails
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 
@@ -130,6 +131,49 @@ def test_a_drift_is_said_as_far_as_it_stands_out_of_its_uncertainty() -> None:
     assert every == pytest.approx(3.0**2 + 2.0**2, rel=0.05)
     assert sure == pytest.approx(2.0**2, rel=0.05)
     assert _sure(smooth, size, np.diag(uncertain / 3 * scale) ** 2, scale)[0] == pytest.approx(every)
+
+
+@pytest.mark.parametrize("nu", [3.0, 4.0])
+def test_heavy_tails_are_seen_and_normal_touches_are_not_taken_for_them(nu: float) -> None:
+    rng = np.random.default_rng(4)
+    heavy = rng.standard_t(nu, 400)
+    found = tails(heavy / heavy.std(), 350)
+    assert found is not None and 2 <= found[0] <= 5
+    assert found[1] == pytest.approx(1 / heavy.std(), rel=0.25)
+    assert sum(tails(rng.normal(size=400), 350) is not None for _ in range(50)) <= 2
+    assert tails(heavy / heavy.std(), 30) is None  # so few do not show it
+
+
+@pytest.mark.long
+def test_where_tails_are_heavy_a_touch_far_off_counts_for_less(cell: Cell, world: World) -> None:
+    """The deviations of all parameters are smaller by what the weights gain, and their standard deviations say so."""
+    apart, plain = [], []
+    for seed in range(12):
+        first = estimate(cell.machine, cell.artefact, measured(cell, world, "heavy tails", seed), cell.terms)
+        found = honest(first)
+        apart.append(list(off(found, world).values()))
+        plain.append([p.std / first.parameters[n].std for n, p in found.parameters.items()])
+    assert np.std(apart) < 1.25
+    assert np.median(plain) < 0.87
+
+
+def test_the_true_bar_is_as_its_certificate_leaves_it_open(cell: Cell) -> None:
+    bar = cell.artefact.scale_bar
+    assert bar is not None
+    drawn = [true_bar(cell.artefact, np.random.default_rng(seed)) for seed in range(200)]
+    ends = [[np.array(a.balls[b].centre) for b in bar.balls] for a in drawn]
+    off = [np.linalg.norm(other - one) - bar.length for one, other in ends]
+    assert np.std(off) == pytest.approx(bar.uncertainty, rel=0.15) and abs(np.mean(off)) < bar.uncertainty / 4
+
+
+@pytest.mark.long
+def test_a_walk_that_is_faster_than_a_twelfth_of_a_run_is_no_seating(cell: Cell, world: World) -> None:
+    """Of a walk with too few functions, the fast part looked like seating and scatter."""
+    noise = [
+        honest(estimate(cell.machine, cell.artefact, measured(cell, world, "random walk", s), cell.terms)).noise for s in range(8)
+    ]
+    assert sum(n is not None and n.seating > 0 for n in noise) <= 2
+    assert np.mean([n.white for n in noise if n is not None]) < 1.12 * world.noise
 
 
 @pytest.mark.campaign

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support.few import every
-from support.slips import SLIPS
+from support.slips import SLIPS, Slip
+from support.slips_more import MORE
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
@@ -42,8 +44,8 @@ def judged(cell: Cell, readings: Readings) -> Judgement:
         return judge(cell, readings, None)
 
 
-def case(cell: Cell, readings: Readings, slip: str, seed: int) -> Case | None:
-    spoilt = SLIPS[slip](cell, readings, np.random.default_rng([seed, sum(map(ord, slip))]))
+def case(cell: Cell, readings: Readings, slip: str, seed: int, kinds: Mapping[str, Slip] = SLIPS) -> Case | None:
+    spoilt = kinds[slip](cell, readings, np.random.default_rng([seed, sum(map(ord, slip))]))
     if spoilt is None:
         return None
     changed, given, answer = spoilt
@@ -112,6 +114,21 @@ def test_a_suspicion_says_where_and_what_to_change(root: Path) -> None:
     assert first.text == "the readings fit if A turns the other way"
     assert (first.file, first.key, first.line) == ("machine.yaml", "axes.A.direction", 8)
     assert first.change.startswith("write [1, 0, 0]") and first.after < 1e-3 < 1 < first.before
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("slip", ["positions_shuffled_among_all_rows", "one_column_sorted_alone", "a_table_five_per_cent_larger"])
+def test_sorted_columns_and_tables_of_another_size_are_named_first(slip: str, root: Path) -> None:
+    found = case(*measured(root, "trunnion", 41), slip, 41, MORE)
+    assert found is not None and found.judgement.verdict == "implausible" and found.rank == 1
+
+
+@pytest.mark.campaign
+def test_more_mistakes_on_three_machines(root: Path) -> None:
+    tried = [(e, s, case(*measured(root, e, s), slip, s, MORE)) for e in FIVE_AXES[:2] for s in (51, 52, 53) for slip in MORE]
+    found = [c for _, _, c in tried if c is not None]
+    assert not [c.slip for c in found if c.judgement.verdict == "trustworthy"]
+    assert np.mean([c.rank == 1 for c in found]) >= 0.9
 
 
 @pytest.mark.campaign

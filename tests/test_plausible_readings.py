@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +12,11 @@ import pytest
 
 from sim_controller.simulate import simulate
 from tango_cnc.estimate import estimate
-from tango_cnc.files import read_cell, read_world
+from tango_cnc.files import read_cell, read_readings_text, read_world, readings_text
 from tango_cnc.noise import honest
 from tango_cnc.plausible import judge
 from tango_cnc.plausible.data import Remark, remarks
+from tango_cnc.plausible.program import another_program
 from tango_cnc.records import Cell, Readings
 
 
@@ -171,6 +173,49 @@ def test_an_axis_the_wrong_way_on_the_first_example_is_no_traceback(axis: str, r
     spoilt = replace(readings, position=position)
     result = honest(estimate(known.machine, known.artefact, spoilt, known.terms))
     assert judge(known, spoilt, result, search=False).verdict == "implausible"
+
+
+def spoilt(readings: Readings, column: int, values: np.ndarray) -> Readings:
+    position = np.array(readings.position)
+    position[:, column] = values
+    return replace(readings, position=position)
+
+
+@pytest.mark.parametrize("column, way", [(0, 1), (1, -1), (2, 1)])
+def test_a_column_that_was_sorted_alone_is_named(cell: Cell, twice: Readings, column: int, way: int) -> None:
+    (remark,) = found(cell, spoilt(twice, column, np.sort(twice.position[:, column])[::way]))
+    assert (remark.kind, remark.key) == ("row_order", "XYZ"[column]) and "was sorted without its rows" in remark.text
+
+
+def test_a_column_that_a_plan_goes_through_in_one_way_is_not_sorted(cell: Cell, twice: Readings) -> None:
+    order = np.argsort(twice.position[:, 0])  # whole rows: each touch is still where its facet is
+    assert not [r for r in remarks(cell, twice.rows(order)) if r.kind == "row_order"]
+
+
+def test_positions_of_other_rows_are_not_called_rounded(cell: Cell, twice: Readings) -> None:
+    for seed in range(3):
+        mixed = replace(twice, position=twice.position[np.random.default_rng(seed).permutation(len(twice))])
+        assert not [r for r in remarks(cell, mixed) if r.kind == "rounded_positions"]
+
+
+@pytest.mark.parametrize("dropped", [{"dX", "dY", "dZ"}, {"dA"}, {"dX", "dY", "dZ", "dA", "dC", "dS"}], ids=len)
+def test_a_copy_of_readings_has_the_direction_columns_that_they_had(cell: Cell, twice: Readings, dropped: set[str]) -> None:
+    head, *rows = list(csv.reader(readings_text(twice).splitlines()))
+    kept = [i for i, name in enumerate(head) if name not in dropped]
+    without = "".join(",".join(row[i] for i in kept) + "\n" for row in (head, *rows))
+    read = read_readings_text(without, cell.machine, cell.artefact)
+    assert {f"d{name}" for name in read.derived} == dropped and readings_text(read) == without
+
+
+def test_a_row_copied_over_the_next_is_named_and_is_no_other_program(cell: Cell, twice: Readings) -> None:
+    one = twice.rows(twice.cycle == 1)
+    order = np.arange(len(one))
+    order[98] = 97
+    copied = replace(one.rows(order), touch=one.touch)
+    (remark,) = another_program(cell, copied)
+    assert (remark.kind, remark.touches) == ("repeated_touches", (99,)) and "to the last digit" in remark.text
+    shaken = spoilt(copied, 0, copied.position[:, 0] + 0.001 * (np.arange(len(one)) == 98))
+    assert {r.kind for r in another_program(cell, shaken)} == {"another_program"}
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(1 / 60, "minutes or hours"), (1000.0, "milliseconds")])

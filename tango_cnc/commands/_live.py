@@ -18,6 +18,9 @@ class Live:
     """Steps → progress on stderr, and one JSON object a line for other programs."""
 
     def __init__(self, file: str | None) -> None:
+        from ..link.aside import set_aside
+
+        set_aside()
         self._bar, self._stdout, self._lost = Progress(), file == "-", False
         # begun with the first step, so that a refused run leaves the file as it was
         self._out = None if file is None or self._stdout else click.open_file(file, "w", encoding="utf-8", lazy=True)

@@ -54,18 +54,11 @@ def list_(folder: Path, json_file: str | None) -> None:
 @json_option
 def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
     """Looks at every line of a journal (default: readings.journal of the cell). Exit status 1: it is damaged or was changed."""
-    from ..link.journal import RETURNS, look_at
+    from ..link.journal import look_at
 
     file = file or folder / LAST
     found = look_at(file)
-    complaints = [f"{file}: {RETURNS}"] if found.returns else []
-    complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
-    if not found.lines:
-        complaints.append(f"{file}: no entry in it")
-    if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:
-        complaints.append(
-            f"{file}: {file.with_suffix('.json').name} was written with another last line: lines were taken away or added"
-        )
+    complaints = _complaints(file, found)
     result = {
         "format": "tango-journal-check/1",
         "file": str(file),
@@ -89,7 +82,10 @@ def verify(folder: Path, file: Path | None, json_file: str | None) -> int:
 @obstructed_option
 @click.option("--out", type=Output(), metavar="FILE", help="Where the readings go; default: salvaged.csv beside the journal.")
 def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path | None) -> int:
-    """Writes the readings of all lines that are whole, before and after the damage. The journal stays as it is."""
+    """Writes the readings of all lines that are whole, before and after the damage. The journal stays as it is.
+
+    Exit status 1: the journal is damaged or was changed; what is wrong is said as 'tango journal verify' says it.
+    """
     from ..link.entries import Segment
     from ..link.journal import look_at, salvaged
     from ..link.readings import readings_of
@@ -99,7 +95,8 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
     target = out or file.with_name("salvaged.csv")
     if target.exists():
         raise InputError(f"--out: found {target}, which is there already; allowed: a new file. Readings are never overwritten")
-    entries, left_out = salvaged(look_at(file))
+    found = look_at(file)
+    entries, left_out = salvaged(found)
     hashes = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
     plans = [plan(part, obstructed) for part in by_stylus(read_cell(folder))]
     made = next((one for one in plans if plan_hash(one) in hashes), plans[0])
@@ -113,8 +110,25 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
         raise InputError(f"{file}: no reading in it is whole; nothing was written")
     write_text(target, readings_text(readings))
     lines = f", without line {', '.join(map(str, left_out))}" if left_out else ""
+    for complaint in (complaints := _complaints(file, found)):
+        click.echo(complaint, err=True)
     click.echo(f"{len(readings.touch)} readings → {target}{lines}")
-    return 1 if left_out else 0
+    return 1 if left_out or complaints else 0
+
+
+def _complaints(file: Path, found: Found) -> list[str]:
+    """journal, what is in it → one sentence for each fault."""
+    from ..link.journal import RETURNS
+
+    complaints = [f"{file}: {RETURNS}"] if found.returns else []
+    complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
+    if not found.lines:
+        complaints.append(f"{file}: no entry in it")
+    if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:
+        complaints.append(
+            f"{file}: {file.with_suffix('.json').name} was written with another last line: lines were taken away or added"
+        )
+    return complaints
 
 
 def _row(file: Path) -> dict[str, Any]:

@@ -101,9 +101,11 @@ def command(
 
     The plan is made anew from the cell and its program is written into program/ as 'tango plan' does.
     """
+    from ..link.aside import set_aside
     from ..link.measure import protocol_of
     from ..plan import plan
 
+    set_aside()
     target = readings_file or of_stylus(folder / "readings.csv", stylus or 1)
     if watching:
         _watched(target, json_file)

@@ -317,8 +317,10 @@ def broken_off(journal: Path) -> str:
 
 def resumed(journal: Path) -> str:
     """journal → what 'tango run' has to state to go on with its run."""
-    with suppress(OSError, ValueError), journal.open("rb") as lines:
-        found = RESUME.search(b"".join(itertools.islice(lines, 2)))  # which format it is, and the program
+    with suppress(OSError, ValueError, InputError):
+        plain(journal)
+        with journal.open("rb") as lines:
+            found = RESUME.search(b"".join(itertools.islice(lines, 2)))  # which format it is, and the program
         return str(json.loads(found[1])) if found else "--resume"
     return "--resume"
 

@@ -230,16 +230,20 @@ def last_direction(position: Array) -> Array:
 
 
 def readings_text(readings: Readings, decimals: int | None = 6) -> str:
-    """readings → text of readings.csv, mm and degrees; `decimals` None writes every digit."""
+    """readings → text of readings.csv, mm and degrees; `decimals` None writes every digit.
+
+    A direction that no column gave gets none: a copy says no more than what was measured.
+    """
     spelt = [a for a in readings.axes if a in "XYZ"], [a for a in readings.axes if a not in "XYZ"]
     axes = [*spelt[0], *spelt[1]]
     column = {name: readings.axes.index(name) for name in axes}
+    signs = [name for name in axes if name not in readings.derived]
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     extra = (["feed"] if readings.feed is not None else []) + [f"T_{name}" for name in readings.temperatures]
     extra += ["segment"] if readings.segment is not None else []
     extra += ["stylus"] if readings.stylus is not None else []
-    writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in axes), "status", "cycle", "day", *extra])
+    writer.writerow(["touch", "time_s", "facet", *axes, *(f"d{name}" for name in signs), "status", "cycle", "day", *extra])
 
     def shown(values: Array) -> list[str]:
         plain = values.tolist()
@@ -249,7 +253,7 @@ def readings_text(readings: Readings, decimals: int | None = 6) -> str:
     for a in axes:
         at = readings.position[:, column[a]]
         columns.append(shown(at if a in "XYZ" else np.array([math.degrees(value) for value in at.tolist()])))
-    columns += [[f"{sign:.0f}" for sign in readings.direction[:, column[a]].tolist()] for a in axes]
+    columns += [[f"{sign:.0f}" for sign in readings.direction[:, column[a]].tolist()] for a in signs]
     columns += [list(readings.status), list(readings.cycle), list(readings.day)]
     columns += [] if readings.feed is None else [[f"{feed:g}" for feed in readings.feed.tolist()]]
     for temperature in readings.temperatures.values():

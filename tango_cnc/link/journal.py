@@ -19,9 +19,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..files import checked
 from ..files.readjson import parse_json
 from ..records import InputError, LinkError
-from .entries import Entry, Opened, entry_of, plain
+from .entries import Entry, Opened, Reading, entry_of, plain
 from .lock import lock
 
 FORMAT = "tango-journal/1"
@@ -136,15 +137,27 @@ def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
     """journal → (entries that are whole, numbers of the lines that are left out).
 
     Where a hash does not fit, the line before was changed, or is damaged by itself: that one is left out, this one is whole.
+    No run writes a reading of one touch twice: the first counts.
     """
     changed = {line.number - 1 for line in found.lines if line.wrong.startswith("the hash of line")}
-    out = [line.number for line in found.lines if line.entry is None or line.number in changed]
-    return [line.entry for line in found.lines if line.entry is not None and line.number not in changed], out
+    entries: list[Entry] = []
+    out: list[int] = []
+    touched: set[int] = set()
+    for line in found.lines:
+        twice = isinstance(line.entry, Reading) and line.entry.touch in touched
+        if line.entry is None or line.number in changed or twice:
+            out.append(line.number)
+            continue
+        entries.append(line.entry)
+        if isinstance(line.entry, Reading):
+            touched.add(line.entry.touch)
+    return entries, out
 
 
 def _bytes(file: Path, known: ReadSoFar | None = None) -> tuple[bytes, ReadSoFar]:
     """file, what was read of it → the bytes after that, and what was read; from the beginning where it is another file now."""
     try:
+        checked.plain(file)
         with file.open("rb") as opened:
             state = os.fstat(opened.fileno())
             if not stat.S_ISREG(state.st_mode) or state.st_size > MOST:

@@ -14,6 +14,7 @@ from ..records import Array
 from ._decomposed import eigen, singular
 from ._start import positive, reachable
 from ._system import PLAIN, WIDER, System, beside, drifting, smooth, system
+from .tails import tails, thinned
 
 WORTH = 4.0  # twice the gain in log likelihood that a component needs
 RANGE = (-20.0, 25.0)  # of the logarithm of a component's variance over the white one
@@ -31,6 +32,8 @@ HALF = 0.35  # share of all touches without weight beyond which it is no matter 
 UNSURE = 0.01  # odds that the dropped touches of a facet are the right ones, above which none of it counts
 UNKNOWN = 0.75  # leverage above which a touch is predicted by hardly anything
 LOOSE = 1e-3  # least share of its variance that is left of a touch in the fit
+CLOSE = 0.05  # least share of its variance by which a touch is weighed: a ball may rest on two
+SHARES = 5  # steps to the weights of heavy tails, each of which leaves a third of the way
 CUT = 4.5  # standard deviations beyond which a touch has no weight
 PRIOR = 4.0  # touches that the common scatter counts for in that of a facet
 FEWEST = 2.5  # touches to spare on a facet that is judged by its own scatter
@@ -67,21 +70,20 @@ def by_noise(result: Estimate, settled: bool = True) -> Estimate:
         decided = keep
     if not np.array_equal(decided, keep):
         fitted = gls(s, decided, rough)
-    change = fitted.change
-    if settled and fitted.white and keep.all() and np.all(rough == 1):
+    last, factor = _settled(s, decided, rough, fitted)
+    if settled and fitted.white and keep.all() and np.all(rough == 1) and last is fitted:
         return replace(result, rejected=np.zeros(len(touches), dtype=np.bool_), noise=Noise(result.sigma))
     facets = {f: float(fitted.sigma * r) for f, r in zip(touches.facet, rough, strict=True) if r > 1}
     undecided = tuple(int(i) for i in touches.number[keep & ~decided])
     noise = Noise(
         fitted.sigma, fitted.walk, fitted.seating, facets, undecided=undecided, columns=fitted.columns, chance=fitted.chance
     )
-    residuals = result.residuals + s.jacobian @ (change / s.scale)
+    residuals = result.residuals + s.jacobian @ (last.change / s.scale)
     dof = result.dof - int((~decided).sum())
-    thinned = _thinned(fitted.left / (fitted.sigma * rough))
     return replace(
         result,
-        values=result.values + change,
-        covariance=fitted.covariance * thinned**2,
+        values=result.values + last.change,
+        covariance=last.covariance * factor**2,
         residuals=residuals,
         sigma=float(np.sqrt(residuals[decided] @ residuals[decided] / max(dof, 1))),
         dof=dof,
@@ -129,16 +131,25 @@ def _undecided(keep: NDArray[np.bool_], group: NDArray[np.int64]) -> NDArray[np.
     return found
 
 
-def _thinned(left: Array) -> float:
-    """(n,) residuals over their scatter → factor of the standard deviations where heavy tails reach the cut.
-
-    The slope of the mean of ψ(r) = r for |r| < c is P(|r| < c) − 2 c f(c) (Huber and Ronchetti 2009, 3.2); gross errors far beyond
-    c leave it at P, tails that pass through c do not. The density at c is that of the touches within a fifth of it.
+def _settled(s: System, keep: NDArray[np.bool_], rough: Array, fitted: Fitted) -> tuple[Fitted, float]:
+    """system, touches with weight, their scatter against the common one, the fit by that → the last fit, factor of its standard
+    deviations. Where tails are heavy, touches far off count for less, and the factor is that of Student's t.
     """
-    size = np.abs(left)
-    inside = float(np.mean(size < CUT))
-    near = float(np.mean(np.abs(size / CUT - 1) < 0.2)) / 0.4
-    return inside / max(inside - near, 0.5)
+    found = tails(_standard(fitted, rough)[keep], fitted.spare)
+    if found is None:
+        return fitted, thinned(fitted.left / (fitted.sigma * rough), CUT)
+    nu, share = found
+    scatter, last = share * fitted.sigma, fitted
+    for _ in range(SHARES):
+        off = _standard(replace(last, sigma=scatter), rough)
+        last = gls(s, keep, rough / np.sqrt((nu + 1) / (nu + off**2)), fitted.white)
+        scatter = last.sigma
+    return last, float(np.sqrt((nu + 3) / (nu + 1)))
+
+
+def _standard(fitted: Fitted, rough: Array) -> Array:
+    """→ (n,) residuals over their scatter, less where a touch draws the fit to itself."""
+    return np.asarray(fitted.left / (fitted.sigma * rough * np.sqrt(np.maximum(1 - fitted.lever, CLOSE))))
 
 
 @dataclass(frozen=True)

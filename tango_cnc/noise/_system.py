@@ -14,7 +14,8 @@ from ..records import Array, Machine
 from ..terms import SCALES, Coefficient
 from ._decomposed import eigen
 
-WAVES = 12  # functions of the walk in each direction
+WAVES = (24, 12)  # functions of the walk in each direction of each day: many, as far as there is room, and few
+EACH = 16  # touches of a day for each of many: what is faster is between two touches
 MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: white
 PLAIN = 0.1  # share of it, above which touches tell how large a smooth drift is
 WIDER = 3.0  # times the walk that a smooth drift may be which they do not tell
@@ -37,6 +38,7 @@ class System:
     repeats: float  # mm, the stated repeatability
     walk: Array  # (n, a), functions by day, the slowest first, each along x y z
     seats: Array  # (n, b)
+    waves: int = WAVES[-1]  # functions of a day in each direction
 
 
 def system(result: Estimate) -> System:
@@ -49,16 +51,19 @@ def system(result: Estimate) -> System:
     count = int(touches.indexation.max(initial=0)) + 1
     days = np.unique(touches.day)
     walk, seats = np.empty((n, 0)), np.empty((n, 0))
-    if 3 * (count + WAVES * len(days)) <= MOST:
+    waves = max(min(WAVES[0], n // len(days) // EACH), WAVES[-1]) if n else WAVES[-1]
+    if 3 * (count + waves * len(days)) > MOST:
+        waves = WAVES[-1]
+    if 3 * (count + waves * len(days)) <= MOST:
         place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
         seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
-        walk = np.hstack([_waves(touches.time, touches.day == day, normal) for day in days])
+        walk = np.hstack([_waves(touches.time, touches.day == day, normal, waves) for day in days])
     known_gaps = result.known_residuals * result.known_weights / result.sigma
     prior = (scale / _before(result)) ** 2
     jacobian, values = result.jacobian[:n] * scale, result.values / scale
     repeats = max(touches.machine.probe.repeatability, SIGMA_FLOOR)
     least = max(repeats / 5, SIGMA_FLOOR)
-    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, repeats, walk, seats)
+    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, repeats, walk, seats, waves)
 
 
 def _before(result: Estimate) -> Array:
@@ -77,11 +82,11 @@ def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
     return machine.tolerances.scale if c.name in SCALES else np.inf
 
 
-def _waves(time: Array, rows: NDArray[np.bool_], normal: Array) -> Array:
-    """→ (n, 3 WAVES) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
+def _waves(time: Array, rows: NDArray[np.bool_], normal: Array, waves: int) -> Array:
+    """→ (n, 3 waves) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
     span = np.ptp(time[rows]) or 1.0
     t = (time - time[rows].min()) / span
-    rate = (np.arange(WAVES) + 0.5) * np.pi
+    rate = (np.arange(waves) + 0.5) * np.pi
     wave = np.sqrt(2) * np.sin(t[:, None] * rate) / rate * rows[:, None]
     return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
 
@@ -102,7 +107,7 @@ def widened(s: System, columns: Array, prior: float = 0.0) -> System:
 
 def smooth(s: System) -> NDArray[np.bool_]:
     """system → (a,) columns of its walk that are smooth."""
-    return np.arange(s.walk.shape[1]) % (3 * WAVES) < 3 * SMOOTH
+    return np.arange(s.walk.shape[1]) % (3 * s.waves) < 3 * SMOOTH
 
 
 def drifting(s: System, turn: Array, seen: NDArray[np.bool_], variance: float) -> System:

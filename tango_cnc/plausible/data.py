@@ -10,11 +10,11 @@ import numpy as np
 
 from ..asked import Asked, asked, resume_of
 from ..judgement import Verdict
-from ..kinematics import chain, tip
 from ..records import Cell, Readings
 from ..texts import joined, say
+from ..touches import FAR
 from .copies import copied, last_digit, too_alike
-from .rounding import counted, grid, partly, swamping
+from .rounding import away, counted, grid, partly, swamping
 
 NEEDED = 0.9  # share of the planned touches without which a result is doubtful
 ENOUGH = 0.6  # share below which commands end with 1: about half of the plan
@@ -24,6 +24,7 @@ FEW = 8  # numbers that a sentence names
 SHORT = 0.25  # of the least time that the moves take, below which touches come too fast: minutes are a sixtieth
 LONG = 200.0  # times that least time, which half of the touches exceed: milliseconds are a thousand times as many
 EXACT = 2e-5  # mm from the nominal contact: nearer than any probe repeats
+LONGEST = 20  # touches that may go one way by the plan
 COARSE = 0.01  # mm: positions that are all whole multiples of it were rounded, or come from a display
 
 
@@ -52,6 +53,7 @@ def remarks(cell: Cell, readings: Readings, run: Mapping[str, Any] | None = None
     pasted = list(_pasted(cell, readings))
     yield from pasted or _echoed(readings)
     yield from _clock(readings)
+    yield from _sorted(cell, readings)
     yield from () if (run or {}).get("simulated") else _pace(cell, readings)  # a simulated control is as fast as it can
     yield from _rounded(cell, readings)
     yield from _alike(readings)
@@ -198,6 +200,20 @@ def _clock(readings: Readings) -> Iterator[Remark]:
         )
 
 
+def _sorted(cell: Cell, readings: Readings) -> Iterator[Remark]:
+    """No plan goes one way through a whole run while its touches are all over the table: a column was sorted without its rows."""
+    used = readings.rows(readings.ok)
+    if len(used) < LONGEST:
+        return
+    for name in cell.machine.linear:
+        steps = np.diff(used.position[:, used.axes.index(name)])
+        if not steps.any() or not ((steps >= 0).all() or (steps <= 0).all()):
+            continue
+        if np.median(away(cell, used)) > FAR:
+            change = say("plausible.readings.copy_column_again", name=name)
+            yield Remark("implausible", say("plausible.readings.column_sorted_alone", name=name), (), "row_order", name, change)
+
+
 def _pace(cell: Cell, readings: Readings) -> Iterator[Remark]:
     """Between two touches the axes go at rapid at most, and the search has its feed: who is much faster has another unit."""
     speed = np.array([axis.rapid / 60 if axis.rapid else np.inf for axis in cell.machine.axes])
@@ -262,11 +278,7 @@ def _nominal(cell: Cell, readings: Readings) -> Iterator[Remark]:
     used = readings.rows(readings.ok)
     if len(used) < 4:
         return
-    facets = [cell.artefact.facets[f] for f in used.facet]
-    radius = cell.machine.probe.tip_radius
-    contact = np.array([np.array(f.point) + radius * np.array(f.normal) for f in facets])
-    away = np.linalg.norm(tip(chain(cell.machine), used.position) - contact, axis=1)
-    if np.median(away) < EXACT:
+    if np.median(away(cell, used)) < EXACT:
         yield Remark(
             "implausible",
             say("plausible.readings.touches_were_made_exactly_where"),

@@ -24,8 +24,14 @@ def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | Non
     made, meant = readings.position[rows][:, turning], touches.position[place][:, turning]
     off = turned(made, meant)
     wrong = np.abs(off) > np.radians(TURNED)
-    facets = [int(readings.touch[r]) for r, p in zip(rows, place, strict=True) if readings.facet[r] != touches.facet[p]]
-    if facets:
+    others = [r for r, p in zip(rows.tolist(), place.tolist(), strict=True) if readings.facet[r] != touches.facet[p]]
+    facets = [int(readings.touch[r]) for r in others]
+    if others and all(_copied(readings, r) for r in others):
+        change = say("plausible.readings.put_row_back")
+        text = say("plausible.readings.row_copied_over", numbers=listed(facets), count=len(facets))
+        yield Remark("doubtful", text, tuple(facets), "repeated_touches", "touch", change)
+        wrong[np.isin(rows, others)] = False
+    elif facets:
         what = say("plausible.readings.name_another_facet_than_strategy")
         yield _other(readings, facets, what, "facet", say("plausible.readings.take_strategy_yaml_program_was"))
     if not wrong.any():
@@ -45,6 +51,15 @@ def another_program(cell: Cell, readings: Readings, run: Mapping[str, Any] | Non
     more = say("plausible.readings.has_other_sign_everywhere_counts", counted=counted[0]) if counted else ""
     what = say("plausible.readings.have_other_positions_than_strategy", columns=", ".join(own))
     yield _other(readings, numbers, what, ", ".join(own), change, more)
+
+
+def _copied(readings: Readings, row: int) -> bool:
+    """→ whether a row has the facet and every position of the row before it: no probe reads so twice."""
+    return (
+        row > 0
+        and readings.facet[row] == readings.facet[row - 1]
+        and bool(np.all(readings.position[row] == readings.position[row - 1]))
+    )
 
 
 def wrong_column(readings: Readings, column: Column) -> Remark:

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from ..kinematics import chain, inverse
+from ..kinematics import chain, inverse, tip
 from ..records import Array, Cell, Readings
+from ..touches import FAR
 
 STEPS = (0.1, 0.05, 0.0254, 0.01, 0.005, 0.00254)  # mm; 0.001 and 0.0001 inch too
 SHARE = 0.05  # of a search that an axis makes: with less, it may stand at the round number of the program
@@ -33,8 +34,13 @@ DIGIT = 1e-6  # mm, of readings.csv
 
 
 def partly(cell: Cell, readings: Readings) -> Iterator[tuple[str, float, tuple[int, ...]]]:
-    """cell, readings → (axis, step mm, touches) of each run of rows in which positions of an axis are whole multiples of a step."""
+    """cell, readings → (axis, step mm, touches) of each run of rows in which positions of an axis are whole multiples of a step.
+
+    Rows that were made elsewhere are left out: where positions belong to other rows, an axis that was sent to a round number and
+    stood there seems to have made the search.
+    """
     used = readings.rows(readings.ok)
+    used = used.rows(np.flatnonzero(away(cell, used) < FAR))
     every = list(_moved(cell, used))
     found = [(name, step, rows) for name, values, moved in every for step, rows in _rounded(values, moved)]
     for name, step, rows in found or _together(every):
@@ -100,6 +106,14 @@ def _moved(cell: Cell, used: Readings) -> Iterator[Moved]:
         column = used.axes.index(name)
         rows = np.flatnonzero(np.abs(search[:, column]) > SHARE)
         yield name, used.position[rows, column], rows
+
+
+def away(cell: Cell, used: Readings) -> Array:
+    """cell, touches that count → (n,) mm between the tip and where it would touch by the drawings."""
+    facets = [cell.artefact.facets[f] for f in used.facet]
+    radius = cell.machine.probe.tip_radius
+    contact = np.array([np.array(f.point) + radius * np.array(f.normal) for f in facets]).reshape(-1, 3)
+    return np.asarray(np.linalg.norm(tip(chain(cell.machine), used.position) - contact, axis=-1))
 
 
 def _lattice(values: Array, least: float) -> float:

@@ -54,7 +54,15 @@ class Ftp:
     """FTP, and FTP over TLS, by ftplib. A server without SIZE or REST is read from the beginning each time."""
 
     def __init__(self, parts: SplitResult, options: dict[str, str], secure: bool) -> None:
+        self._parts, self._options, self._secure = parts, options, secure
+        self._behind = False  # whether an answer may still come that belongs to a question of before
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new session. Raises LinkError where the control refuses it."""
+        parts, options, secure = self._parts, self._options, self._secure
         user, password = unquote(parts.username or "anonymous"), options.get("password", "")
+        self._behind = False
         self._ftp = ftplib.FTP_TLS(context=_context(options), timeout=PATIENCE) if secure else ftplib.FTP(timeout=PATIENCE)
         try:
             self._ftp.connect(parts.hostname or "", parts.port or PORTS["ftp"])
@@ -72,16 +80,37 @@ class Ftp:
                 raise refused(error) from None
             raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
 
+    @contextlib.contextmanager
+    def _asked(self) -> Iterator[None]:
+        """Within it, an answer that is none to the question is an OSError, as a line that broke: the session is dropped.
+
+        A transfer that was cut off may be answered twice (426, then 226): a new session is opened before the next question.
+        """
+        if self._behind:
+            self.close()
+            self._begin()
+        try:
+            yield
+        except (ftplib.error_reply, ftplib.error_proto, ftplib.error_temp) as error:
+            self._behind = True
+            raise OSError(f"the control answers {str(error).rstrip('.')}") from None
+        except ftplib.error_perm as error:
+            raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
+
     def size(self, path: str) -> int | None:
         """path → bytes of the file, None when there is none."""
-        try:
-            return self._ftp.size(path)
-        except ftplib.error_perm as error:
-            if not str(error).startswith("550"):
-                return len(self._whole(path) or b"")
-        if self._is_folder(path):
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        return None
+        with self._asked():
+            try:
+                answer = self._ftp.sendcmd(f"SIZE {path}")
+                if not answer.startswith("213"):
+                    raise ftplib.error_reply(answer)
+                return int(answer[3:])
+            except ftplib.error_perm as error:
+                if not str(error).startswith("550"):
+                    return len(self._whole(path) or b"")
+            if self._is_folder(path):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            return None
 
     def lacks(self, folder: str) -> bool:
         """folder → whether it is certain that it does not exist there."""
@@ -111,38 +140,44 @@ class Ftp:
             with contextlib.suppress(OSError):
                 if isinstance(data, ssl.SSLSocket):
                     data.unwrap()
-        with contextlib.suppress(ftplib.Error):  # the rest of a file that was not read to its end
+        try:
             self._ftp.voidresp()
+        except ftplib.Error:  # the rest of a file that was not read to its end; or the transfer was cut off
+            self._behind = True
         return b"".join(pieces)[:most]
 
     def read(self, path: str, offset: int, most: int) -> bytes:
         """path, from where, how many at most → bytes of the file."""
-        try:
-            return self._whole(path, offset, most) or b""
-        except ftplib.error_perm as error:
-            if str(error).startswith("550"):
-                return b""
-            return (self._whole(path) or b"")[offset : offset + most]  # no REST
+        with self._asked():
+            try:
+                return self._whole(path, offset, most) or b""
+            except ftplib.error_perm as error:
+                if str(error).startswith("550"):
+                    return b""
+                return (self._whole(path) or b"")[offset : offset + most]  # no REST
 
     def write(self, path: str, data: bytes) -> None:
         """path, bytes → the file has them."""
-        try:
-            self._ftp.storbinary(f"STOR {path}", BytesIO(data))
-        except ftplib.Error as error:
-            raise LinkError(str(error).rstrip(".")) from None
-        except OSError:  # the server has closed the data connection, and says why on the other one
+        with self._asked():
             try:
-                self._ftp.voidresp()
-            except ftplib.Error as why:
-                raise LinkError(str(why).rstrip(".")) from None
-            raise
+                self._ftp.storbinary(f"STOR {path}", BytesIO(data))
+            except (ftplib.error_perm, ftplib.error_temp) as error:
+                raise LinkError(str(error).rstrip(".")) from None
+            except OSError:  # the server has closed the data connection, and says why on the other one
+                self._behind = True
+                try:
+                    self._ftp.voidresp()
+                except ftplib.Error as why:
+                    raise LinkError(str(why).rstrip(".")) from None
+                raise
 
     def remove(self, path: str) -> None:
         """path → the file is there no more."""
-        try:
-            self._ftp.delete(path)
-        except ftplib.Error as error:
-            raise LinkError(str(error).rstrip(".")) from None
+        with self._asked():
+            try:
+                self._ftp.delete(path)
+            except (ftplib.error_perm, ftplib.error_temp) as error:
+                raise LinkError(str(error).rstrip(".")) from None
 
     def close(self) -> None:
         """Hangs up."""

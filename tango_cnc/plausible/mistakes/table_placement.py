@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ... import kinematics
 from ...records import Array, Artefact, Obstacle, Surface, Vector
 from ...texts import joined, say
 from ._case import Case, Hypothesis
 
+SMALLEST = 0.3  # of its size that a table is taken to be: what is beyond is a unit
 APART = ["facets@X", "facets@Y", "facets@Z"]  # all facets that are not on a ball
 
 
@@ -62,10 +64,31 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
                          least={f"E{'XYZ'[i]}w": artefact.tolerances.placement / 2})  # fmt: skip
     yield Hypothesis("", "artefact", "facets", "", free=["EXw", "EYw", "EZw"], words=_words, price=5.2,
                      least=dict.fromkeys(["EXw", "EYw", "EZw"], artefact.tolerances.placement / 2))  # fmt: skip
+    yield from _sized(case)
     if len({artefact.facets[f].ball is None for f in case.readings.facet}) == 2:
         for names, price in ((["facets@X"], 3.2), (["facets@Y"], 3.2), (["facets@Z"], 3.2), (APART, 5.6)):
             yield Hypothesis("", "artefact", "facets", "", free=names, words=_apart, price=price,
                              least=dict.fromkeys(names, artefact.tolerances.placement / 2))  # fmt: skip
+
+
+def _sized(case: Case) -> Iterator[Hypothesis]:
+    """case → the table as large, and with its origin, where the touches put it best: least squares along the normals."""
+    used = [case.artefact.facets[f] for f in case.readings.facet]
+    point, normal = np.array([f.point for f in used]), np.array([f.normal for f in used])
+    ball = kinematics.tip(kinematics.chain(case.machine), case.readings.position)
+    along = np.einsum("ij,ij->i", ball, normal) - case.machine.probe.tip_radius
+    columns = np.column_stack([np.einsum("ij,ij->i", point, normal), normal])
+    size, *shift = np.linalg.lstsq(columns, along, rcond=None)[0].tolist()
+    least = case.artefact.tolerances.placement / max(float(np.abs(point).max()), 1.0)
+    if SMALLEST < size < 1 / SMALLEST and abs(size - 1) > least:
+        yield Hypothesis(
+            say("mistake.table_placement.other_size", size=f"{size:.4g}"),
+            "artefact",
+            "facets",
+            say("mistake.table_placement.take_its_size", size=f"{size:.4g}"),
+            artefact=_mapped(case.artefact, size * np.eye(3), np.array(shift)),
+            price=5.6,
+        )
 
 
 def _words(values: Mapping[str, float]) -> tuple[str, str]:
@@ -105,12 +128,14 @@ def _surface(matrix: Array, surface: Surface | None) -> Surface | None:
 
 
 def _mapped(artefact: Artefact, matrix: Array, shift: Array | None = None) -> Artefact:
+    turn = matrix / np.linalg.norm(matrix[0])  # of directions, which have no size
+
     def point(v: Vector) -> Vector:
         x, y, z = _vector(matrix, v)
         return (x, y, z) if shift is None else (x + float(shift[0]), y + float(shift[1]), z + float(shift[2]))
 
     facets = {
-        key: replace(f, point=point(f.point), normal=_vector(matrix, f.normal), surface=_surface(matrix, f.surface))
+        key: replace(f, point=point(f.point), normal=_vector(turn, f.normal), surface=_surface(turn, f.surface))
         for key, f in artefact.facets.items()
     }
     balls = {key: replace(b, centre=point(b.centre)) for key, b in artefact.balls.items()}
