@@ -50,7 +50,7 @@ def test_a_full_disk_before_anything_was_sent_sends_nobody_to_the_control() -> N
             analysis=SimpleNamespace(choice=lambda *_: ("check", "due", (1,))),
             control=SimpleNamespace(preflight=lambda *_: [], measure=measure),
             disk=SimpleNamespace(free_mb=lambda: 1e6),
-            past=None,
+            past=SimpleNamespace(of_now=lambda: None),
         )
         record, *_ = _measured(Nightly(), cast(Ports, world), 0.0)
         assert record.get("moved") is moved and record["kind"] == "none"
