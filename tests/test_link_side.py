@@ -165,9 +165,10 @@ def test_readers_that_pause_hold_no_run_up(cell):
 def test_a_run_whose_readers_pause_is_ended_by_one_signal(cell):
     with full_pipe() as err:
         process = started(cell, Control(cell, stop=3), stdout=subprocess.DEVNULL, stderr=err)
+        until = time.monotonic() + 60
         try:
             while not (cell / "readings.journal").exists() or (cell / "readings.journal").read_bytes().count(b'"reading"') < 3:
-                assert process.poll() is None
+                assert process.poll() is None and time.monotonic() < until
                 time.sleep(0.02)
             process.send_signal(signal.SIGTERM)
             assert process.wait(60) == 3
