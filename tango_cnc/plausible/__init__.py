@@ -186,7 +186,8 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
         # One number of one axis does what a displacement needs three for, or touches of which each is wrong by itself.
         first = [tried[0], *(s for s in first if s.kind != tried[0].kind)]
         rest = [s for s in rest if s is not tried[0]]
-    if any(r.incomplete for r in found):  # so few touches fit many mistakes, and those that are missing say the most
+    lost = any(s.kind == "missing_touches" for s in own)  # where none is, a wrong cell can leave too few that fit it
+    if any(r.incomplete for r in found) and (lost or not whole):  # so few fit many mistakes; those that are missing say the most
         first += [s for s in own if s.kind == "missing_touches" and s not in first]
         rest = [less(s) for s in rest]
     named = {(s.kind, s.touches) for s in (*first[:1], *rest)}
