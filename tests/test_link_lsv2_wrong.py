@@ -5,6 +5,7 @@ import socket
 import pytest
 from support.lsv2 import Control, serving
 from support.lsv2_person import Person
+from support.profiles import spoken
 from support.runs import STRATEGY, Result
 
 from tango_cnc.commands.init import write_example
@@ -55,7 +56,7 @@ def cell(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wrong") / "cell"
     write_example(folder, "hu40t")
     (folder / "strategy.yaml").write_text(STRATEGY)
-    (folder / "tango.yaml").write_text((folder / "tango.yaml").read_text().replace("post: fanuc", "post: heidenhain"))
+    (folder / "tango.yaml").write_text(spoken((folder / "tango.yaml").read_text(), "post: heidenhain"))
     assert Result("plan", "-C", folder).code == 0
     return folder
 

@@ -68,7 +68,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
     if busy and told is not None:
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
-    ran = ran_of(request, row.machine) if told is None else ""
+    ran = ran_of(request, row.machine) if row.record is None else ""
     axes = state.places.geometry(row.machine)
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
