@@ -240,7 +240,8 @@ def test_late_or_early_one_way_and_backlash_cannot_be_told_apart_and_the_result_
     letter = "XYZ"[axis]
     assert not found[0], "nothing is late"
     side = {1: "-", -1: "+", 0: "±"}[sign]
-    (said,) = found[1]
+    said, *others = found[1]
+    assert all(t in judgement.remarks for t in others), "what else may look so is a note, no reason"
     assert ("latched late" if size > 0 else "read early") in said
     way = next(w for w in re.split(": |, or ", said) if (f"toward {letter}{side} (" in w if sign else "both ways (" in w))
     assert judgement.verdict == verdict and all(name in way for name in named)
