@@ -31,6 +31,7 @@ LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
 PACE = 1500.0  # mm/min between touches: no dialect's usual positioning feed is less
 PRICES = (0.0, *(1e-6 * 2.0**step for step in range(10)))  # of a mm of way, in what touches tell, while they take too long
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
+SAME_SIDE = 0.5  # cosine of the angle between normals of facets on one side of the table
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
@@ -261,6 +262,15 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
     return Located(found[:3], found[3:], residual, left_out, artefact)
+
+
+def unseen(artefact: Artefact, names: Sequence[str]) -> tuple[str, ...]:
+    """artefact, touched facets → facets on sides of the table where no touch was: a table of another size has them elsewhere, and
+    no touch shows it.
+    """
+    touched = np.array([artefact.facets[name].normal for name in names])
+    flat = {key: facet for key, facet in artefact.facets.items() if facet.ball is None and facet.surface is None}
+    return tuple(key for key, facet in flat.items() if float((touched @ np.array(facet.normal)).max()) < SAME_SIDE)
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:

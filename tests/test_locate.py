@@ -368,3 +368,14 @@ def test_a_round_table_is_refused_and_says_that_its_turn_cannot_be_told() -> Non
     """Huron: nothing but one side of a slot tells how the table is turned, and a table 20 mm away shows another side there."""
     with pytest.raises(InputError, match=r"14 of its 18 facets are on a cylinder or a ball: .* Nothing was moved"):
         locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "huron"))
+
+
+def test_facets_on_sides_that_no_touch_was_on_are_named() -> None:
+    """A table 1 % larger was placed, and four walls behind it stood 3 mm elsewhere than was said."""
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "trunnion")
+    names = tuple(touch.facet for touch in locate.strategy(cell).touches)
+    unseen = locate.unseen(cell.artefact, names)
+    sides = {key: np.array(cell.artefact.facets[key].normal) for key in (*names, *unseen)}
+    assert unseen and all(max(sides[one] @ sides[other] for other in names) < 0.5 for one in unseen)
+    assert not locate.unseen(cell.artefact, tuple(cell.artefact.facets))
+    assert not locate.unseen(CELL.artefact, [touch.facet for touch in made().touches])

@@ -111,7 +111,7 @@ def command(
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
     kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
-    known = locate.known_to(made.artefact, kept, agrees)
+    known, unseen = locate.known_to(made.artefact, kept, agrees), locate.unseen(made.artefact, kept)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -119,6 +119,7 @@ def command(
         "residual_mm": [round(float(v), 4) for v in found.residual],
         "left_out": list(found.left_out),
         "known_mm": round(known[0], 3),
+        "unseen": list(unseen),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
     }
@@ -139,6 +140,11 @@ def command(
             "table. Something else was met there: see what it is before you go on"
         )
     click.echo(f"facets that are right to {agrees:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}")
+    if unseen:
+        click.echo(
+            f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
+            "them. Measure that size before you trust a short search there"
+        )
     click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
 
 
