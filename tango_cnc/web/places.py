@@ -123,6 +123,11 @@ class Places:
         self._asked[key] = (stamp, now + AGAIN * (1 + zlib.crc32(str(key).encode()) % 100 / 100), answer)
         return answer
 
+    def written(self, history: History, machine: str) -> str:
+        """history, name of a machine → what differs once something is written of it: its file, on a server the end of its chain."""
+        stamp = self._stamp(history)
+        return repr(stamp or self.kept(f"heads {id(history)}", history.newest_hashes).get(machine))
+
     def _stamp(self, history: History) -> Stamp:
         """history → what its file and its log look like; empty for one on a server, which is asked every time."""
         where = next((place for place, each in self._histories.items() if each is history), "://")

@@ -32,7 +32,7 @@ from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
 
 NAMED = 3  # machines that are late, by their names
 GROUPS = {"no": 1, "unknown": 2, "but": 3, "wait": 4, "yes": 5, "none": 6}  # in this order; 0: one that may still move
-STAY, LONG = 30.0, 600.0  # s that is kept what a decision under the same counts could change, and what nothing changes
+LONG = 600.0  # s that is kept what nothing changes
 
 
 def fleet(request: Request) -> Response:
@@ -266,7 +266,13 @@ def _urgent(r: Mapping[str, Any]) -> tuple[int, bool, float, str]:
 
 def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     """row of the fleet, state → what is wrong with the machine, as its own page has it: each cause once, the largest first."""
-    return state.places.kept(f"faults {_stamp(row)}", lambda: _faults(row, state), STAY)
+    m, places = row.machine, state.places
+    if m.history is None:
+        return []
+    old = places.old(m, measured_on(row.record or {}, row.before))
+    stated = f"{places.owner(m)} {places.deputy(m)} {id(places.geometry(m))} {old}"
+    key = f"faults {_stamp(row)} {places.written(m.history, m.name)} {stated}"
+    return places.kept(key, lambda: _faults(row, state), LONG)
 
 
 def _stamp(row: Row) -> str:
