@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +41,21 @@ def pages(place: Path) -> dict[str, str]:
     with TestClient(create(settings), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
         texts = {path: client.get(path).text for path in ("/", "/alarms", f"/machine/{NAME}")}
     return {path: re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", text)) for path, text in texts.items()}
+
+
+@contextmanager
+def looked_at(place: Path, every: float) -> Iterator[Callable[[], str]]:
+    """cell, seconds between two looks → looks at the list of machines."""
+    now = [0.0]
+    app = create(Settings((place,), late_hours=1e6))
+    app.state.tango.places.clock = lambda: now[0]
+    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+
+        def shown() -> str:
+            now[0] += every
+            return client.get("/").text
+
+        yield shown
 
 
 def test_the_largest_open_alarm_comes_first_though_somebody_has_it(tmp_path: Path) -> None:
@@ -138,17 +155,10 @@ def test_an_error_just_within_its_limit_does_not_look_like_the_limit(tmp_path: P
 @pytest.mark.long
 def test_what_another_program_adds_is_shown_after_five_seconds(tmp_path: Path) -> None:
     """A decision at the computer, and a night: what is kept of the machine before is not shown again."""
-    knock, now = moved(2, "EX0C", 20.0), [0.0]
+    knock = moved(2, "EX0C", 20.0)
     records = [night(NAME, i) for i in (0, 1)] + [night(NAME, 2, "changed", alarms=[knock])]
     place = cell(tmp_path / "one", records=records)
-    app = create(Settings((place,), late_hours=1e6))
-    app.state.tango.places.clock = lambda: now[0]
-    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
-
-        def shown() -> str:
-            now[0] += 6.0
-            return client.get("/").text
-
+    with looked_at(place, every=6.0) as shown:
         assert "Call Ann" in shown()
         with opened(place / "history.db") as history:
             history.decide(NAME, Decision(knock["id"], "acknowledge", "Ben"))
@@ -165,18 +175,11 @@ def test_what_another_program_adds_is_shown_after_five_seconds(tmp_path: Path) -
 @pytest.mark.long
 def test_causes_are_told_anew_once_something_was_written_and_not_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With an alarm on each of two hundred machines every look after half a minute took seconds of the processor."""
-    asked, now = [], [0.0]
+    asked: list[Any] = []
     monkeypatch.setattr("tango_cnc.web.pages.fleet.faults", lambda *a, **k: asked.append(a) or faults(*a, **k))
     knock = moved(2, "EX0C", 20.0)
     place = cell(tmp_path / "one", records=[night(NAME, 0), night(NAME, 1), night(NAME, 2, "changed", alarms=[knock])])
-    app = create(Settings((place,), late_hours=1e6))
-    app.state.tango.places.clock = lambda: now[0]
-    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
-
-        def shown() -> str:
-            now[0] += 45.0
-            return client.get("/").text
-
+    with looked_at(place, every=45.0) as shown:
         assert all("Call Ann" in shown() for _ in range(8)) and len(asked) == 1
         for who in ("Ben", "Dan"):  # counts of alarms stay as they are from one to the other
             with opened(place / "history.db") as history:

@@ -15,9 +15,11 @@ import numpy as np
 from tango_cnc.estimate import Estimate, estimate
 from tango_cnc.files import read_cell
 from tango_cnc.iso230 import ranges
-from tango_cnc.iso230.signed import signed
+from tango_cnc.iso230.signed import Sheet, signed
 from tango_cnc.records import Readings, TangoError
 from tests.support.truth import Truth
+
+Row = tuple[str, str, float | None, tuple[float, float] | None, float]  # kind, name, value, interval, truth
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FIRST = 1000  # seed; lower ones served to set the upper end of the intervals of ranges
@@ -59,12 +61,15 @@ def touched(truth: Truth, names: tuple[str, ...]) -> Readings:
     )
 
 
-def one(
-    name: str, seed: int, longer: float | None = None, drawn: type[Truth] = Truth
-) -> list[tuple[str, str, float | None, tuple[float, float] | None, float]]:
+def one(name: str, seed: int, longer: float | None = None, drawn: type[Truth] = Truth) -> list[Row]:
     """example, seed, as `measured` → kind, name, value, interval and truth of every figure; None where it was withheld."""
     truth, result = measured(name, seed, longer, drawn)
     sheet = signed(result)
+    return against(truth, result, sheet)
+
+
+def against(truth: Truth, result: Estimate, sheet: Sheet) -> list[Row]:
+    """true machine, estimate, its figures → kind, name, value, interval and truth of each; None where it was withheld."""
     known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
     found = []
     for f in sheet.figures:

@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.polynomial import legendre
 
-from tango_cnc.iso230 import ranges
 from tango_cnc.iso230.signed import signed
-from tests.support.iso_coverage import EXAMPLES, estimated
+from tests.support.iso_coverage import EXAMPLES, Row, against, estimated
 from tests.support.truth import AXES, Truth
 
 FIRST = 90000  # seed
@@ -94,26 +93,13 @@ def folder_of(name: str, into: Path) -> Path:
     return cell
 
 
-Row = tuple[str, str, float | None, tuple[float, float] | None, float]
-
-
 def one(folder: Path, seed: int, drawn: type[Truth], longer: float | None = None) -> list[Row]:
     """cell, seed, how machines are drawn, how much longer a second stylus and the tool are → kind, name, value, interval, truth."""
     truth = drawn(folder, seed, longer=longer)
     result = estimated(truth, folder)
     sheet = signed(result, None if longer is None else truth.length + longer)
     truth.length = sheet.reference.length
-    known = truth.figures(ranges(result.model.touches), dict(sheet.reference.pose))
-    found = []
-    for f in sheet.figures:
-        if " − " in f.name or " + " in f.name:
-            sign = -1 if " − " in f.name else 1
-            a, b = f.name.split(" − " if sign < 0 else " + ")
-            real = known[f.kind, a] + sign * known[f.kind, b]
-        else:
-            real = known[f.kind, f.name]
-        found.append((f.kind, f.name, f.value, f.interval, float(real)))
-    return found
+    return against(truth, result, sheet)
 
 
 def main(count: int, way: str, names: list[str], longer: float | None, first: int) -> None:
