@@ -33,10 +33,12 @@ def needed(found: Chosen, good: Good, more_than: float = 0.0, longest: float = L
         made, short = found, minutes
         with suppress(InputError):
             made = choose.quick(problem.of_time(60 * minutes))
-            if good(problem, made.information) and believed(made):
-                return minutes
-            made = made if exchanging_takes_long(problem) else choose.exchanged(made)
-            if good(problem, made.information) and believed(made):
+            if exchanging_takes_long(problem):  # the search has touches to spare where a quick plan has not
+                enough = good(problem, made.information)
+            elif not (enough := good(problem, made.information) and believed(made)):
+                made = choose.exchanged(made)
+                enough = good(problem, made.information) and believed(made)
+            if enough:
                 return minutes
         later = math.ceil(2 * minutes * LATER) / 2
         minutes = later if made is found else max(_look(made, good, short, longest) or longest + 1, later)
