@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.designs import quickly
 from support.trust_parts import judged
 
 from sim_controller.simulate import simulate
@@ -172,6 +173,7 @@ def designed(name: str, goal: str, minutes: float | None = None, feed: float | N
 def test_what_a_plan_of_some_minutes_promises_is_kept(
     name: str, goal: str, minutes: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    quickly(monkeypatch)
     monkeypatch.setattr(shortest, "ENOUGH", 2)  # searches: more of them make a plan that is shorter by some percent
     found = propose.propose(designed(name, goal, minutes))
     assert to_spare(found) >= SPARE and (minutes is not None or found.seconds < 120)
@@ -193,6 +195,7 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(
 
 @pytest.mark.long
 def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    quickly(monkeypatch)
     said: list[str] = []
     ready = designed("three_axis_calibrated", "locations", None, 200.0)  # mm/min of protected moves
     ready = replace(ready, problem=replace(ready.problem, say=said.append))
