@@ -238,6 +238,7 @@ def test_what_is_wrong_with_a_part_is_said(cell: Path, capsys: pytest.CaptureFix
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_what_the_budget_adds_counts_no_touch_without_weight() -> None:
     _, result, sheet = next(machines(range(1)))
     n, m = len(result.residuals), len(result.known_weights)
