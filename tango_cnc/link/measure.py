@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import secrets
 import signal
 import threading
@@ -33,7 +32,7 @@ from .address import Address, linked, parse, spoken
 from .client import Task
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
-from .process import boot
+from .process import boot, endings
 from .readings import missing, provenance, readings_of
 from .rest import durations, repeatable, rest_of
 from .secrets import shown
@@ -193,7 +192,7 @@ def _signals() -> Iterator[Callable[[], int]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: 0
         return
-    ends = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]  # SIGHUP: the session was closed
+    ends = [signal.SIGINT, *endings()]
     before = {number: signal.signal(number, lambda received, frame: asked.append(received)) for number in ends}
     try:
         yield lambda: len(asked)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,11 @@ def alive(pid: int, since: str = "") -> bool:
         return False
     began = born(pid) if since else ""
     return not (since and began and began != since)
+
+
+def endings() -> tuple[int, ...]:
+    """→ signals other than Ctrl-C that ask a program to end: of the system, of a session that was closed, of Ctrl-Break."""
+    return tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
 
 
 def boot() -> str:

@@ -84,7 +84,7 @@ def _advice(address: Address, error: Exception) -> str:
         )
     if ways()[address.scheme].needs != "device":
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
-    busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)
+    busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error) or "PermissionError(13" in str(error)  # Windows
     there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"
     step = "Another program has it open: close that one" if busy else "Check the cable, the name and your permission to use it"
     return f"Serial ports of this computer: {there}. {step}."
