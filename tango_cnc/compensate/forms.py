@@ -35,7 +35,7 @@ class Form:
     machine: str = ""  # that the file names
 
     def enter(self, label: str, number: float) -> None:
-        """Adds an entry; of a label that is there already the second, the third …"""
+        """label, number → the form with this entry; of a label that is there already with the second, the third …"""
         count, name = 1, label
         while name in self.entries:
             count += 1
