@@ -129,8 +129,9 @@ def command(**options: Any) -> int:
 
 def _checked(folder: Path, checked: Path, json_file: str | None) -> int:
     """cell, folder of a compensation → exit code: whether its files are as they were written."""
-    record = loop.check(checked)
-    if (folder / loop.CELL).exists():
+    here = (folder / loop.CELL).exists()
+    record = loop.check(checked, folder if here else None)
+    if here:
         whose_is(loop.Kept(0, checked, record), read_cell(folder, strategy=False))
     if not write_json(json_file, {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
         click.echo(f"{checked}: every file of {record['target']} for the machine {record.get('machine')!r} is as it was written")
