@@ -22,8 +22,9 @@ from support.simulated_runs import cell as cell  # a fixture
 from support.windows import absent, missing
 
 from tango_cnc.commands.init import write_example
+from tango_cnc.link import transport
 from tango_cnc.link.protocols import dnc
-from tango_cnc.link.transport import _person, _port, open_port, parse
+from tango_cnc.link.transport import open_port, parse
 from tango_cnc.records import LinkError
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="which files are open is asked of /proc")
@@ -38,7 +39,7 @@ import json, os, signal, threading
 from pathlib import Path
 from tango_cnc.link import lock
 from tango_cnc.link.journal import Journal
-from tango_cnc.link.measure import _signals
+from tango_cnc.link import measure
 from tango_cnc.link.process import endings
 from tango_cnc.records import LinkError
 
@@ -75,7 +76,7 @@ assert "is another 'tango run' using it" in said[1], said
 journal.close()
 Journal(folder / "readings.journal", resume=True).close()
 assert endings() == (signal.SIGTERM, signal.SIGUSR2)  # which stands for SIGBREAK
-with _signals() as stop:
+with measure._signals() as stop:
     signal.raise_signal(signal.SIGUSR2)
     assert stop() == 1
 print("all")
@@ -190,7 +191,7 @@ def test_a_character_of_wrong_parity_arrives_as_sub(monkeypatch: pytest.MonkeyPa
     vars(win32).update(DCB=State, GetCommState=state, SetCommState=stated)
     monkeypatch.setitem(sys.modules, "serial.win32", win32)
     monkeypatch.setattr(serial, "win32", win32, raising=False)
-    monkeypatch.setattr(_port, "os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr("tango_cnc.link.transport._port.os", SimpleNamespace(name="nt"))
     monkeypatch.setattr(serial, "serial_for_url", lambda target, **settings: Com3(kept))
     address = parse("serial://COM3?bits=7&parity=even&flow=xonxoff", dnc.OPTIONS)
     if not takes:
@@ -203,6 +204,34 @@ def test_a_character_of_wrong_parity_arrives_as_sub(monkeypatch: pytest.MonkeyPa
     kept.clear()
     open_port(parse("serial://COM3", dnc.OPTIONS))
     assert kept == []
+
+
+@pytest.mark.parametrize("url", ["serial://COM3", "rfc2217://127.0.0.1:2217?baud=9600"])
+@pytest.mark.parametrize("timeout", [0.0, 0.01])
+def test_a_look_between_two_pieces_of_a_program_waits_for_nothing(
+    monkeypatch: pytest.MonkeyPatch, url: str, timeout: float
+) -> None:
+    """32 bytes and 50 ms at 9600 baud were 640 of the 960 characters a second that the line carries."""
+    came, slept = [0, 0, 5], [0.0]
+
+    class Silent(Com3):
+        in_waiting = property(lambda self: came.pop(0) if came else 0)
+
+        def read(self, size: int) -> bytes:
+            assert size == 5 and not came, "nothing had arrived: pyserial waits for it"
+            return b"P1 H1"
+
+    def sleep(seconds: float) -> None:
+        slept[0] += seconds
+
+    monkeypatch.setattr("tango_cnc.link.transport._port.os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr("tango_cnc.link.transport._port.time", SimpleNamespace(monotonic=lambda: slept[0], sleep=sleep))
+    monkeypatch.setattr(serial, "serial_for_url", lambda target, **settings: Silent([]))
+    port = open_port(parse(url, dnc.OPTIONS))
+    if timeout:
+        came.append(5)  # looked at once more, for its size
+        assert port.read(timeout) == b"P1 H1" and 0 < slept[0] < 0.01
+    assert port.read(0.0) == b"" and slept[0] < 0.01
 
 
 def test_a_port_that_another_program_has_open_is_said_to_be_busy(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -220,12 +249,12 @@ def test_enter_that_was_pressed_before_the_question_is_no_answer(monkeypatch: py
     keys = ModuleType("msvcrt")
     vars(keys).update(kbhit=lambda: bool(typed), getwch=lambda: typed.pop(0))
     monkeypatch.setitem(sys.modules, "msvcrt", keys)
-    monkeypatch.setattr(_person, "os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr("tango_cnc.link.transport._person.os", SimpleNamespace(name="nt"))
     left: list[int] = []
 
     def answered() -> str:
         left.append(len(typed))
         return "\n"
 
-    monkeypatch.setattr(_person.sys, "stdin", SimpleNamespace(isatty=lambda: True, readline=answered))
-    assert _person.Person().asked(5.0) is True and left == [0]
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(isatty=lambda: True, readline=answered))
+    assert transport._person.Person().asked(5.0) is True and left == [0]

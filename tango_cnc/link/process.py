@@ -53,7 +53,9 @@ def alive(pid: int, since: str = "") -> bool:
 
 def endings() -> tuple[int, ...]:
     """→ signals other than Ctrl-C that ask a program to end: of the system, of a session that was closed, of Ctrl-Break."""
-    return tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name))
+    if os.name == "nt":
+        return signal.SIGTERM, signal.SIGBREAK  # type: ignore[attr-defined, unused-ignore]
+    return signal.SIGTERM, signal.SIGHUP
 
 
 def boot() -> str:

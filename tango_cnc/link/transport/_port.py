@@ -13,7 +13,7 @@ import serial
 from ..address import DEFAULTS, Address
 from ..ways import Way
 from ..wire import SUB, unmarked
-from ._line import SLICE, Lost, reason
+from ._line import REST, SLICE, Lost, reason
 
 
 class Port:
@@ -82,6 +82,10 @@ class Port:
                 raise OSError("it is ready to be read but nothing is there")
             return data
         until = time.monotonic() + timeout
+        while timeout < SLICE and not self._port.in_waiting:  # bytes wait to be sent: a read would hold each piece up for a slice
+            if time.monotonic() >= until:
+                return b""
+            time.sleep(REST)
         while True:
             data = bytes(self._port.read(max(1, self._port.in_waiting)))
             if data or time.monotonic() >= until:
