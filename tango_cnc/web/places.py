@@ -364,7 +364,7 @@ class Places:
         stamp = {s.machine: (s.nights, None if s.last is None else s.last.entry) for s in own}
         before, known = self._nights.get(key, ({}, {}))
         new = [name for name, counts in stamp.items() if before.get(name) != counts]
-        if new or before.keys() != stamp.keys():
+        if new or before.keys() != stamp.keys() or key not in self._nights:
             found: dict[str, list[Night]] = {name: listed for name, listed in known.items() if name in stamp and name not in new}
             if len(new) <= FEW:
                 read = [night for name in new for night in history.nights(name, last=STRIP)]
