@@ -75,11 +75,12 @@ def test_another_compensation_than_the_one_in_the_control_is_refused(cell: Path)
     proposal = propose(first("trunnion"), "haas", poses=100)
     one, two = (loop.store(cell, proposal, day) for day in (NOW, LATER))
     asked: dict[str, Any] = {"present": one.folder, "file": None, "trial_of": None, "target": "haas"}
-    assert present(cell, asked)[1] == one.record  # nothing is noted as written: the person knows
+    at = replace(example("trunnion")[0], folder=cell)
+    assert present(at, asked)[1] == one.record  # nothing is noted as written: the person knows
     loop.note(cell, two, LATER, "written")
     with pytest.raises(InputError, match=r"compensation 2 \(haas\) is in the control; allowed: --present .*002-haas"):
-        present(cell, asked)
-    assert present(cell, {**asked, "present": two.folder})[1] == two.record
+        present(at, asked)
+    assert present(at, {**asked, "present": two.folder})[1] == two.record
 
 
 def test_a_folder_that_is_no_cell_is_named(tmp_path: Path) -> None:

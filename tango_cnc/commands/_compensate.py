@@ -133,6 +133,7 @@ def text(proposal: Proposal) -> str:
     lines += _together(proposal)
     if not proposal.given:
         lines += ["", "present values: taken as empty tables and the geometry of machine.yaml; give them with --present"]
+    lines += [f"NOTE: {doubt}" for doubt in proposal.doubts]
     lines += ["", "not confirmed; check each on your control before you write:"]
     lines += [f"  - {item}" for item in targets.unconfirmed(proposal.module)] or ["  nothing"]
     return "\n".join(lines)

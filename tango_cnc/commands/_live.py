@@ -4,14 +4,37 @@ from __future__ import annotations
 
 import json
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
-
-import click
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ._progress import Progress, said
 
 if TYPE_CHECKING:
     from ..link.session import News
+
+
+class LateFile:
+    """A text file that begins with its first text, so that a run that is refused leaves the file as it was."""
+
+    def __init__(self, file: str) -> None:
+        self._file = Path(file)
+        self._out: TextIO | None = None
+
+    def write(self, text: str) -> int:
+        """text → its length. Raises OSError, also where the file does not open: by then the machine moves."""
+        if self._out is None:
+            self._out = self._file.open("w", encoding="utf-8")
+        return self._out.write(text)
+
+    def flush(self) -> None:
+        """What was written is in the file. Raises OSError."""
+        if self._out is not None:
+            self._out.flush()
+
+    def close(self) -> None:
+        """The end of the file. Raises OSError."""
+        if self._out is not None:
+            self._out.close()
 
 
 class Live:
@@ -22,8 +45,7 @@ class Live:
 
         set_aside()
         self._bar, self._stdout, self._lost = Progress(), file == "-", False
-        # begun with the first step, so that a refused run leaves the file as it was
-        self._out = None if file is None or self._stdout else click.open_file(file, "w", encoding="utf-8", lazy=True)
+        self._out = None if file is None or self._stdout else LateFile(file)
 
     def __enter__(self) -> Live:
         return self

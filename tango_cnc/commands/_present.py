@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ..compensate import loop
+from ..compensate import loop, whose
 from ..compensate.hidden import Present, of_record, uncorrected
-from ..files.checked import load
+from ..files.checked import load, read_text
 from ..files.origin import check_values, current, read_origin
-from ..records import InputError
+from ..files.then import with_texts
+from ..records import Cell, InputError
 
+OWNER = re.compile(r"^\s*#\s*machine\s*[:=]\s*(\S.*)$", re.MULTILINE | re.IGNORECASE)
 WANTED = (
     "a folder that 'tango compensate' has written, or a YAML file with a line `place: number` for every number of the "
     "control (--dry-run --json - lists places of a target)"
 )
 
 
-def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapping[str, Any]]:
+def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mapping[str, Any]]:
     """cell, options → what the control holds, record of the compensation that was given (empty without one).
 
-    Raises InputError where it is not stated though a compensation is in the control, and where the readings cannot contain it. A
-    sign trial changes one place, whatever the readings contain.
+    Raises InputError where it is not stated though a compensation is in the control, for numbers of another machine, and where the
+    readings cannot contain it. A sign trial changes one place, whatever the readings contain.
     """
+    folder = cell.folder
     source: Path | None = options["present"]
     last = loop.in_control(folder)
     none = source is None or str(source) == "none"
@@ -48,6 +52,7 @@ def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapp
     readings, judged = current(folder, options["file"]), options["trial_of"] is None
     if source.is_dir():
         record = loop.check(source)
+        whose_is(loop.Kept(0, source, record), cell, "--present: ")
         if record["target"] != options["target"]:
             raise InputError(f"--present: found a compensation for {record['target']}; allowed: one for {options['target']}")
         if last is not None and last.record["digest"] != record["digest"]:
@@ -59,7 +64,7 @@ def present(folder: Path, options: dict[str, Any]) -> tuple[Present | None, Mapp
         if judged and readings.exists() and (why := loop.before(folder, record, rows(readings), ended(readings))):
             raise InputError(_lacking(folder, source, record, readings, why))
         return of_record(record), record
-    numbers = values_of(source)
+    numbers = values_of(source, cell.machine.name)
     if judged:
         contained(folder, options, "What they find would be added to numbers that take it away already")
         click.echo(
@@ -112,11 +117,43 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
     )
 
 
-def values_of(source: Path) -> dict[str, float]:
-    """YAML file of {place: number} → the control's numbers. Raises InputError for what is no number."""
+def whose_is(kept: loop.Kept, cell: Cell, where: str = "") -> None:
+    """compensation, cell, what a person gave → nothing. Raises InputError where it was made for another machine."""
+    texts = {role: text for role, text in kept.record.get("made_from", {}).items() if role == "machine"}
+    then = with_texts(cell, texts, kept.folder / loop.MADE_FROM).machine if texts else None
+    if why := whose.of_record(kept.record, cell.machine, then):
+        name = cell.machine.name
+        raise InputError(
+            f"{where}{kept.folder}: found {why}; allowed: one that was proposed for {name!r}. Where its files are in the "
+            f"control of {name!r}, load there what it had before"
+        )
+
+
+def values_of(source: Path, machine: str) -> dict[str, float]:
+    """YAML file of {place: number}, name of the machine of the cell → the control's numbers.
+
+    A key `machine`, or a comment `# machine: NAME`, states whose they are. Raises InputError for those of another one, and for what
+    is no number.
+    """
     try:
-        return {key: node.position() for key, node in load(source).items()}
+        nodes = dict(load(source).items())
+        own = nodes.pop("machine").text() if "machine" in nodes else None
+        numbers = {key: node.position() for key, node in nodes.items()}
     except InputError as error:
         raise InputError(
             f"--present: found {source}, which is no file of numbers of a control ({error}); allowed: {WANTED}"
         ) from None
+    stated = OWNER.search(read_text(source))
+    own = own or (stated[1].strip() if stated is not None else None)
+    if own is not None and own != machine:
+        raise InputError(
+            f"--present: {source}: found numbers of the machine {own!r}, and the cell is of {machine!r}; allowed: those of "
+            f"{machine!r}, read back from its control"
+        )
+    if own is None:
+        click.echo(
+            f"note: {source} does not say of which machine its numbers are; a line 'machine: {machine}' would, and those of "
+            "another machine would be refused",
+            err=True,
+        )
+    return numbers

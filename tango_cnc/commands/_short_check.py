@@ -43,7 +43,7 @@ from ..records import Cell, InputError, Readings
 from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
-from ._present import ended, rows
+from ._present import ended, rows, whose_is
 from ._trust import told, traced
 from .check import positioning_feed
 from .design import gate_of
@@ -113,7 +113,7 @@ def as_then(cell: Cell, kept: loop.Kept) -> Cell:
     """
     texts = {role: text for role, text in kept.record.get("made_from", {}).items() if role in ("machine", "artefact")}
     then = with_texts(cell, texts, kept.folder / loop.MADE_FROM)
-    of_machine(kept, cell.machine.name)
+    whose_is(kept, cell)
     if changed := moved(then, cell):
         listed = ", ".join(changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
         raise InputError(
@@ -122,15 +122,6 @@ def as_then(cell: Cell, kept: loop.Kept) -> Cell:
             f"were then (made_from in {kept.folder / loop.RECORD}). A stylus, travels and feeds may change"
         )
     return then
-
-
-def of_machine(kept: loop.Kept, name: str) -> None:
-    """compensation, name of the machine of a cell → nothing. Raises InputError where it was made for another machine."""
-    if (own := kept.record.get("machine", name)) != name:
-        raise InputError(
-            f"{kept.folder}: found a compensation for the machine {own!r}, and the cell is of {name!r}; allowed: one that was "
-            f"proposed for {name!r}. Where its files are in the control of {name!r}, load there what it had before"
-        )
 
 
 def _probe(cell: Cell) -> str:

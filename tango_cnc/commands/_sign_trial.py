@@ -17,9 +17,9 @@ from ..files import read_readings
 from ..files.then import at_that_time
 from ..records import Cell, InputError, TangoError
 from ..touches import Touches, from_readings
-from . import _compensate, _short_check
+from . import _compensate
 from ._common import write_json
-from ._present import ended, rows
+from ._present import ended, rows, whose_is
 
 BLIND = "no touch feels this change, whatever its sign, so these readings say nothing of it"
 WITHOUT = (
@@ -71,7 +71,7 @@ def judged(cell: Cell, options: dict[str, Any]) -> int:
             "the trial. Before and after were given the wrong way round"
         )
     module = targets.load(record["target"])
-    _short_check.of_machine(loop.Kept(0, options["sign_of"], record), cell.machine.name)
+    whose_is(loop.Kept(0, options["sign_of"], record), cell)
     before, after = (_touches(at_that_time(cell, file), file) for file in (options["file"], options["after"]))
     settings = targets.options(module, _compensate.settings_of(record))
     request = targets.Request(cell.machine, _compensate.volume_of(_compensate.volume_text(record), cell.machine), settings)

@@ -27,7 +27,7 @@ from ..verify.apart import apart
 from . import _compensate, _program, _scales, _short_check, _sign_trial
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
-from ._present import contained, ended, present, rows
+from ._present import contained, ended, present, rows, whose_is
 from ._trust import despite_option, judged, made_up, usable
 
 PLACE = "Act 10"  # in the list of commands
@@ -129,9 +129,10 @@ def command(**options: Any) -> int:
 
 def _checked(folder: Path, checked: Path, json_file: str | None) -> int:
     """cell, folder of a compensation → exit code: whether its files are as they were written."""
-    record = loop.check(checked)
-    if (folder / loop.CELL).exists():
-        _short_check.of_machine(loop.Kept(0, checked, record), read_cell(folder, strategy=False).machine.name)
+    here = (folder / loop.CELL).exists()
+    record = loop.check(checked, folder if here else None)
+    if here:
+        whose_is(loop.Kept(0, checked, record), read_cell(folder, strategy=False))
     if not write_json(json_file, {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
         click.echo(f"{checked}: every file of {record['target']} for the machine {record.get('machine')!r} is as it was written")
     return 0
@@ -155,7 +156,7 @@ def _proposed(cell: Cell, options: dict[str, Any]) -> int:
     if options["target"] is None:
         raise InputError(f"--target: found none; allowed: {', '.join(targets.names())}; 'tango compensate --list' describes them")
     targets.load(options["target"])
-    there, last = present(folder, options)
+    there, last = present(cell, options)
     simulated = _consented(folder, options) if options["trial_of"] is not None or not options["dry_run"] else False
     result, judgement = _estimate(cell, options)
     proposal = propose(
@@ -254,7 +255,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
 def _written(folder: Path, number: int) -> int:
     kept = loop.one(folder, number)
     loop.check(kept.folder)
-    _short_check.of_machine(kept, read_cell(folder, strategy=False).machine.name)
+    whose_is(kept, read_cell(folder, strategy=False))
     if (state := loop.state(folder, number)) != "proposed":
         anew = f" ({_again(folder, kept)})" if state == BACK else ""
         raise InputError(f"--written: found compensation {number}, which is noted as {state}; allowed: one that is proposed{anew}")

@@ -19,7 +19,7 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
-from ._live import Live
+from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
 from ._start import ask, gate_of, obeys, unattended, unproven_of
@@ -264,11 +264,11 @@ def resuming(until: str | None, obstructed: str | None, stylus: int | None, read
 
 @contextmanager
 def _transcript(file: str | None) -> Iterator[Any]:
-    """--transcript → what it is written to, or None; begun with the first byte, so that a refused run leaves the one before.
+    """--transcript → what it is written to, or None; begun with the first byte.
 
     Its end may be written when it is closed: what fails then is said, and changes nothing of the run.
     """
-    out = None if file is None else click.open_file(file, "w", encoding="utf-8", lazy=True)
+    out: Any = None if file is None else click.open_file(file, "w") if file == "-" else LateFile(file)
     try:
         yield out
     finally:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..estimate import Estimate
 from ..records import Array, InputError, Machine, TangoError
-from . import hidden, targets
+from . import hidden, targets, whose
 from .fit import Fit, fit, holding, known, rms
 from .hidden import Present
 from .promise import Figure
@@ -41,6 +41,7 @@ class Proposal:
     unseen: float  # µm rms over the volume that the control takes away and the readings do not contain
     pinned: tuple[str, ...] = ()  # places of centers and directions that keep their values, as no touch shows them
     not_identifiable: tuple[str, ...] = ()  # what no touch shows of the machine, in sentences: none of the numbers contains it
+    doubts: tuple[str, ...] = ()  # whether the present values are those of this machine, in sentences
 
     @property
     def held(self) -> tuple[Held, ...]:
@@ -90,10 +91,16 @@ def propose(
     there = Present({}, {}) if present is None else present
     for place in there.numbers:
         if place not in places:
+            if why := whose.unknown(place, there.numbers, held, request, target):
+                raise InputError(
+                    f"--present: found {place!r}: {why}; allowed: {_some(places)}. Take numbers "
+                    f"{whose.CONTROL_OF.format(machine=machine.name)}, with the volume and settings that its tables have"
+                )
             raise InputError(
                 f"--present: found {place!r}, which this target with these settings does not store; allowed: {_some(places)}. "
                 "Tables of other points cannot be added: give the same volume and settings as when they were written"
             )
+    doubts = whose.looked_at(there, held, request)
     now = {h.place: h.base for h in held} | dict(there.numbers)
     before = there.before(held)
     unseen = hidden.unseen(held, now, before)
@@ -109,7 +116,7 @@ def propose(
     said = over if not volume else "as given"
     not_shown = tuple(c.text for c in result.selection.unseen)
     pinned = tuple(h.place for h, kept in zip(held, holds.pinned, strict=True) if kept)
-    return Proposal(target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown)
+    return Proposal(target, module, request, best, numbers, now, given, said, before, size, pinned, not_shown, doubts)
 
 
 def _some(places: set[str]) -> str:
@@ -190,6 +197,7 @@ def as_json(proposal: Proposal) -> dict[str, Any]:
         "volume": {name: _limits(machine, name, proposal.request.limits) for name in proposal.request.limits},
         "over": proposal.over,
         "present_given": proposal.given,
+        **({"present_doubts": list(proposal.doubts)} if proposal.doubts else {}),
         "unseen_um": round(proposal.unseen, 4),
         "keep_present": list(proposal.pinned),
         "not_identifiable": list(proposal.not_identifiable),

@@ -54,6 +54,8 @@ class Held:
     tcp: bool = False  # whether it acts only with tool centre point control on
     coefficient: str = ""  # the coefficient of the model that v is, where it is one
     reach: float | None = None  # mm or rad, the most that a ratio is multiplied by over the volume; None: the longest travel
+    along: int | None = None  # of a center: which of x y z of the machine it is
+    between: bool = False  # of a center: it counts from another axis, and from no zero of the machine
     counted: bool = False  # its file has a whole number: of how many increments it is
 
     def number(self, value: float) -> float:

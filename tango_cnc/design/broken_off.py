@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -135,13 +135,17 @@ class Parts:
         usual, lasts = self.worth(begin, ())
         late = self.late(begin)
 
-        def cost(way: list[int]) -> float:
+        @cache
+        def known(way: tuple[int, ...]) -> float:
             if not self.first[way[0]] or order.length(way, self.times) >= LONG:
                 return np.inf
             phi, seconds = self.worth(way, parts)
             lost = float(np.log(phi[-1] / usual[-1])) + DEAR * float(np.log(seconds / lasts))
             more = max(0.0, self.late(way) - late)
             return float(np.log(phi[:-1]).sum()) + weight * (lost + 10 * max(0.0, lost - 1.5 * LOSS) + more)
+
+        def cost(way: list[int]) -> float:
+            return known(tuple(way))
 
         rng = np.random.default_rng(len(begin))
         more_starts = STARTS if len(begin) <= FEW else 0

@@ -203,9 +203,11 @@ def _hopeless(problem: Problem) -> None:
         return
     fullest = np.argsort([-len(own) for own in choice.of_pose], kind="stable")[:TRIED]
     mask = np.isin(choice.pose, fullest)
-    own = replace(problem, ways=Ways(looked=problem.ways.looked))  # three that have no way to each other may have one to others
+    own = replace(
+        problem, ways=Ways(looked=problem.ways.looked, legs=problem.ways.legs)
+    )  # three that have no way to each other may have one to others
     try:
-        trial, _ = passable(own, mask, sorted(fullest.tolist()), order.Legs(choice.cell, problem.feed))
+        trial, _ = passable(own, mask, sorted(fullest.tolist()), order.Legs(choice.cell, problem.feed, problem.ways.legs))
     except NoWay:
         return
     most, touches = least.most_told(problem, costs_of(trial), problem.seconds)
@@ -278,7 +280,7 @@ def _fitted(problem: Problem, mask: Mask, relaxed: Relaxed, visited: list[int] |
     more = needed(problem, mask) | proving(problem, mask)
     mask = (mask | more) & ~problem.barred
     choice = problem.choice
-    legs = order.Legs(choice.cell, problem.feed)
+    legs = order.Legs(choice.cell, problem.feed, problem.ways.legs)
     best: Chosen | None = None
     worse = 0
     for _ in range(TRIMS):

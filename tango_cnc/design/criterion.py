@@ -95,7 +95,8 @@ class State:
 
     def seen(self, rows: Array) -> tuple[Array, Array]:
         """(n, p) touches → (n,) leverage x C x, (n,) x G x."""
-        return np.einsum("ij,ij->i", rows @ self.covariance, rows), np.einsum("ij,ij->i", rows @ self.gain, rows)
+        leverage = np.einsum("ij,ij->i", rows @ self.covariance, rows)
+        return leverage, leverage if self.gain is self.covariance else np.einsum("ij,ij->i", rows @ self.gain, rows)
 
     def slope(self, rows: Array) -> Array:
         """(n, p) touches → (n,) x G x: what φ falls by for a very small part of each."""

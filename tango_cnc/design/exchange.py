@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..records import Array
 from .criterion import Criterion, State, swaps, value
-from .relaxed import Costs, Relaxed, Rows
+from .relaxed import Costs, Relaxed, Rows, table_of
 
 LOOK = 4  # touches given up at least between two looks at whole visits
 BATCH = 0.02  # of the touches, and of how much too long the plan is, given up at once
@@ -19,7 +19,7 @@ SMALL = 2e-4  # of φ: an exchange that gains less is not made
 SURELY = 1 - 1e-6  # of a lower bound, for what rounding adds
 NEAREST = 4  # new visits that are worked out exactly
 PASSES = 1
-Kept = tuple[NDArray[np.bool_], Array, State, tuple[Array, Array] | None]
+Kept = tuple[NDArray[np.bool_], Array, State, tuple[Array, Array] | None, Array]
 
 
 class Draft:
@@ -39,24 +39,24 @@ class Draft:
         self.rows, self.pose, self.of_pose, self.held, self.costs = rows, pose, of_pose, held, costs
         self.criterion, self.chosen = relaxed.criterion, chosen.copy()
         self.needed = np.zeros(len(rows), dtype=np.bool_)  # touches that are never left out
-        self._table = np.full((len(of_pose), max(map(len, of_pose), default=0)), len(rows))
-        for j, own in enumerate(of_pose):
-            self._table[j, : len(own)] = own
+        self._table = table_of(of_pose, len(rows))
         self.renew()
 
     def renew(self) -> None:
         """C and G from the touches, without what rounding has gathered."""
         self.information = self.held + self.rows[self.chosen].T @ self.rows[self.chosen]
         self.state = State.of(self.criterion, self.information)
+        self._exact = self.state.covariance  # C as it is until a touch changes it
         self._seen: tuple[Array, Array] | None = None
 
     def keep(self) -> Kept:
         """→ what `back` needs to come back to this plan."""
-        return self.chosen.copy(), self.information, State(self.criterion, self.state.covariance, self.state.gain), self._seen
+        state = State(self.criterion, self.state.covariance, self.state.gain)
+        return self.chosen.copy(), self.information, state, self._seen, self._exact
 
     def back(self, kept: Kept) -> None:
         """The plan of `keep` again, without working anything out."""
-        chosen, self.information, state, self._seen = kept
+        chosen, self.information, state, self._seen, self._exact = kept
         self.chosen, self.state = chosen.copy(), State(self.criterion, state.covariance, state.gain)
 
     @property
@@ -92,6 +92,8 @@ class Draft:
     @property
     def value(self) -> float:
         """→ φ; of the worst of many the mean with the weights that it is chosen by."""
+        if self.state.covariance is self._exact and self.criterion.spread is not None:
+            return float(np.vdot(self.criterion.spread, self._exact))
         chosen = self.rows[self.chosen]
         return value(Criterion(self.criterion.name, self.criterion.spread), self.held + chosen.T @ chosen)
 
@@ -277,6 +279,7 @@ class Draft:
         for row in np.flatnonzero(self.chosen).tolist():
             if not self.chosen[row]:
                 continue
+            self._looked()  # before it is kept, or each touch that comes back is looked at anew
             kept, now = self.keep(), self.value
             self.change(row, -1)
             self.fill(seconds)

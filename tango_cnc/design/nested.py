@@ -119,10 +119,9 @@ def _further(start: Chosen, problem: Problem, again: float) -> list[Indexation]:
     _, times, light, each, relaxed = best
     choice = light.choice
     mask = whole(choice.rows, choice.pose, choice.of_pose, light.held, each, seconds, relaxed, SHAKES)
-    legs, found = order.Legs(choice.cell, problem.feed), []
+    legs, found = order.Legs(choice.cell, problem.feed, problem.ways.legs), []
     for j in np.unique(choice.pose[mask]).tolist():
         position = dict(choice.cell.strategy.indexations[j].position)
         names = [choice.facet[i] for i in np.flatnonzero(mask & (choice.pose == j))]
-        way = [names[i] for i in order.path(legs.between(position, names))]
-        found.append(Indexation(position, tuple(f for f in way for _ in range(times))))
+        found.append(Indexation(position, tuple(f for f in legs.way(position, names) for _ in range(times))))
     return found

@@ -40,9 +40,15 @@ class Tour:
     rows: Rows  # numbers of its touches among all
     legs: Array  # (m, m) s
     way: list[int]  # places in `rows`
+    _known: tuple[list[int], Array, Rows] | None = None  # a way, and what `more` gives of it
 
-    def more(self) -> tuple[Array, Array]:
+    def more(self) -> tuple[Array, Rows]:
         """→ (m,) s that the way gets longer by each facet, (m,) place in the way where it then comes."""
+        if self._known is None or self._known[0] != self.way:
+            self._known = (list(self.way), *self._more())
+        return self._known[1:]
+
+    def _more(self) -> tuple[Array, Rows]:
         way = self.way
         if not way:
             return np.zeros(len(self.rows)), np.zeros(len(self.rows), dtype=int)
@@ -67,7 +73,7 @@ class Exchange:
         self.criterion, self.information, barred = problem.criterion, found.information, problem.barred
         number = {tuple(sorted(i.position.items())): j for j, i in enumerate(choice.cell.strategy.indexations)}
         own = problem.ordered([number[tuple(sorted(i.position.items()))] for i in visits]).choice
-        legs = order.Legs(choice.cell, problem.feed)
+        legs = order.Legs(choice.cell, problem.feed, problem.ways.legs)
         first = {(t.indexation, t.facet): n for n, t in reversed(list(enumerate(found.plan.touches)))}
         touched = {facet for _, facet in first}
         balls = {choice.cell.artefact.facets[f].ball for f in touched}

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from ..records import Array, Cell, Indexation, InputError, Machine, Strategy
 
 Rows = NDArray[np.int64]
 Turning = tuple[int, int]  # from one visit to another
+Known = dict[tuple[object, ...], NDArray[Any]]  # indexation, approach and facets: s from each to each, or a way
 LEG = 1e-9
 TOUCHING = ("probe", "find", "off", "near", "back")  # the moves of a touch itself
 
@@ -30,9 +32,10 @@ TOUCHING = ("probe", "find", "off", "near", "back")  # the moves of a touch itse
 class Legs:
     """Times between facets of one indexation: up, over and down, as the planner goes and the machine moves."""
 
-    def __init__(self, cell: Cell, feed: float | None) -> None:
-        """cell, mm/min of protected moves."""
+    def __init__(self, cell: Cell, feed: float | None, known: Known | None = None) -> None:
+        """cell, mm/min of protected moves, what is known of the same machine and table at this feed."""
         machine = cell.machine
+        self._known: Known = {} if known is None else known
         self._cell, self._chain = cell, kinematics.chain(machine)
         self._roof = Roof(check.solid(cell.artefact), machine.probe)
         linear = [machine.axis(name) for name in machine.linear]
@@ -41,7 +44,20 @@ class Legs:
         self._probe = cell.strategy.approach
 
     def between(self, position: dict[str, float], facets: Sequence[str]) -> Array:
-        """indexation (rad), m facets → (m, m) s from stand-off to stand-off."""
+        """indexation (rad), m facets → (m, m) s from stand-off to stand-off; worked out once."""
+        key = *sorted(position.items()), self._probe, *facets
+        if key not in self._known:
+            self._known[key] = self._between(position, facets)
+        return self._known[key]
+
+    def way(self, position: dict[str, float], facets: Sequence[str]) -> list[str]:
+        """indexation (rad), m facets → these in the order of a short way through all."""
+        key = "way", *sorted(position.items()), self._probe, *facets
+        if key not in self._known:
+            self._known[key] = np.array(path(self.between(position, facets)), dtype=int)
+        return [facets[i] for i in self._known[key].tolist()]
+
+    def _between(self, position: dict[str, float], facets: Sequence[str]) -> Array:
         machine, standoff = self._cell.machine, self._probe.standoff
         at = np.array([[position.get(name, 0.0) for name in machine.names]])
         up = kinematics.spindle_axis(self._chain, at)[0]

@@ -30,19 +30,11 @@ FITS = 5  # plans until the time is met
 
 
 class _Legs(order.Legs):
-    """Times between facets, worked out once for each indexation."""
-
-    def __init__(self, cell: Cell, feed: float | None) -> None:
-        """cell, mm/min of protected moves."""
-        super().__init__(cell, feed)
-        self._known: dict[tuple[object, ...], Array] = {}
+    """Times between some facets of an indexation."""
 
     def among(self, indexation: Indexation, picked: Sequence[int]) -> Array:
         """indexation, m of its facets by number → (m, m) s from stand-off to stand-off."""
-        key = (*sorted(indexation.position.items()), indexation.facets)
-        if key not in self._known:
-            self._known[key] = self.between(dict(indexation.position), indexation.facets)
-        return self._known[key][np.ix_(picked, picked)]
+        return self.between(dict(indexation.position), indexation.facets)[np.ix_(picked, picked)]
 
 
 def regular(problem: Problem) -> Chosen:

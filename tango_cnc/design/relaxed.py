@@ -16,7 +16,7 @@ best ones. The bound holds at every step, however far from the optimum.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,17 +55,23 @@ class Relaxed:
     ratio: Array | None = None  # (m,) what a second at each indexation tells at best, beside what is chosen already
 
 
-def best_visits(gradient: Array, of_pose: Sequence[Rows], costs: Costs) -> tuple[Array, list[Rows]]:
-    """(n,) g, rows of each indexation, costs → (m,) best Σ g / (b + Σ c) of one visit, and the touches of that visit."""
-    ratio, chosen = np.empty(len(of_pose)), []
-    per_second = gradient / costs.touch
+def table_of(of_pose: Sequence[Rows], count: int) -> Rows:
+    """rows of each of m indexations, n → (m, k) the same in a table, filled up with n."""
+    table = np.full((len(of_pose), max(map(len, of_pose), default=0)), count)
     for j, own in enumerate(of_pose):
-        order = own[np.argsort(-per_second[own], kind="stable")]
-        reached = np.cumsum(gradient[order]) / (costs.visit[j] + np.cumsum(costs.touch[order]))
-        best = int(np.argmax(reached))
-        ratio[j] = reached[best]
-        chosen.append(np.sort(order[: best + 1]))
-    return ratio, chosen
+        table[j, : len(own)] = own
+    return table
+
+
+def best_visits(gradient: Array, table: Rows, costs: Costs) -> tuple[Array, Callable[[int], Rows]]:
+    """(n,) g, (m, k) rows of each indexation, costs → (m,) best Σ g / (b + Σ c) of one visit, and by its number its touches."""
+    dearest = np.append(-gradient / costs.touch, np.inf)[table]
+    order = np.take_along_axis(table, np.argsort(dearest, axis=1, kind="stable"), axis=1)
+    time = costs.visit[:, None] + np.cumsum(np.append(costs.touch, np.inf)[order], axis=1)
+    reached = np.cumsum(np.append(gradient, 0.0)[order], axis=1) / time
+    reached[order == len(gradient)] = -np.inf
+    best = np.argmax(reached, axis=1)
+    return reached[np.arange(len(table)), best], lambda j: np.sort(order[j, : best[j] + 1])
 
 
 def relax(
@@ -92,7 +98,7 @@ def relax(
     if begin is not None and begin.many is not None:
         many = begin.many
     here, lowest, found = criterion, -np.inf, criterion
-    ratio = np.zeros(len(of_pose))
+    ratio, table = np.zeros(len(of_pose)), table_of(of_pose, len(rows))
     total: Array = np.zeros(len(rows))
     for _ in range(rounds):
         touched = np.concatenate([visits[key] for key in keys])
@@ -115,7 +121,7 @@ def relax(
             weight = weight * (np.maximum(rate, 0.0) / rate.max()) ** POWER  # rounding may leave it below zero
             weight *= seconds / (weight @ price)
         gradient = state.slope(rows)
-        ratio, chosen = best_visits(gradient, of_pose, costs)
+        ratio, chosen = best_visits(gradient, table, costs)
         excess = seconds * float(ratio.max()) - float(total @ gradient)
         now = value(Criterion(here.name, here.spread), information)
         low = below(here, now, excess)
@@ -126,9 +132,9 @@ def relax(
             break
         keep = weight > 3e-4 * weight.max()
         keys, weight = [key for key, k in zip(keys, keep, strict=True) if k], weight[keep]
-        fresh = [(int(j), chosen[j].tobytes()) for j in np.argsort(-ratio)[:NEW]]
-        fresh = [key for key in fresh if key not in set(keys)]
-        visits |= {key: chosen[key[0]] for key in fresh}
+        best = {(j, (own := chosen(j)).tobytes()): own for j in np.argsort(-ratio)[:NEW].tolist()}
+        fresh = [key for key in best if key not in set(keys)]
+        visits |= {key: best[key] for key in fresh}
         keys = [*keys, *fresh]
         price = np.array([costs.visit[key[0]] + costs.touch[visits[key]].sum() for key in keys])
         weight = np.concatenate([weight, np.full(len(fresh), 0.05 * weight.mean())])

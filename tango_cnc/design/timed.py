@@ -43,7 +43,8 @@ def judged(problem: Problem, cell: Cell, made: Plan) -> Chosen:
     spent, number, ways = np.zeros(len(rows) + 1), 0, 0.0
     indexation = [touch.indexation for touch in made.touches]
     turned = {0} | {n for n in range(1, len(rows)) if indexation[n] != indexation[n - 1]}
-    for move, seconds in zip(made.moves, of_moves(made, problem.feed), strict=True):
+    moves = list(made.served)
+    for (move, _), seconds in zip(moves, of_moves(made, problem.feed, moves), strict=True):
         spent[min(number, len(rows) - 1)] += seconds
         if move.kind in order.TOUCHING or number not in turned:
             ways += seconds

@@ -130,11 +130,11 @@ def _longer(own: Until) -> Until:
         spent += STEP * timed.seconds
         draft.fill(spent)
         more = []
-        legs = order.Legs(choice.cell, problem.feed)
+        legs = order.Legs(choice.cell, problem.feed, problem.ways.legs)
         for j in np.unique(choice.pose[draft.chosen]).tolist():
             position = dict(choice.cell.strategy.indexations[j].position)
             facets = [choice.facet[i] for i in np.flatnonzero(draft.chosen & (choice.pose == j))]
-            more.append(Indexation(position, tuple(facets[i] for i in order.path(legs.between(position, facets)))))
+            more.append(Indexation(position, tuple(legs.way(position, facets))))
         cell = replace(own.cell, strategy=replace(strategy, indexations=(*strategy.indexations, *more)))
         made = plan(cell, "leave-out")
         found = Until(own.ready, own.criterion, cell, made, rows_of(choice, made), len(made.touches) - len(own.plan.touches))

@@ -89,7 +89,7 @@ def _strategy(problem: Problem, mask: Mask, visited: Sequence[int], legs: order.
     for j in visited:
         position = dict(choice.cell.strategy.indexations[j].position)
         facets = [choice.facet[i] for i in np.flatnonzero(mask & (choice.pose == j))]
-        way = [facets[i] for i in order.path(legs.between(position, facets))]
+        way = legs.way(position, facets)
         if j in begins and len(way) > 1:
             way = [facets[0], *(f for f in way if f != facets[0])]
         if j in ends:

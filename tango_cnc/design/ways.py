@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ class Ways:
     touches: dict[tuple[int, Id], str] = field(default_factory=dict)  # of the others
     seconds: dict[tuple[int, int], float] = field(default_factory=dict)  # from, to → of a turn; with obstacles
     looked: dict[tuple[object, ...], bool] = field(default_factory=dict)  # the planner's own notes
+    legs: dict[tuple[object, ...], NDArray[Any]] = field(default_factory=dict)  # s between facets; notes of `order.Legs`
 
     def barred(self, pose: NDArray[np.int64], facet: Sequence[Id]) -> Mask:
         """(n,) indexation and facet of touches → (n,) whether they are left out."""

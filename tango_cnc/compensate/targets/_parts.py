@@ -79,7 +79,7 @@ def centre(
 ) -> Held:
     """axis, x y z, place → where the control believes the line of the axis to be, mm, machine coordinates at the zero pose."""
     lever = believed(machine, axis, "point", np.eye(3)[component])
-    return Held(place, table, "mm", "length", increment, lever, 1.0, sign, base, tcp=True)
+    return Held(place, table, "mm", "length", increment, lever, 1.0, sign, base, tcp=True, along=component)
 
 
 def tilt(

@@ -125,7 +125,8 @@ def held(request: Request) -> list[Held]:
                 pin = replace(pin, lever=_both(pin.lever, centre(machine, cradle, i, "", "").lever))
             result.append(pin)
         base = machine.axis(cradle).point[side] - machine.axis("C").point[side]
-        result.append(centre(machine, cradle, side, f"{name}.{'xy'[side]}-offset", name, increment=1e-6, base=base))
+        offset = centre(machine, cradle, side, f"{name}.{'xy'[side]}-offset", name, increment=1e-6, base=base)
+        result.append(replace(offset, between=True))
         base = machine.axis(cradle).point[2] - zero[2]
         result.append(centre(machine, cradle, 2, f"{name}.z-rot-point", name, increment=1e-6, base=base))
     return result
