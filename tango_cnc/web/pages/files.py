@@ -43,7 +43,7 @@ def files(request: Request) -> Response:
         stat = file.stat()
         changed = at(datetime.fromtimestamp(stat.st_mtime, UTC).isoformat(), state_of(request).texts)
         rows.append((name, f"{stat.st_size / 1000:,.1f} kB", changed))
-    run = run_of(request, found)
+    run = run_of(state_of(request), found)
     made_up = simulated(request, found) or (run is not None and run.simulated)
     programs, locked = (any(name.startswith(f"{folder}/") for name, _, _ in rows) for folder in FOLDERS)
     return page(

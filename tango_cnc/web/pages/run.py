@@ -6,6 +6,7 @@ import hashlib
 import math
 import time
 from collections import Counter
+from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import quote
 
@@ -19,12 +20,13 @@ from starlette.routing import Route
 from ...link.entries import Reading
 from ...link.progress import journals
 from ...records import Cell
+from ...report.days import at
 from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
-from ..live import LiveRun, called, quiet, title, touched_by
+from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..places import Served
 from .machine import answer_today
 
@@ -80,7 +82,7 @@ def _seen(request: Request) -> tuple[str, str, str, str]:
     found, chosen, cell = _chosen(request)
     if chosen is None:
         return '"none"', "none", "", str(escape(state_of(request).texts("web.no_run")))
-    tag = f'"{_mark(chosen)}-{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
+    tag = f'"{_mark(chosen)}-{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}-{int(broken(chosen))}"'
     return tag, chosen.state, _mark(chosen), _step(request, found, chosen, cell)
 
 
@@ -115,17 +117,21 @@ def _chosen(request: Request) -> tuple[Served, LiveRun | None, Cell | None]:
 
 def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) -> str:
     state, silent = state_of(request), quiet(run, time.time())
-    key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent}"
-    return state.places.kept(key, lambda: _drawn(request, run, cell, silent), 60)
+    off = broken(run)
+    key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent} {off}"
+    return state.places.kept(key, lambda: _drawn(request, run, cell, silent, off), 60)
 
 
-def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None) -> str:
+def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, off: bool) -> str:
     state = state_of(request)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
         "t": t,
         "run": run,
         "silent": silent,
+        "off": off,
+        "state": ("broken" if run.state == "running" else "given_up") if off else "silent" if silent else run.state,
+        "since": at(datetime.fromtimestamp(run.touched, UTC).isoformat(), t),
         "done": len(run.readings),
         "left": "" if not run.remaining or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
         "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
@@ -134,7 +140,7 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
-        "office": _office(run, t),
+        "office": _office(run, t, off),
         "resume": _resume(run, t),
     }
     return state.templates.get_template("_step.html").render(**values)
@@ -144,8 +150,10 @@ def _resume(run: LiveRun, t: Texts) -> str:
     return t("web.resume", more="" if run.head is None else run.head.how.removeprefix("--resume"))
 
 
-def _office(run: LiveRun, t: Texts) -> list[str]:
-    """run, texts → what the office can do at a computer once it has ended."""
+def _office(run: LiveRun, t: Texts, off: bool) -> list[str]:
+    """run, texts, whether it broke off → what the office can do at a computer once it has ended."""
+    if off:
+        return [office(_resume(run, t), t)]
     told = {"stopped": [str(run.why), _resume(run, t)], "complete": [t("web.to_report")]}.get(run.state, [])
     return list(dict.fromkeys(line for text in told if (line := office(text, t))))
 
