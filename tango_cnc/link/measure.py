@@ -38,7 +38,7 @@ from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import foreseen, open_port, said_before
+from .transport import fits, foreseen, open_port, said_before
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -103,6 +103,8 @@ def measure(
     client, *_ = [
         protocol.Client(task, address.options) for task in tasks
     ]  # what it refuses leaves no files, and stops no run later
+    for task in tasks:
+        fits(address, task.program.encode())
     sensors = Watch(read_sensors(cell.folder))
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)

@@ -43,6 +43,11 @@ def foreseen(address: Address) -> None:
     ways()[address.scheme].foreseen(address)
 
 
+def fits(address: Address, program: bytes) -> None:
+    """address, program → nothing, and nothing is opened. Raises InputError for one that can never go where the address says."""
+    ways()[address.scheme].fits(address, program)
+
+
 def said_before(address: Address) -> str:
     """address → what a person has to know of what is there before the run begins; '' for nothing."""
     return ways()[address.scheme].before(address)
