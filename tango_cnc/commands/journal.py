@@ -118,10 +118,18 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
 
 def _complaints(file: Path, found: Found) -> list[str]:
     """journal, what is in it → one sentence for each fault."""
-    from ..link.journal import RETURNS
+    from ..link.entries import Reading
+    from ..link.journal import RETURNS, chosen_of
 
+    chosen = chosen_of(found)
     complaints = [f"{file}: {RETURNS}"] if found.returns else []
     complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
+    for line in found.lines:
+        taken = chosen.get(line.entry.touch) if isinstance(line.entry, Reading) else None
+        if taken is not None and taken is not line and taken.entry != line.entry:
+            complaints.append(
+                f"{file}:{line.number}: another reading of touch {line.entry.touch} than line {taken.number}, which counts"
+            )
     if not found.lines:
         complaints.append(f"{file}: no entry in it")
     if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:
