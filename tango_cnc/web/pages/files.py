@@ -15,7 +15,16 @@ from ..app import machine_of, needs, page, role_of, state_of
 from ..settings import may
 from .machine import answer_today, run_of, simulated
 
-OWN = ("report.html", "report.pdf", "readings.csv", "readings.json", "estimate.json", "commissioning.yaml")
+OWN = (
+    "report.html",
+    "report.inch.html",
+    "report.mm.html",
+    "report.pdf",
+    "readings.csv",
+    "readings.json",
+    "estimate.json",
+    "commissioning.yaml",
+)
 FOLDERS = ("program", "compensations")
 MOST = 500
 

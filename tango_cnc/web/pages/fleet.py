@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, since_date, size_of, whole_sentence
-from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, of_no_night, renamed
+from ...report.answer import Answer, answer, date_run_off, dates_cut_off, is_moving, measuring, of_no_night, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -115,7 +115,9 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         "limit_for": "" if told is None or not allowed else _limit_for(row, state),
         "headline": whole_sentence(said),
         "fault": found[0]["text"] if found else "",
-        "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
+        "brief": brief(
+            told, found, moving, said, t, since_of(row, told, found, moving, allowed), bool(date_run_off(row.machine.former))
+        ),
         "open": len(still_open(found)),
         "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
@@ -172,6 +174,8 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
     """row, answer, what is wrong, whether it may still move, limits (µm) → date since when it is so; '' where nothing is to be
     done, or where no night says so.
     """
+    if moving and (off := date_run_off(row.machine.former)):
+        return off
     if told is None or told.may in ("yes", "wait") or not row.nights:
         return ""
     cut = dates_cut_off(row.machine.former)
@@ -189,10 +193,17 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
 
 
 def brief(
-    told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, said: str, t: Texts, since: str = ""
+    told: Answer | None,
+    found: Sequence[Mapping[str, Any]],
+    moving: bool,
+    said: str,
+    t: Texts,
+    since: str = "",
+    of_run: bool = False,
 ) -> tuple[str, str]:
-    """answer, what is wrong, whether its control may still execute a program, headline, texts, date since when or '' → the one
-    thing to do first, as on its page, and its cause with that date: the first sentence of it; ("", "") where nothing is to be done.
+    """answer, what is wrong, whether its control may still execute a program, headline, texts, date since when or '', whether that
+    program is of a run that broke off → the one thing to do first, as on its page, and its cause with that date: the first sentence
+    of it; ("", "") where nothing is to be done.
     """
 
     def dated(text: str) -> str:
@@ -203,7 +214,8 @@ def brief(
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
-        words = t("may.brief_moving_of", date=day(since, t, since[:4] != today()[:4])) if since else t("may.brief_moving")
+        key = "may.brief_moving_run" if of_run else "may.brief_moving_of"
+        words = t(key, date=day(since, t, since[:4] != today()[:4])) if since else t("may.brief_moving")
         return t("may.brief_look"), whole_sentence(words)
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts

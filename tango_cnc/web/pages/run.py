@@ -32,7 +32,8 @@ from .machine import answer_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
-APART = (24.0, 28.0)  # px between facets of the map, across and down: a square with a name above it
+APART = (30.0, 36.0)  # px between facets of the map, across and down: a square with a name above it
+SQUARE = 22.0  # px
 WIDE, NARROW = 860.0, 360.0  # px of a chart on a desk and on a phone
 
 
@@ -201,7 +202,7 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     taken: list[tuple[float, float]] = []
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high_px:g}" width="{wide:g}" height="{high_px:g}" '
-        f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="10">'
+        f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="12">'
     ]
     centre = (low + high) / 2
     for f, p in zip(facets, points, strict=True):
@@ -215,13 +216,14 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         ink = "#fff" if not left else INK
         stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
         tip = f"<title>{escape(str(f.id))}: {left}</title>"
-        parts.append(f'<g>{tip}<rect x="{x - 8:.1f}" y="{y - 8:.1f}" width="16" height="16" fill="#fff" {stroke}/>')
+        corner = f'x="{x - SQUARE / 2:.1f}" width="{SQUARE:g}"'
+        parts.append(f'<g>{tip}<rect {corner} y="{y - SQUARE / 2:.1f}" height="{SQUARE:g}" fill="#fff" {stroke}/>')
         full = GOOD if not left else "#9fd0bf"
-        parts.append(f'<rect x="{x - 8:.1f}" y="{y + 8 - 16 * share:.1f}" width="16" height="{16 * share:.1f}" fill="{full}"/>')
-        name = (
-            f'<text x="{x:.1f}" y="{y - 10:.1f}" text-anchor="middle" font-size="8.5" fill="{SOFT}">{escape(str(f.id)[:6])}</text>'
-        )
-        parts.append(f'{name}<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
+        top, high = y + SQUARE * (0.5 - share), SQUARE * share
+        parts.append(f'<rect {corner} y="{top:.1f}" height="{high:.1f}" fill="{full}"/>')
+        name = f'<text x="{x:.1f}" y="{y - SQUARE / 2 - 3:.1f}" text-anchor="middle" font-size="11" fill="{SOFT}">'
+        name += f"{escape(str(f.id)[:6])}</text>"
+        parts.append(f'{name}<text x="{x:.1f}" y="{y + 4.4:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
     axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
     parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
     return "".join([*parts, "</svg>"])
