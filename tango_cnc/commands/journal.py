@@ -125,10 +125,12 @@ def _complaints(file: Path, found: Found) -> list[str]:
     complaints = [f"{file}: {RETURNS}"] if found.returns else []
     complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
     for line in found.lines:
-        taken = chosen.get(line.entry.touch) if isinstance(line.entry, Reading) else None
-        if taken is not None and taken is not line and taken.entry != line.entry:
+        if not isinstance(reading := line.entry, Reading):
+            continue
+        taken = chosen.get(reading.touch)
+        if taken is not None and taken is not line and taken.entry != reading:
             complaints.append(
-                f"{file}:{line.number}: another reading of touch {line.entry.touch} than line {taken.number}, which counts"
+                f"{file}:{line.number}: another reading of touch {reading.touch} than line {taken.number}, which counts"
             )
     if not found.lines:
         complaints.append(f"{file}: no entry in it")
