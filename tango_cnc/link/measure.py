@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import secrets
 import signal
 import threading
@@ -33,13 +32,13 @@ from .address import Address, linked, parse, spoken
 from .client import Task
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
-from .process import boot
+from .process import boot, endings
 from .readings import missing, provenance, readings_of
 from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import foreseen, open_port, said_before
+from .transport import fits, foreseen, open_port, said_before
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -104,6 +103,8 @@ def measure(
     client, *_ = [
         protocol.Client(task, address.options) for task in tasks
     ]  # what it refuses leaves no files, and stops no run later
+    for task in tasks:
+        fits(address, task.program.encode())
     sensors = Watch(read_sensors(cell.folder))
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
@@ -193,7 +194,7 @@ def _signals() -> Iterator[Callable[[], int]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: 0
         return
-    ends = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]  # SIGHUP: the session was closed
+    ends = [signal.SIGINT, *endings()]
     before = {number: signal.signal(number, lambda received, frame: asked.append(received)) for number in ends}
     try:
         yield lambda: len(asked)
