@@ -1,10 +1,11 @@
 """How long pages take with 200 machines and 10 000 nights, how fifty follow a run, and what 10 000 requests leave in memory.
 
-    python benchmarks/serve.py [--quick] [--requests N] [--folder DIR]
+    python benchmarks/serve.py [--quick] [--requests N] [--folder DIR] [--alarms tenth|every] [--own]
 
 A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server; beside
 the clock stands the processor time of the server, which other programs on the computer do not make longer. Of the machines one in
-ten was knocked ten nights ago, and nobody has answered; with --folder the nights are written once and found again the next time.
+ten (with `--alarms every` each) was knocked ten nights ago, and nobody has answered. With --own every machine has a folder with a
+cell and a history of its own. With --folder the nights are written once and found again the next time.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -35,7 +36,7 @@ from tango_cnc.history import opened
 
 PORT = 18_026
 FOLLOWERS = 50
-KNOCKED = 10  # one machine of so many
+KNOCKED = {"tenth": 10, "every": 1}  # one machine of so many
 
 
 def dated(ago: int) -> dict[str, str]:
@@ -45,23 +46,33 @@ def dated(ago: int) -> dict[str, str]:
     return {"night": f"{start:%Y-%m-%d}"} | {key: f"{moment:%Y-%m-%dT%H:%M:%SZ}" for key, moment in stamps.items()}
 
 
-def fleet(folder: Path, machines: int, nights: int) -> None:
-    """One history of all machines, with records as a night writes them; parameters as many as a machine of five axes has.
+def fleet(folder: Path, machines: int, nights: int, knocked: int, own: bool) -> None:
+    """One history of all machines, or of each its own in a cell of its own, with records as a night writes them; parameters as many
+    as a machine of five axes has.
 
     The last of the nights is of this day.
     """
-    with opened(folder / "fleet.db") as history:
+    folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.ExitStack() as stack:
+        shared = None if own else stack.enter_context(opened(folder / "fleet.db"))
         for m in range(machines):
-            hit = nights - 10 if m % KNOCKED == 1 else nights
+            name = f"machine {m:03d}"
+            hit = nights - 10 if m % knocked == 1 % knocked else nights
             found = dated(nights - 1 - hit)["night"]
             alarm = knock(found) | {"id": f"{m}-1", "night": found}
-            for i in range(nights):
-                more = {"alarms": [alarm]} if i == hit else {"standing": [alarm]} if i > hit else {}
-                verdict = "changed" if more else "good"
-                record = night(f"machine {m:03d}", i, verdict, **more, **dated(nights - 1 - i))
-                base = record["parameters"]["EX0C"]
-                record["parameters"] |= {f"P{k:02d}": base for k in range(20)}
-                history.add_night(record, None)
+            with (
+                contextlib.nullcontext(shared)
+                if shared
+                else opened(cell(folder / f"cell{m:03d}", name, []) / "history.db") as history
+            ):
+                for i in range(nights):
+                    more = {"alarms": [alarm]} if i == hit else {"standing": [alarm]} if i > hit else {}
+                    verdict = "changed" if more else "good"
+                    record = night(name, i, verdict, **more, **dated(nights - 1 - i))
+                    base = record["parameters"]["EX0C"]
+                    record["parameters"] |= {f"P{k:02d}": base for k in range(20)}
+                    history.add_night(record, None)
+    (folder / "written").write_text("")
 
 
 def resident(pid: int) -> float:
@@ -124,21 +135,61 @@ def _asked(clients: list[socket.socket], request: bytes) -> list[float]:
     return seconds
 
 
-def main() -> None:
+def asked_of(arguments: Sequence[str] | None = None) -> argparse.Namespace:
+    """→ what was asked for on the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     parser.add_argument("--requests", type=int, default=10_000, help="after which the memory is looked at again [default: 10000]")
     parser.add_argument("--folder", type=Path, help="where the nights are kept for the next time [default: nowhere]")
-    asked = parser.parse_args()
-    quick = asked.quick
-    machines, nights, requests = (20, 10, 1000) if quick else (200, 50, asked.requests)
+    parser.add_argument("--alarms", choices=list(KNOCKED), default="tenth", help="on which machines [default: one in ten]")
+    parser.add_argument("--own", action="store_true", help="a cell and a history for each machine")
+    return parser.parse_args(arguments)
+
+
+def read(client: httpx.Client, pid: int) -> None:
+    """client of a server that has just started, its process → prints what its first answers take until it shows the machines."""
+    began, cpu, first = time.perf_counter(), spent(pid), ""
+    while (answer := client.get("/")).status_code == 503:
+        first = first or f"the first page took {1e3 * (time.perf_counter() - began):.0f} ms and says that machines are read; "
+        time.sleep(0.5)
+    assert answer.status_code == 200, answer.text[:300]
+    seconds = time.perf_counter() - began
+    print(f"{'start':34} {first}the list is there after {seconds:.1f} s ({1e-3 * (spent(pid) - cpu):.1f} s of a processor)")
+
+
+def one_more(root: Path, own: bool, nights: int) -> None:
+    """A night of one machine, as another program adds it while the server is at work."""
+    with opened(root / "cell003" / "history.db" if own else root / "fleet.db") as history:
+        record = night("machine 003", nights, "good", **dated(0))
+        history.add_night(record, None)
+
+
+def pages(client: httpx.Client, pid: int, floor: float, paths: Sequence[tuple[str, str]], change: Callable[[], None]) -> None:
+    """client, process, ms of the floor, pages, what another program writes → prints what each page takes after a pause, then."""
+    for label, path in paths:
+        time.sleep(5.5)  # what was kept of it is old now
+        if label.endswith("written"):
+            change()
+        cpu = [spent(pid)]
+        first = timed(lambda path=path: client.get(path), 1)  # type: ignore[misc]
+        cpu.append(spent(pid))
+        warm = timed(lambda path=path: client.get(path), 20)  # type: ignore[misc]
+        cpu.append(spent(pid))
+        print(
+            f"{label:34} {first[0]:7.1f} ms at first ({cpu[1] - cpu[0]:.0f} ms of a processor), then {warm[0]:.1f} ms "
+            f"({(cpu[2] - cpu[1]) / 20:.1f} ms); {first[0] / floor:.0f} and {warm[0] / floor:.1f} times the floor"
+        )
+
+
+def main() -> None:
+    asked = asked_of()
+    machines, nights, requests = (20, 20, 1000) if asked.quick else (200, 50, asked.requests)
     kept = tempfile.TemporaryDirectory() if asked.folder is None else contextlib.nullcontext(str(asked.folder))
     with kept as place, tempfile.TemporaryDirectory() as live:
-        root = Path(place)
-        root.mkdir(parents=True, exist_ok=True)
-        if not (root / "fleet.db").exists():
+        root = Path(place) / f"{machines}-{asked.alarms}{'-own' if asked.own else ''}"
+        if not (root / "written").exists():
             began = time.perf_counter()
-            fleet(root, machines, nights)
+            fleet(root, machines, nights, KNOCKED[asked.alarms], asked.own)
             print(f"{machines * nights} nights of {machines} machines written in {time.perf_counter() - began:.0f} s")
         own = cell(Path(live) / "live", records=[])
         (own / "history.db").unlink()
@@ -146,51 +197,30 @@ def main() -> None:
         run.begin()
         for _ in range(200):
             run.touch()
-        command = [
-            sys.executable,
-            "-m",
-            "tango_cnc",
-            "serve",
-            "-C",
-            str(own),
-            "--history",
-            str(root / "fleet.db"),
-            "--port",
-            str(PORT),
-        ]
+        where = ["-C", str(root)] if asked.own else ["--history", str(root / "fleet.db")]
+        command = [sys.executable, "-m", "tango_cnc", "serve", "-C", str(own), *where, "--port", str(PORT)]
         server = subprocess.Popen(command, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)
-        base = f"http://127.0.0.1:{PORT}"
         try:
-            client = httpx.Client(base_url=base, timeout=60)
-            for _ in range(200):
+            client = httpx.Client(base_url=f"http://127.0.0.1:{PORT}", timeout=600)
+            for _ in range(600):
                 try:
                     client.get("/healthz")
                     break
                 except httpx.TransportError:
                     time.sleep(0.1)
+            read(client, server.pid)
             floor = timed(lambda: client.get("/healthz"), 200)
             print(f"{'/healthz (floor)':34} {floor[0]:7.1f} ms, 95 % {floor[1]:7.1f} ms")
             slug = "machine-001-" + re.findall(r"machine-001-([0-9a-f]+)", client.get("/").text)[0]
-            for label, path in (
-                ("fleet", "/"),
-                ("machine", f"/machine/{slug}"),
-                ("trend", f"/machine/{slug}/trend"),
-                ("one parameter", f"/machine/{slug}/trend?parameter=EX0C"),
-                ("a night", f"/machine/{slug}/night/{nights + 1}"),
-                ("nights", f"/machine/{slug}/nights"),
-                ("alarms", "/alarms"),
-            ):
-                time.sleep(5.5)  # what was kept of it is old now
-                cpu = [spent(server.pid)]
-                first = timed(lambda path=path: client.get(path), 1)  # type: ignore[misc]
-                cpu.append(spent(server.pid))
-                warm = timed(lambda path=path: client.get(path), 20)  # type: ignore[misc]
-                cpu.append(spent(server.pid))
-                print(
-                    f"{label:34} {first[0]:7.1f} ms at first ({cpu[1] - cpu[0]:.0f} ms of a processor), then {warm[0]:.1f} ms "
-                    f"({(cpu[2] - cpu[1]) / 20:.1f} ms); {first[0] / floor[0]:.0f} and {warm[0] / floor[0]:.1f} times the floor"
-                )
-            steps = 4 if quick else 20
+            one = f"/machine/{slug}"
+            paths = [("fleet", "/"), ("fleet, a night was written", "/"), ("machine", one), ("trend", f"{one}/trend")]
+            paths += [
+                ("one parameter", f"{one}/trend?parameter=EX0C"),
+                ("a night", f"{one}/night/{1 if asked.own else nights + 1}"),
+            ]
+            paths += [("nights", f"{one}/nights"), ("alarms", "/alarms"), ("alarms, a night was written", "/alarms")]
+            pages(client, server.pid, floor[0], paths, lambda: one_more(root, asked.own, nights))
+            steps = 4 if asked.quick else 20
             began_cpu = spent(server.pid)
             step = followed(PORT, run, steps)
             each = (spent(server.pid) - began_cpu) / steps / FOLLOWERS
@@ -199,10 +229,10 @@ def main() -> None:
                 f"{each:.2f} ms of a processor each"
             )
             for i in range(500):
-                client.get(("/", f"/machine/{slug}", "/machine/HU40T-like/run")[i % 3])
+                client.get(("/", one, "/machine/HU40T-like/run")[i % 3])
             before = resident(server.pid)
             for i in range(requests):
-                client.get(("/", f"/machine/{slug}", "/machine/HU40T-like/run", "/nothing", f"/machine/{slug}/trend")[i % 5])
+                client.get(("/", one, "/machine/HU40T-like/run", "/nothing", f"{one}/trend")[i % 5])
             print(f"memory over {requests} requests: {before:.1f} → {resident(server.pid):.1f} MB")
         finally:
             server.terminate()

@@ -377,7 +377,14 @@ def test_a_sheet_of_many_figures_is_one_page(tmp_path: Path, count: int) -> None
     figures = tuple(replace(shown.figures[0], name=name) for name in names)
     noted = replace(GOOD, remarks=("a note of some hundred letters on what these touches cannot show of this machine " * 4,))
     found = signed(tmp_path, replace(shown, figures=figures), noted, limits={f"straightness {name}": 10 for name in names})
-    assert re.findall(rb"/Count (\d+)", page.one_page(found, quoted, compiled))[0] == b"1"
+    sizes: list[float] = []
+
+    def noticed(source: str) -> bytes:
+        sizes.append(float(source.partition("#set text(size: ")[2].partition("pt")[0]))
+        return compiled(source)
+
+    assert re.findall(rb"/Count (\d+)", page.one_page(found, quoted, noticed))[0] == b"1"
+    assert sizes[-1] >= 6.5, "28 figures had letters of 5.5 pt, which few read"
 
 
 def test_a_parameter_rests_on_the_terms_and_a_figure_does_not(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +15,10 @@ from support.compensated import ROOT, example, first, text
 
 from tango_cnc.cli import tango
 from tango_cnc.compensate import Proposal, loop, propose, targets
+from tango_cnc.compensate.forms import of_another
 from tango_cnc.compensate.hidden import Present
 from tango_cnc.compensate.whose import of_record
-from tango_cnc.records import InputError
+from tango_cnc.records import InputError, TangoError
 
 NOW = "2026-11-01T00:00:00Z"
 
@@ -200,3 +202,109 @@ def test_a_folder_of_another_machine_is_no_present_state(cell: Path, tmp_path: P
         assert said.startswith(f"--present: {strange}: found a compensation") and words in said, said
         if "volume" not in changed:
             assert words in str(run("compensate", "-C", mine, "--check", strange).exception)
+
+
+def stored(folder: Path, name: str, target: str, settings: tuple[str, ...] = ()) -> Path:
+    """Example, target → a folder as `tango compensate` writes it."""
+    loop.store(folder.parent, propose(first(name), target, settings, poses=64), NOW, folder)
+    return folder
+
+
+def shifted(content: str) -> str:
+    """The same with its pivots 25 mm elsewhere: every number after a place of a center."""
+    return re.sub(r"(?m)(= ?|R|^\d{3} |rot-point |Trans [XYZ] )([-+]?0\.\d+)", lambda m: f"{m[1]}{float(m[2]) + 25:.4f}", content)
+
+
+FORMS = {
+    "linuxcnc": "joint_0.comp",
+    "isg_csv": "volcomp.csv",
+    "etalon": "etalon.txt",
+    "siemens": "cec.ini",
+    "heidenhain": "X.COM",
+    "fanuc": "compensation.txt",
+    "centroid": "cnc-x.tab",
+    "value_sheet": "values.txt",
+}
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("target", FORMS)
+def test_a_table_of_another_machine_that_was_read_back_is_named(target: str, tmp_path: Path) -> None:
+    """The file of a machine with other axes and travels, and of one with other points, in place of what was written."""
+    own, file = stored(tmp_path / "own", "trunnion", target), FORMS[target]
+    assert loop.check(own)["target"] == target
+    more = stored(tmp_path / "a" / "more", "trunnion", target, ("points=9",)) if "points" in targets.load(target).OPTIONS else None
+    for other in (stored(tmp_path / "b" / "other", "hu40t", target), more):
+        if other is None:
+            continue
+        (own / file).write_text((other / file).read_text())
+        with pytest.raises(TangoError) as refused:
+            loop.check(own)
+        said = str(refused.value)
+        assert f"{file}:" in said and "written was" in said
+        assert "This is no slip of a digit, but a file of another machine or of another compensation: " in said, said
+        assert "points from" in said or "axis B, of which nothing was written" in said or "of the machine" in said, said
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(
+    ("target", "file"),
+    [
+        ("siemens", "kinematics.mpf"),
+        ("heidenhain", "kinematics.txt"),
+        ("fanuc", "vectors.nc"),
+        ("haas", "settings.txt"),
+        ("fagor", "offsets.nc"),
+        ("grblhal", "settings.txt"),
+        ("linuxcnc", "compensation.hal"),
+        ("iso230", "iso230.yaml"),
+    ],
+)
+def test_a_description_with_its_pivots_elsewhere_is_named(target: str, file: str, tmp_path: Path) -> None:
+    own = stored(tmp_path / "own", "trunnion", target)
+    wanted = (own / file).read_text()
+    elsewhere = shifted(wanted) if target != "iso230" else wanted.replace("A: {", "B: {")
+    assert elsewhere != wanted
+    (own / file).write_text(elsewhere)
+    with pytest.raises(TangoError) as refused:
+        loop.check(own)
+    said = str(refused.value)
+    assert "a file of another machine or of another compensation: " in said, said
+    slip = re.sub(r"(\d\.\d+?)(\d)(\D)", lambda m: f"{m[1]}{(int(m[2]) + 1) % 10}{m[3]}", wanted, count=1)
+    (own / file).write_text(slip)
+    with pytest.raises(TangoError) as refused:
+        loop.check(own)
+    assert "another machine" not in str(refused.value)  # a digit is a digit
+
+
+def test_a_file_of_undo_and_of_a_neighbour_is_named(tmp_path: Path) -> None:
+    """Read back from the control: what was there before, or what was proposed for the machine in the next cell."""
+    mine, other = tmp_path / "mill" / loop.FOLDER, tmp_path / "mill 2" / loop.FOLDER
+    own = stored(mine / "001-haas", "trunnion", "haas")
+    theirs = stored(other / "004-haas", "hu40t", "haas")
+    (tmp_path / "mill" / "tango.yaml").write_text("tango: 1\n")
+    (own / "settings.txt").write_text((own / "undo" / "settings.txt").read_text())
+    with pytest.raises(TangoError, match="It is the file of undo/, with the numbers before"):
+        loop.check(own)
+    (own / "settings.txt").write_text((theirs / "settings.txt").read_text())
+    with pytest.raises(TangoError, match=r"It is the file of .*mill 2/compensations/004-haas, for the machine 'HU40T-like'"):
+        loop.check(own, tmp_path / "mill")
+
+
+def test_the_same_tables_with_other_numbers_are_of_no_other_machine() -> None:
+    for file in (
+        "[pitch X]\n-10 0.001\n10 0.002\n",
+        "BEGIN X.COM\nNR AXISPOS BACKLASH X\n0 -10 0 0.001\n1 10 0 0.002\n[END]\n",
+        "X -10 10 20 MM\n0.001 0\n0.002 0\n",
+    ):
+        assert of_another(file, file.replace("0.002", "0.003"), {}) == ""
+        assert "from -10 to 99" in of_another(
+            file, file.replace("10 0", "99 0").replace("-99", "-10").replace("10 20", "99 20"), {}
+        )
+        lost = of_another(
+            file, file.replace("10 0.002\n", "").replace("1 10 0 0.002\n", "").replace("0.002 0\n", ""), {"X": (-5, 5)}
+        )
+        assert "has 1 point" in lost, lost
+    assert of_another("NR ACTIVE X Y Z\n", "NR ACTIVE X Y B\n", {}) == "it has axis B, of which nothing was written"
+    assert of_another("machine: mill\n", "machine: mill 2\n", {}) == "it says that it is of the machine 'mill 2'"
+    assert of_another("[a]\n0 1\n1 1\n", "", {}) == "it lacks a"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,9 @@ from support.refusingdisk import ROOT, SHORT, Call, Disk, refusing, sites
 from support.runs import STRATEGY, Control, Result, readings
 
 from tango_cnc.commands.init import write_example
+from tango_cnc.link.protocols import linuxcnc
+from tango_cnc.link.transport import foreseen, open_port, parse
+from tango_cnc.records import LinkError
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="which file an open handle has is asked of /proc")
 KINDS = ("first", "again", "resumed")  # a new cell; over a complete run; after one that broke off
@@ -35,7 +39,7 @@ ELSEWHERE = {
     "commands/init.py:write_example": "tango init",
     "commands/run.py:_transcript": "the file opens at the first byte, in commands/_live.py",
     "link/aside.py:_written": "the screen",
-    "link/transport/_linuxcnc.py:_put": "the last test but one",
+    "link/transport/_linuxcnc.py:_put": "the test of linuxcnc",
     "link/transport/_port.py:write": "a serial line",
 }
 
@@ -103,6 +107,11 @@ def goes_on(kind: str, places: Path, at: int, error: int, on: bool) -> Iterator[
     first = disk.refused[0]
     said = "" if error == SHORT else os.strerror(error)
     where = f"call {at} {first.what} of {first.site} to {Path(first.path).name}"
+    if first.site == "files/targets.py:writable" and on:  # asked before anything is begun
+        if result.code != 2 or said not in result.err or kept(cell) != kept(before):
+            yield f"{where}: exit {result.code}: {result.err[-300:]}"
+        shutil.rmtree(cell)
+        return
     if "Traceback" in result.err or result.code not in (0, 3):
         yield f"{where}: exit {result.code}: {result.err[-300:]}"
     harmless = {first.site, first.site.partition(":")[0]} & BESIDE or (first.site in LATE and first.what in ("unlink", "rmdir"))
@@ -169,6 +178,34 @@ def test_every_call_is_refused(kind: str, how: str, places: Path) -> None:
         error = SHORT if how == "half is taken" else ERRORS[at % len(ERRORS)]
         wrong += goes_on(kind, places, at, error, how == "from then on")
     assert wrong == []
+
+
+@pytest.mark.parametrize("error", [*ERRORS, SHORT])
+def test_a_program_for_linuxcnc_that_cannot_be_written_leaves_nothing_to_start_and_keeps_no_later_run_out(
+    tmp_path: Path, error: int
+) -> None:
+    """The error of a full disk names no file, and a program that is cut off before its mark is taken for somebody else's."""
+    program = b"(TANGO small)\n(PROGRAM 0A1B2C3D4E5F PLAN 0A1B2C3D4E5F)\nM2\n"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        names = f"file={tmp_path / 'tango.ngc'}&log={tmp_path / 'log.txt'}"
+        address = parse(f"linuxcnc://127.0.0.1:{server.getsockname()[1]}?{names}", linuxcnc.OPTIONS)
+        for at in range(3):
+            for file, text in (("tango.ngc", program), ("log.txt", b"TANGO START 0A1B2C3D4E5F 3\n")):
+                (tmp_path / file).write_bytes(text)
+            port, disk = open_port(address), Disk((tmp_path,), at, error)
+            with refusing(disk):
+                try:
+                    port.write(b"put tango.ngc " + program.hex().encode() + b"\n")
+                except LinkError as refused:
+                    file = "log.txt" if disk.refused[0].what == "unlink" else "tango.ngc"
+                    assert f"{file}: cannot be written ({os.strerror(error)}); make room" in str(refused)
+                else:
+                    assert error == SHORT
+            port.close()
+            left = (tmp_path / "tango.ngc").read_bytes()
+            assert left == program or (left == b"" and disk.refused[0].what == "write")
+            foreseen(address)
+        assert error == SHORT or disk.refused[0].what == "unlink"
 
 
 MODULES = """

@@ -23,7 +23,7 @@ from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings, TangoError
-from tango_cnc.report import page
+from tango_cnc.report import page, pdf
 from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
@@ -289,6 +289,13 @@ def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts)
     assert all(part in page.sentence(bad, t) for part in ("Sun 22 Nov 2026", "76 µm", "Open alarms: 4"))
     assert "Call Ann <owner> about its alarms." in bad.worst.todo and "tango " not in bad.worst.todo
     assert verdict(replace(facts, nights=NewestNight("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
+
+
+def test_letters_of_pictures_are_legible_on_paper() -> None:
+    """A drawing of 36 pt had letters of 3.7 pt, a picture over half a page such of 5.5 pt."""
+    drawn = '<svg xmlns="x" viewBox="0 0 108 78" width="108" height="78" font-size="10"><text font-size="40">X</text></svg>'
+    assert pdf.legible(drawn, 54.0) == drawn.replace('"10"', '"13"')  # 6.5 pt at half its size
+    assert pdf.legible(drawn, 108.0) == drawn and pdf.legible("<svg>", 5.0) == "<svg>"
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ import re
 import socket
 import time
 from collections.abc import Iterator
-from datetime import date
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +25,12 @@ from tango_cnc.cli import tango
 from tango_cnc.commands.report import nights
 from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
+from tango_cnc.link.lock import holding
 from tango_cnc.nightly.words import changed
 from tango_cnc.records import InputError
 from tango_cnc.report import morning
 from tango_cnc.report.answer import answer
+from tango_cnc.report.days import at
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -351,7 +353,8 @@ def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
         )
         assert site.get("/machine/HU40T-like/run/step").headers["x-run-state"] == "none"
         run = Recorded(folder, 20)
-        assert "Waiting for the control to start" in site.get("/machine/HU40T-like/run").text
+        with holding(folder, "tango run"):
+            assert "Waiting for the control to start" in site.get("/machine/HU40T-like/run").text
         run.begin()
         for _ in range(5):
             run.touch()
@@ -382,6 +385,25 @@ def test_a_run_that_falls_silent_says_so_to_who_follows_it(tmp_path: Path) -> No
         assert later.status_code == 200 and "25 min" in later.text
         assert "Keep the door shut" not in later.text and "min to go" not in later.text
         assert later.headers["x-run-state"] == "running"  # who follows goes on asking
+        assert "Nothing heard" in later.text and ">Running<" not in later.text
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_a_run_whose_program_was_killed_is_not_said_to_go_on(tmp_path: Path, begun: bool) -> None:
+    """A power cut: the journal has no end, nobody is at work, and the page said Running."""
+    folder = cell(tmp_path / "one", records=[])
+    run = Recorded(folder, 20)
+    if begun:
+        run.begin()
+        run.touch()
+        run.gone()
+    with TestClient(create(Settings((folder,))), base_url=HOST) as site:
+        page = site.get("/machine/HU40T-like/run").text
+    assert "Running" not in page and "Waiting for the control" not in page and "Keep the door shut" not in page
+    assert ("Broken off" if begun else "Not begun") in page and "Make the missing touches." in page
+    stamp = datetime.fromtimestamp((folder / "readings.journal").stat().st_mtime, UTC).isoformat()
+    assert at(stamp, texts()) in page  # since when
+    assert ("The control may still execute what it has received" in page) == begun
 
 
 def test_who_asks_while_somebody_looks_gets_what_that_one_sees() -> None:

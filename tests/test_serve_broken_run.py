@@ -26,7 +26,8 @@ def test_a_run_that_broke_off_is_not_yet_although_no_night_was_measured(cell: Pa
     for name, text in found.items():
         assert "Not yet" in text and "Nobody knows" not in text, name
         assert "tango nightly" not in text and "Have it measured" not in text, name
-    assert "Look at the machine first" in found["list"] and "may still execute" in found["/run"]
+    assert "Look at the machine first" in found["list"] and "of the run that broke off on" in found["list"]
+    assert "may still execute" in found["/run"]
     assert "Look at the machine first: its control may still execute the program" in found[""]
     status = Result("nightly", "-C", cell, "--status")
     assert status.code == 1 and "May I make parts? Not yet. Look at the machine first" in status.out + status.err

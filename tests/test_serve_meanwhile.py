@@ -290,7 +290,7 @@ def test_squares_of_the_map_have_the_names_of_their_facets(tmp_path: Path) -> No
     run.touch("3")
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
         drawn = site.get(f"/machine/{M}/run").text.partition("What is still to come</h2>")[2].partition("</svg>")[0]
-    names = re.findall(r'font-size="8.5" fill="[^"]*">([^<]*)<', drawn)
+    names = re.findall(r'font-size="11" fill="[^"]*">([^<]*)<', drawn)
     assert {"3", "105"} <= set(names) and len(names) == len(set(names)) == drawn.count("<title>") and "X →" in drawn
     run.gone()
 

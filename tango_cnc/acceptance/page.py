@@ -10,7 +10,7 @@ from typing import Any
 from .order import Certificate
 from .sheet import Row, Signed
 
-SIZES = (7.0, 6.5, 6.0, 5.5)  # pt, of the letters of the page
+SIZES = (7.0, 6.5, 6.0, 5.5)  # pt, of the letters of the page; before less than 6.5 the rows are set closer
 COUNT = re.compile(rb"/Count (\d+)")  # pages of a PDF
 MOST, FINEST = 3, 6  # decimals of a value; of an end of an interval that is beside its limit
 
@@ -92,15 +92,16 @@ def one_page(found: Signed, quoted: Callable[[object], str], compiled: Callable[
     """sheet, what makes a string literal of typst, what makes a PDF of its source → PDF: one page, in smaller letters where a
     long sheet needs them; more pages where even the smallest that people read do not do.
     """
-    for size in SIZES:
-        made = compiled(typst(found, quoted, size))
+    for size, close in [*((size, False) for size in SIZES[:2]), *((size, True) for size in SIZES[1:])]:
+        made = compiled(typst(found, quoted, size, close))
         if (pages := COUNT.search(made)) and int(pages[1]) == 1:
             return made
     return compiled(typst(found, quoted))
 
 
-def typst(found: Signed, quoted: Callable[[object], str], size: float = 7.0) -> str:
-    """sheet, what makes a string literal of typst, size of its letters (pt) → source of the page."""
+def typst(found: Signed, quoted: Callable[[object], str], size: float = 7.0, close: bool = False) -> str:
+    """sheet, what makes a string literal of typst, size of its letters (pt), whether rows are set closer → source of the page."""
+    row, line, edge, sign = (1.3, 0.3, 9, 5) if close else (2.5, 0.4, 11, 7)  # pt, em, mm, mm
     stands = f"No interval stands: {found.stands}" if found.stands else ""
     head = ", ".join(f"text({quoted(c)})" for c in HEAD)
     body = ", ".join(f"text({quoted(c)})" for row in found.rows for c in cells(row))
@@ -111,21 +112,21 @@ def typst(found: Signed, quoted: Callable[[object], str], size: float = 7.0) -> 
     number = found.order.people.get("number", "")
     foot = quoted(f"Acceptance sheet {number}, page ")
     counted = f'context [#text({size}pt, {foot} + counter(page).display("1 of 1", both: true))]'
-    return f"""#set page(paper: "a4", margin: (x: 14mm, y: 11mm), footer: {counted})
+    return f"""#set page(paper: "a4", margin: (x: 14mm, y: {edge}mm), footer: {counted})
 #set text(size: {size}pt, font: ("Liberation Sans", "DejaVu Sans", "Libertinus Serif"), fallback: true)
-#set par(leading: 0.4em)
+#set par(leading: {line}em)
 #set table.cell(breakable: false)
 #text(15pt, weight: "bold", {quoted(f"Acceptance sheet {number}")})
 
 #text(10pt, weight: "bold", {quoted(headline(found))}) #text({quoted(stands)})
 
-#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: 2.5pt, stroke: 0.3pt,
+#table(columns: (1fr, auto, auto, auto, auto, auto, auto, auto), inset: {row}pt, stroke: 0.3pt,
   table.header({head}), {body})
 {why}
-#table(columns: (42mm, 1fr), inset: 2pt, stroke: 0.3pt, {answers})
+#table(columns: (42mm, 1fr), inset: {0.8 * row:.2f}pt, stroke: 0.3pt, {answers})
 
 #block(breakable: false)[
-#v(7mm) #line(length: 70mm, stroke: 0.5pt)
+#v({sign}mm) #line(length: 70mm, stroke: 0.5pt)
 #text({quoted(f"{person} (date, signature)")})
 
 #align(center, text({size}pt, {quoted(COPIES)}))

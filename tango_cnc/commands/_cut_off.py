@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +16,7 @@ from ..link import lock
 from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
 from ..link.measure import silence_after
+from ..link.process import endings
 from ..link.readings import readings_of
 from ..link.rest import durations
 from ..plan import plan_hash
@@ -92,12 +92,13 @@ def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -
 
 @contextmanager
 def told_of_signals() -> Iterator[Callable[[], None]]:
-    """→ SIGTERM and SIGHUP are errors as others until the block ends, or until what is yielded is called: then they do nothing.
+    """→ what asks a program to end (SIGTERM, SIGHUP) is an error as others until the block ends, or until what is yielded is
+    called: then it does nothing.
 
     A run notices them by itself between two bytes. Before the first touch and while readings are evaluated nothing else does, and
     the night ended without a record and without a message.
     """
-    ends = [signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]
+    ends = endings()
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None
         return

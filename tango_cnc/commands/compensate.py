@@ -129,8 +129,9 @@ def command(**options: Any) -> int:
 
 def _checked(folder: Path, checked: Path, json_file: str | None) -> int:
     """cell, folder of a compensation → exit code: whether its files are as they were written."""
-    record = loop.check(checked)
-    if (folder / loop.CELL).exists():
+    here = (folder / loop.CELL).exists()
+    record = loop.check(checked, folder if here else None)
+    if here:
         whose_is(loop.Kept(0, checked, record), read_cell(folder, strategy=False))
     if not write_json(json_file, {"format": "tango-compensation-check/1", "same": True, "target": record["target"]}):
         click.echo(f"{checked}: every file of {record['target']} for the machine {record.get('machine')!r} is as it was written")
@@ -365,12 +366,18 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
 
 def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
     """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
-    if found.verdict in HELPS and any(h["table"] != h["place"] for h in kept.record["values"] if h["new"] != h["present"]):
+    if (
+        found.verdict in HELPS
+        and not found.rows
+        and any(h["table"] != h["place"] for h in kept.record["values"] if h["new"] != h["present"])
+    ):
         found = replace(found, text=f"{found.text}. {ROWS}")
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     unseen: dict[str, Any] = {}
     if found.left_if_none is not None:
         unseen = {"not_seen": list(found.not_seen), "left_if_none_um": round(found.left_if_none, 4)}
+    if found.rows:
+        unseen["rows_not_met"] = list(found.rows)
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, **unseen, text=found.said, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)
     data = {"format": "tango-compensation-outcome/1", "compensation": kept.number, "verdict": found.verdict, **figures}

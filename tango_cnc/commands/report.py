@@ -152,6 +152,8 @@ def command(
         raise NoFit("\n".join([f"no page was written: {error}", *told(judgement)]), judgement) from None
     target = output or folder / "report.html"
     values = page.context(found, texts_of(templates))
+    if target.resolve() == (folder / "report.html").resolve():
+        _in_the_other_unit(folder, found, templates, allowed)
     write_text(target, page.render(found, templates, values))
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
@@ -167,6 +169,17 @@ def command(
     unsettled = bool(data["stale_nights"] or data["cut_off"])  # nobody knows, or a night was cut off
     no = data["overall"] == "stop" or data["may_make_parts"] == "no" or unsettled
     return status(judgement, despite) or int(crossed or (no and not despite))
+
+
+def _in_the_other_unit(folder: Path, found: Facts, templates: Path | None, allowed: float | None) -> None:
+    """cell, facts, templates, limit (µm) → the same page in inch beside the one in mm (or the other way round), which pages of
+    `tango serve` show where they are in that unit; that of an earlier report in the unit of this one is gone.
+    """
+    own, other = found.wishes.units, Units("mm" if found.wishes.units.system == "inch" else "inch")
+    again = None if found.nights is None else nights(folder, found.cell.machine, other, texts_of(templates), allowed)
+    same = replace(found, wishes=replace(found.wishes, units=other), nights=again)
+    write_text(folder / f"report.{other.system}.html", page.render(same, templates, page.context(same, texts_of(templates))))
+    (folder / f"report.{own.system}.html").unlink(missing_ok=True)
 
 
 def _sheet(folder: Path, result: Estimate) -> Sheet | str:

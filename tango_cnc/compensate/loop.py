@@ -8,22 +8,27 @@ Every compensation has a folder of its own with the files for the control, `undo
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..files import write_text
+from ..files.cell import read_machine
 from ..files.checked import printable, read_bytes, read_text
 from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..loaded import IN_CONTROL, Happened, Holds, holds
 from ..records import InputError, TangoError
+from .forms import of_another
 from .proposal import FORMAT, Proposal, as_json
 from .targets import SIGN_TRIAL, unconfirmed
+from .whose import axes_of, travel_of
 
 FOLDER, HISTORY, RECORD = "compensations", "history.jsonl", "compensation.json"
 CHECK = "check-"  # with the number: the cell of a short check, beside the compensation
@@ -33,6 +38,7 @@ MADE_FROM = "made-from.csv"  # the readings of the run that a compensation was m
 REMARK = "SIMULATED.txt"  # in a folder whose readings no machine has made: many files for controls have no comments
 SIMULATED = "MADE FROM SIMULATED READINGS: load this into no machine"
 UNCONFIRMED = "NOT CONFIRMED. CHECK EACH ON YOUR CONTROL BEFORE YOU WRITE:"  # below the steps: the screen is not at the machine
+RECORDS = 200  # of other compensations that are looked at, where a file differs
 FIGURE = {"value": float, "low?": float, "high?": float}
 EVENT = {
     "utc": str,
@@ -235,10 +241,11 @@ def _plain(name: str) -> bool:
     return re.fullmatch(r"[\w-][\w.-]{0,99}", name) is not None
 
 
-def check(folder: Path) -> dict[str, Any]:
-    """folder of a compensation → its record, every file compared with it, ends of lines left aside.
+def check(folder: Path, cell: Path | None = None) -> dict[str, Any]:
+    """folder of a compensation, a cell → its record, every file compared with it, ends of lines left aside.
 
-    Raises TangoError that names the first line that differs: a file that differs is not to be loaded into a control.
+    Raises TangoError that names the first line that differs, and what in the file speaks of another machine or compensation; those
+    of the cell and of its neighbours are looked at. A file that differs is not to be loaded into a control.
     """
     record = load(folder)
     for written, base in ((record["files"] | _beside(record), folder), (record["undo"], folder / "undo")):
@@ -246,12 +253,49 @@ def check(folder: Path) -> dict[str, Any]:
             file = base / name
             if not file.exists():
                 raise TangoError(f"{file}: found no such file; do not load this folder: propose anew")
-            _same(file, text)
+            try:
+                _same(file, text)
+            except TangoError as error:
+                if (why := _whose(file, record, text, cell)) and base != folder / "undo" and name in record["files"]:
+                    raise TangoError(f"{error}. {why}") from None
+                raise
         known_names = {*written, "undo"}
         there = base.iterdir() if base.is_dir() else ()  # of files without undo nothing is written there
         if strangers := sorted(f.name for f in there if f.name not in known_names):
             raise TangoError(f"{base}: found {', '.join(strangers)}, which this program has not written; take it away first")
     return record
+
+
+def _whose(file: Path, record: Mapping[str, Any], text: str, cell: Path | None) -> str:
+    """file that differs, record, its text as written, a cell → whose it is, as far as it can be recognized; '' where it cannot."""
+    there = read_bytes(file).decode("utf-8", "replace")
+    plain = there.replace("\r\n", "\n")
+    if plain == record["undo"].get(file.name):
+        return "It is the file of undo/, with the numbers before: the compensation is not in the control, or was taken out"
+    folders = [
+        file.parent.parent,
+        *((cell / FOLDER, *sorted(cell.resolve().parent.glob(f"*/{FOLDER}"))) if cell is not None else ()),
+    ]
+    for place in itertools.islice((p for folder in folders for p in sorted(folder.glob(f"*/{RECORD}"))), RECORDS):
+        with suppress(TangoError):
+            other = load(place.parent)
+            if other["digest"] != record["digest"] and plain == other["files"].get(file.name):
+                return f"It is the file of {place.parent}, for the machine {other.get('machine')!r}"
+    if why := of_another(text, there, travels_of(record)):
+        return f"This is no slip of a digit, but a file of another machine or of another compensation: {why}"
+    return ""
+
+
+def travels_of(record: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """record of a compensation → {axis: its travel, mm or degrees} of the machine that it was made for, where that is on record."""
+    text = record.get("made_from", {}).get("machine")
+    if text is None:
+        return {}
+    with suppress(TangoError):
+        machine = read_machine(Path("machine.yaml"), text)
+        found = {axis: travel_of(machine, axis) for axis in axes_of(machine)}
+        return {axis: travel for axis, travel in found.items() if travel is not None}
+    return {}
 
 
 def _same(file: Path, text: str) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import math
-import os
 import secrets
 import signal
 import threading
@@ -33,13 +32,13 @@ from .address import Address, linked, parse, spoken
 from .client import Task
 from .entries import End, Entry, Reading, Segment
 from .journal import Journal, look_at, read_journal
-from .process import boot
+from .process import boot, endings
 from .readings import missing, provenance, readings_of
 from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import foreseen, open_port, said_before
+from .transport import fits, foreseen, open_port, said_before
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -87,6 +86,7 @@ def measure(
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     foreseen(address)
     protocol.Client.named(address.options)
+    _replaceable(wanted.readings)
     file = wanted.readings.with_suffix(".journal")
     before, digest = _started(file, plan, wanted.post) if wanted.resume else ([], "")
     left = missing(before, plan)[:most]
@@ -104,6 +104,8 @@ def measure(
     client, *_ = [
         protocol.Client(task, address.options) for task in tasks
     ]  # what it refuses leaves no files, and stops no run later
+    for task in tasks:
+        fits(address, task.program.encode())
     sensors = Watch(read_sensors(cell.folder))
     with _written("the program", "make room, or check the rights of the folder, and start again", NothingSentError):
         programs = keep(part, programs)
@@ -193,7 +195,7 @@ def _signals() -> Iterator[Callable[[], int]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: 0
         return
-    ends = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if os.name == "posix" else [])]  # SIGHUP: the session was closed
+    ends = [signal.SIGINT, *endings()]
     before = {number: signal.signal(number, lambda received, frame: asked.append(received)) for number in ends}
     try:
         yield lambda: len(asked)
@@ -312,6 +314,20 @@ def _set_aside(file: Path) -> None:
         file.rename(other)
 
 
+def _replaceable(readings: Path) -> None:
+    """readings of a run → nothing. Raises InputError where a file that it writes at its end is a folder, a device or a pipe.
+
+    After the last touch it would be too late: reading a pipe waits for ever, and a device may have no end.
+    """
+    whole = (readings, _partial(readings))
+    for file in (file for one in whole for file in (one, one.with_suffix(".json"), origin_file(one))):
+        if file.exists() and not file.is_file():
+            raise InputError(
+                f"{file}: found a folder, a device or a pipe, where a run writes its readings; allowed: a file, or nothing. "
+                "Move it away. Nothing was started"
+            )
+
+
 def _partial(file: Path) -> Path:
     return file.with_name(f"{file.stem}.partial.csv")
 
@@ -340,7 +356,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folde
     how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
     with _written(f"every touch is in {journal}, but the readings", f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
-        same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
+        same = file.is_file() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)
         _write(file, text, origin)
         write_origin(file, folder, "measured", kept, origin)

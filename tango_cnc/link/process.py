@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -48,6 +49,13 @@ def alive(pid: int, since: str = "") -> bool:
         return False
     began = born(pid) if since else ""
     return not (since and began and began != since)
+
+
+def endings() -> tuple[int, ...]:
+    """→ signals other than Ctrl-C that ask a program to end: of the system, of a session that was closed, of Ctrl-Break."""
+    if os.name == "nt":
+        return signal.SIGTERM, signal.SIGBREAK  # type: ignore[attr-defined, unused-ignore]
+    return signal.SIGTERM, signal.SIGHUP
 
 
 def boot() -> str:

@@ -17,6 +17,10 @@ def _nothing(address: Address) -> None:
     """Most ways have nothing to foresee."""
 
 
+def _anything(address: Address, program: bytes) -> None:
+    """Most ways take any program."""
+
+
 def _open_already(port: Any) -> None:
     """Most ways have asked for all when they are open."""
 
@@ -37,6 +41,7 @@ class Way:
     unit: bool = False  # the URL ends with the number of a device
     stored: bool = False  # the control writes its records into a file that is not read as a file of this computer
     foreseen: Callable[[Address], None] = _nothing  # refuses what no run can use; opens nothing
+    fits: Callable[[Address, bytes], None] = _anything  # refuses a program that can never go where the URL says; opens nothing
     look: Callable[[Any], None] = _open_already  # of an open port, where nothing is asked for before nothing moves
     before: Callable[[Address], str] = _silent  # what a person has to know of what is there already, before the run begins
     example: str = ""  # of a URL, for messages

@@ -210,6 +210,11 @@ def dates_cut_off(former: Sequence[str]) -> list[str]:
     return sorted((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key in (CUT_OFF, UNSENT)), reverse=True)
 
 
+def date_run_off(former: Sequence[str]) -> str:
+    """what pages say of a cell beside its nights → date on which a run outside the nights broke off; '' where none did."""
+    return next((str(x.values["date"]) for x in former if isinstance(x, Said) and x.key == RUN_OFF), "")
+
+
 def renamed(found: Answer, former: Sequence[str], t: Texts) -> Answer:
     """answer, what the cell has under other names or with a date in the future, texts → the same; an alarm that is open there is
     open here, and no plain yes.

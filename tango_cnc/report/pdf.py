@@ -20,6 +20,9 @@ from .template import environment, rendered
 from .texts import texts, texts_of
 
 LONG, STEP, BREAK = re.compile(r"(?<!\S)(?![0-9a-f]{64}\b)\S{25,}"), 12, "\u200b"  # a hash stays whole: it is copied
+A4, LETTER, GUTTER = 493.2, 510.0, 6.0  # pt between the margins of report.typ, and between two pictures
+LEAST = 6.5  # pt that letters in pictures have on paper
+SIZE, ACROSS = re.compile(r'font-size="([\d.]+)"'), re.compile(r'<svg[^>]*? width="([\d.]+)"')
 TONES = {"good": GOOD, "look": LOOK, "stop": STOP, "unknown": "#5b3f95", "none": "#52606d"}
 
 
@@ -60,17 +63,19 @@ def render(
         root = Path(place)
         count, drawn, fonts = 0, [""], [folder] if folder else []
 
-        def image(svg: object, width: str = "100%") -> str:
+        def image(svg: object, width: str = "100%", columns: int = 1) -> str:
             nonlocal count
             if not svg:
                 return "[]"
             count += 1
-            (root / f"{count}.svg").write_text(_plain(str(svg)), encoding="utf-8")
+            paper = (LETTER if f.wishes.units.system == "inch" else A4) / columns - (GUTTER / 2 if columns > 1 else 0.0)
+            wide = float(width.removesuffix("pt")) if width.endswith("pt") else float(width.removesuffix("%")) / 100 * paper
+            (root / f"{count}.svg").write_text(legible(_plain(str(svg)), wide), encoding="utf-8")
             drawn.append(str(svg))
             return f'image("{count}.svg", width: {width})'
 
         env.filters["q"] = lambda value: Markup(quoted(value))
-        env.filters["image"] = lambda value, width="100%": Markup(image(value, width))
+        env.filters["image"] = lambda value, width="100%", columns=1: Markup(image(value, width, columns))
         values: dict[str, Any] = {**(made or context(f, texts_of(folder))), "tones": TONES, "no_font": ""}
         source, text = root / "report.typ", rendered(env, "report.typ", values)
         boxes = note(text + html.unescape("".join(drawn)), texts_of(folder), fonts)
@@ -100,6 +105,15 @@ def compiled(source: str, say: Callable[[str], object] = _silent) -> bytes:
         file = Path(place) / "page.typ"
         file.write_text(source, encoding="utf-8")
         return bytes(typst.compile(str(file), root=place))
+
+
+def legible(svg: str, wide: float) -> str:
+    """SVG for browsers, its width on paper (pt) → the same; letters that would be smaller than `LEAST` there have that size."""
+    across = ACROSS.match(svg)
+    if across is None:
+        return svg
+    least = LEAST * float(across[1]) / wide
+    return SIZE.sub(lambda m: f'font-size="{max(float(m[1]), least):.4g}"', svg)
 
 
 def _plain(svg: str) -> str:

@@ -143,7 +143,7 @@ def _slice(s: Slice, left: float, top: float, side: float, most: float, machine:
     rest = ", ".join(_placed(*axis, units) for axis in s.rest)
     parts = [
         f'<text x="{left:g}" y="{top - 8:g}" font-weight="600">{s.across} – {s.up}'
-        f'<tspan font-weight="400" fill="{SOFT}">   {escape(rest)}</tspan></text>'
+        f'<tspan font-weight="400" dx="9" fill="{SOFT}">{escape(rest)}</tspan></text>'
     ]
     for row in range(n):
         for column in range(n):

@@ -36,6 +36,7 @@ from ..report.texts import Texts, texts_of
 from ..report.units import Units
 from . import pages
 from .guard import COOKIE, Buckets, Guard, same
+from .keeper import Keeper
 from .live import Journals, Looks
 from .places import STRIP, Places, Served
 from .settings import Role, Settings, may
@@ -65,6 +66,8 @@ class PagesState:
     units: Units = field(default_factory=Units)
     looks: Looks = field(default_factory=Looks)
     known: UsersFile | None = None  # the users file
+    rows: dict[tuple[str, str], tuple[Any, Any, Any]] = field(default_factory=dict)  # of machines in lists
+    keeper: Keeper | None = None
 
 
 def create(settings: Settings) -> Starlette:
@@ -89,7 +92,12 @@ def create(settings: Settings) -> Starlette:
 
     @contextlib.asynccontextmanager
     async def life(app: Starlette) -> AsyncIterator[None]:
+        from .pages.decisions import both
+
+        state.keeper = Keeper(state.places, lambda: both(state))
+        state.keeper.begin()
         yield
+        state.keeper.end()
         state.places.close()
 
     app = Starlette(routes=[*_routes(), *_static()], exception_handlers={HTTPException: _refused}, lifespan=life)
@@ -236,12 +244,18 @@ def role_of(request: Request) -> Role | None:
 
 
 def needs(request: Request, wanted: Role) -> None:
-    """request, role → nothing. Raises HTTPException: 401 (the sign-in page) without a sign-in, 403 where the role is not enough."""
+    """request, role → nothing. Raises HTTPException: 401 (the sign-in page) without a sign-in, 403 where the role is not enough,
+    503 while a server that has just started still reads its machines.
+    """
     role = role_of(request)
     if role is None:
         raise HTTPException(401)
     if not may(role, wanted):
         raise HTTPException(403, state_of(request).texts("web.forbidden", role=wanted))
+    keeper = state_of(request).keeper
+    if keeper is not None and keeper.reading():
+        said = state_of(request).texts("web.reading", count=keeper.count)
+        raise HTTPException(503, said, {"retry-after": "2", "refresh": "2"})
 
 
 def proven(request: Request, form: Mapping[str, Any]) -> SignIn:
@@ -311,4 +325,6 @@ def _refused(request: Request, error: Exception) -> Response:
         return RedirectResponse(f"/sign-in{then}", 303)
     t = state_of(request).texts
     said = t("web.not_found") if error.status_code == 404 else str(error.detail)
-    return page(request, "told.html", error.status_code, said=said)
+    found = page(request, "told.html", error.status_code, said=said)
+    found.headers.update(error.headers or {})
+    return found

@@ -129,9 +129,15 @@ def quiet(run: LiveRun, now: float) -> int | None:
     """run, time (s) → minutes since its last entry where that is too long ago for a run that goes on, or nobody is at work in its
     cell any more: its program was killed; else None.
     """
-    since, place = now - run.touched, run.file.parent
+    since = now - run.touched
+    return max(1, round(since / 60)) if run.state == "running" and (since > QUIET or broken(run)) else None
+
+
+def broken(run: LiveRun) -> bool:
+    """run → whether it has no end although nobody is at work in its cell any more: the program that recorded it was killed."""
+    place = run.file.parent
     cell = place.parent.parent if place.parent.name == "nights" else place
-    return max(1, round(since / 60)) if run.state == "running" and (since > QUIET or not at_work(cell)) else None
+    return run.state in ("running", "waiting") and not at_work(cell)
 
 
 def _facets(cell: Cell | None) -> dict[int, str]:

@@ -30,7 +30,11 @@ from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
 AGAIN = 60.0  # s after which a history is asked again although its file is the same
+SELDOM = 900.0  # s after which that is done for what no clock changes, or whose key has the day and who is late
+LOOKED = 1.0  # s that the files of a cell are not looked at again
+FEW = 20  # machines whose nights are read one by one where only theirs have changed
 Stamp = tuple[int, ...]  # of a file: when it was changed, how large it is
+CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
 STRIP = 30  # nights of the strip beside a machine
 MOST = 2000  # things that are kept
 T = TypeVar("T")
@@ -77,9 +81,11 @@ class Places:
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _locks: dict[str, threading.RLock] = field(default_factory=dict)
     _read: dict[int, dict[int, Mapping[str, Any]]] = field(default_factory=dict)  # records of the list of machines, by entry
-    _nights: dict[int, tuple[Any, dict[str, list[Night]]]] = field(default_factory=dict)  # by history: of which entries, nights
-    _cells: dict[Path, tuple[float, Cell | str]] = field(default_factory=dict)
+    _nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = field(default_factory=dict)  # by history: entries, nights
+    _cells: dict[Path, tuple[float, Stamp, Cell | str]] = field(default_factory=dict)
     _asked: dict[tuple[int, str], tuple[Stamp, float, Any]] = field(default_factory=dict)  # of histories that are files
+    _of: dict[str, tuple[object, Any]] = field(default_factory=dict)  # of single machines: end of the chain, what it says
+    _where: dict[int, str] = field(default_factory=dict)  # by history
     _nightlies: dict[Path, tuple[float, Nightly | TangoError]] = field(default_factory=dict)
 
     def close(self) -> None:
@@ -108,11 +114,11 @@ class Places:
             self._kept.clear()
             self._asked.clear()
 
-    def asked(self, history: History, what: str, make: Callable[[], T]) -> T:
+    def asked(self, history: History, what: str, make: Callable[[], T], again: float = AGAIN) -> T:
         """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.
 
         A list of 200 machines, each with a history of its own, would ask 200 databases at every look. Late is a matter of the
-        clock, so each question is asked again after one to two minutes, not all of them at once.
+        clock, so each question is asked again after one to two times `again` (s), not all of them at once.
         """
         stamp = self._stamp(history)
         key, now = (id(history), what), self.clock()
@@ -120,27 +126,33 @@ class Places:
         if stamp and known is not None and known[0] == stamp and now < known[1]:
             return cast("T", known[2])
         answer = make()
-        self._asked[key] = (stamp, now + AGAIN * (1 + zlib.crc32(str(key).encode()) % 100 / 100), answer)
+        self._asked[key] = (stamp, now + again * (1 + zlib.crc32(str(key).encode()) % 100 / 100), answer)
         return answer
 
-    def written(self, history: History, machine: str) -> str:
-        """history, name of a machine → what differs once something is written of it: its file, on a server the end of its chain."""
+    def written(self, history: History, machine: str) -> object:
+        """history, name of a machine → what differs once something is written of it: the end of its chain, and where the history
+        has no other machine its file, which need not be opened for that.
+        """
         stamp = self._stamp(history)
-        return repr(stamp or self.kept(f"heads {id(history)}", history.newest_hashes).get(machine))
+        if stamp and len(self.asked(history, "machines", history.machines, SELDOM)) < 2:
+            return stamp
+        if stamp:
+            return self.asked(history, "heads", history.newest_hashes, SELDOM).get(machine)
+        return self.kept(f"heads {id(history)}", history.newest_hashes).get(machine)
+
+    def of_machine(self, machine: Served, what: str, make: Callable[[], T]) -> T:
+        """machine, name of what its history says of it, how to read that → the same until something is written of the machine."""
+        key = f"of {machine.slug} {what}"
+        head = None if machine.history is None else self.written(machine.history, machine.name)
+        known = self._of.get(key)
+        if known is None or known[0] != head:
+            known = self._of[key] = head, make()  # the head is older than what was read, never newer
+        return cast("T", known[1])
 
     def _stamp(self, history: History) -> Stamp:
         """history → what its file and its log look like; empty for one on a server, which is asked every time."""
-        where = next((place for place, each in self._histories.items() if each is history), "://")
-        if "://" in where:
-            return ()
-        found = []
-        for name in (where, f"{where}-wal"):
-            try:
-                stat = os.stat(name)
-                found += [stat.st_mtime_ns, stat.st_size]
-            except OSError:
-                found += [0, 0]
-        return tuple(found)
+        where = self._where.get(id(history), "://")
+        return () if "://" in where else (*_looks(where), *_looks(f"{where}-wal"))
 
     def nightly(self, folder: Path) -> Nightly:
         """folder → its nightly.yaml; read again when it has changed. Raises TangoError for one that cannot be read."""
@@ -163,6 +175,15 @@ class Places:
         """→ {slug: machine}, those of the cells first, then those that only the history knows."""
         return self.kept("machines", self._machines)
 
+    def expected(self) -> int:
+        """→ how many machines there will be about, before any of them is read: cells, or names in the history of all."""
+        cells = len(self.settings.find() if self.settings.find else self.settings.cells)
+        try:
+            shared = self._history(self.settings.history) if self.settings.history else None
+            return max(cells, 0 if shared is None else len(shared.machines()))
+        except TangoError:  # the pages say why it cannot be read
+            return cells
+
     def _machines(self) -> dict[str, Served]:
         shared = self._history(self.settings.history) if self.settings.history else None
         found: dict[str, Served] = {}
@@ -183,7 +204,7 @@ class Places:
         """machines by slug → the same with what cells have under other names, and these names where their alarms are not closed."""
         names, more = {m.name for m in found.values() if m.folder is not None}, dict[str, Served]()
         histories = {id(m.history): m.history for m in found.values() if m.history is not None}
-        ahead = {(key, n.machine) for key, h in histories.items() for n in self.asked(h, "ahead", h.ahead)}
+        ahead = {(key, n.machine) for key, h in histories.items() for n in self._ahead(h)}
         for slug, m in list(found.items()):
             dated = m.history is not None and (id(m.history), m.name) in ahead
             if dated and m.history is not None and (future := in_future(m.history, m.name)) is not None:
@@ -194,18 +215,26 @@ class Places:
                 m = found[slug] = replace(m, former=(*m.former, *off))
             if m.folder is None or m.history is None or not isinstance(self.cell(m.folder), Cell):
                 continue
-            new = m.name not in self.asked(m.history, "machines", m.history.machines)
+            every = self.asked(m.history, "machines", m.history.machines, SELDOM)
+            new = m.name not in every
             if self.settings.history and not new:  # every name of a history that all share is in the list by itself
                 continue
+            if every == (m.name,):
+                continue
             within = not self.settings.history and self._within(m.folder)
-            asked = f"formers {m.name} {within} {zlib.crc32(repr(sorted(names)).encode())}"
-            known = self.asked(m.history, asked, partial(formers, m.history, m.name, m.folder, within, names))
+            asked = f"formers {m.name} {within} {zlib.crc32(repr(sorted(names)).encode())} {today()}"
+            known = self.asked(m.history, asked, partial(formers, m.history, m.name, m.folder, within, names), SELDOM)
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=(*m.former, *told))
             more |= {
                 slug_of(f.machine): Served(slug_of(f.machine), f.machine, None, m.history) for f in known if f.alarms or f.held
             }
         return {**more, **found}
+
+    def _ahead(self, history: History) -> tuple[Night, ...]:
+        """history → nights that the clock dates in the future; where there was none the file has to change for one."""
+        found = self.asked(history, "ahead", history.ahead, SELDOM)
+        return self.asked(history, "ahead now", history.ahead) if found else found
 
     def _within(self, folder: Path) -> bool:
         """folder of a cell → whether its history is a file in it."""
@@ -232,22 +261,21 @@ class Places:
 
     def owner(self, machine: Served) -> str:
         """machine → who is asked about its alarms by nightly.yaml of its cell; empty where nobody is stated."""
-        return self._stated(machine).owner
+        return self.stated(machine).owner
 
     def deputy(self, machine: Served) -> str:
         """machine → who is asked where its owner does not answer, by nightly.yaml of its cell; empty where nobody is stated."""
-        return self._stated(machine).deputy
+        return self.stated(machine).deputy
 
     def limits_for(self, machine: Served) -> str:
         """machine → what its limits are for and who has stated them, by nightly.yaml of its cell; '' where that is not stated."""
-        return self._stated(machine).limits_for
+        return self.stated(machine).limits_for
 
     def old(self, machine: Served, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
-        today = datetime.now().astimezone().strftime("%Y-%m-%d")
-        return nights_old(measured, today, self._stated(machine).answers_for)
+        return nights_old(measured, today(), self.stated(machine).answers_for)
 
-    def _stated(self, machine: Served) -> Nightly:
+    def stated(self, machine: Served) -> Nightly:
         """machine → nightly.yaml of its cell; what holds without one where it has none, or one that cannot be read."""
         folder, usual = machine.folder, Nightly(late_hours=self.settings.late_hours)
 
@@ -261,16 +289,18 @@ class Places:
 
     def cell(self, folder: Path) -> Cell | str:
         """folder → its cell, or why it cannot be read; read again when its files have changed."""
-        names = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
-        stamp = sum(f.stat().st_mtime for f in (folder / n for n in names) if f.exists())
-        known = self._cells.get(folder)
-        if known is not None and known[0] == stamp:
-            return known[1]
+        known, now = self._cells.get(folder), self.clock()
+        if known is not None and 0 <= now - known[0] < LOOKED:
+            return known[2]
+        stamp = tuple(number for name in CELL for number in _looks(f"{folder}{os.sep}{name}"))
+        if known is not None and known[1] == stamp:
+            self._cells[folder] = (now, stamp, known[2])
+            return known[2]
         try:
             cell: Cell | str = read_cell(folder)
         except TangoError as error:
             cell = str(error)
-        self._cells[folder] = (stamp, cell)
+        self._cells[folder] = (now, stamp, cell)
         return cell
 
     def _own(self, folder: Path) -> tuple[History | None, str]:
@@ -290,7 +320,7 @@ class Places:
         if not must and "://" not in where and not Path(where).exists():
             return None
         history = self._stack.enter_context(opened(where, create=False)).as_of(lambda: datetime.now(UTC))
-        self._histories[where] = history
+        self._histories[where], self._where[id(history)] = history, where
         return history
 
     def fleet(self) -> Sequence[Row]:
@@ -304,7 +334,7 @@ class Places:
         nights: dict[tuple[int, str], Sequence[Night]] = {}
         histories = {id(m.history): m.history for m in machines.values() if m.history is not None}
         for key, history in histories.items():
-            own = self.asked(history, f"fleet {self.settings.late_hours}", partial(history.fleet, now, self.settings.late_hours))
+            own = self._standings(key, history, now)
             standings |= {(key, s.machine): s for s in own}
             nights |= {(key, name): listed for name, listed in self._last_nights(key, history, own).items()}
         records = {key: self._records(key, history, nights) for key, history in histories.items()}
@@ -317,12 +347,30 @@ class Places:
             rows.append(Row(m, standings.get((key, m.name)), listed, last, before))
         return sorted(rows, key=_urgent)
 
+    def _standings(self, key: int, history: History, now: str) -> Sequence[Standing]:
+        """history, moment → how its machines stand: asked where its file has changed, another day has begun, a machine has become
+        late since, or the clock dates nights in the future.
+        """
+        hours = self.settings.late_hours
+        limit = f"{datetime.fromisoformat(now) - timedelta(hours=hours):%Y-%m-%dT%H:%M:%SZ}"
+        known = self._nights.get(key, ({}, {}))[1]
+        complete = (next((n.start_utc for n in listed if n.status == "complete"), "") for listed in known.values())
+        late = sum(start < limit for start in complete)
+        again = AGAIN if self._ahead(history) else SELDOM
+        return self.asked(history, f"fleet {hours} {today()} {late}", partial(history.fleet, now, hours), again)
+
     def _last_nights(self, key: int, history: History, own: Sequence[Standing]) -> Mapping[str, Sequence[Night]]:
         """history, how its machines stand → the nights of their strips; an entry never changes, so they are read once."""
-        stamp = tuple((s.machine, s.nights, None if s.last is None else s.last.entry) for s in own)
-        if self._nights.get(key, (None, {}))[0] != stamp:
-            found: dict[str, list[Night]] = {}
-            for night in history.nights(last=STRIP * max(len(own), 1)):
+        stamp = {s.machine: (s.nights, None if s.last is None else s.last.entry) for s in own}
+        before, known = self._nights.get(key, ({}, {}))
+        new = [name for name, counts in stamp.items() if before.get(name) != counts]
+        if new or before.keys() != stamp.keys() or key not in self._nights:
+            found: dict[str, list[Night]] = {name: listed for name, listed in known.items() if name in stamp and name not in new}
+            if len(new) <= FEW:
+                read = [night for name in new for night in history.nights(name, last=STRIP)]
+            else:
+                found, read = {}, list(history.nights(last=STRIP * max(len(own), 1)))
+            for night in read:
                 listed = found.setdefault(night.machine, [])
                 if len(listed) < STRIP:
                     listed.append(night)
@@ -347,6 +395,20 @@ class Places:
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
+
+
+def today() -> str:
+    """→ local date."""
+    return f"{datetime.now().astimezone():%Y-%m-%d}"
+
+
+def _looks(name: str) -> tuple[int, int]:
+    """file → when it was changed and how large it is; zeros where there is none."""
+    try:
+        stat = os.stat(name)
+    except OSError:
+        return 0, 0
+    return stat.st_mtime_ns, stat.st_size
 
 
 def told(night: Night, limits: Mapping[str, float]) -> str:

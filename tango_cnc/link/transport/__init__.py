@@ -43,6 +43,11 @@ def foreseen(address: Address) -> None:
     ways()[address.scheme].foreseen(address)
 
 
+def fits(address: Address, program: bytes) -> None:
+    """address, program → nothing, and nothing is opened. Raises InputError for one that can never go where the address says."""
+    ways()[address.scheme].fits(address, program)
+
+
 def said_before(address: Address) -> str:
     """address → what a person has to know of what is there before the run begins; '' for nothing."""
     return ways()[address.scheme].before(address)
@@ -84,7 +89,7 @@ def _advice(address: Address, error: Exception) -> str:
         )
     if ways()[address.scheme].needs != "device":
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
-    busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error)
+    busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error) or "PermissionError(13" in str(error)  # Windows
     there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"
     step = "Another program has it open: close that one" if busy else "Check the cable, the name and your permission to use it"
     return f"Serial ports of this computer: {there}. {step}."

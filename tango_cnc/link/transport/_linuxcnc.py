@@ -58,11 +58,20 @@ class LinuxCnc(Tcp):
         return len(data)
 
     def _put(self, program: bytes) -> None:
+        file = self._file
         try:
-            self._file.write_bytes(program)
-            self._log.unlink(missing_ok=True)
+            with file.open("wb", buffering=0) as out:
+                left = memoryview(program)
+                try:
+                    while left:
+                        left = left[out.write(left) or 0 :]
+                except OSError:  # a piece of a program is nothing to be started, and would keep every later run out
+                    out.truncate(0)
+                    raise
+            file = self._log
+            file.unlink(missing_ok=True)
         except OSError as error:
-            raise Lost(f"{error.filename}: cannot be written ({error.strerror})") from None
+            raise Lost(f"{file}: cannot be written ({error.strerror}); make room, or check the rights of the folder") from None
         self._at, self._answers = 0, b"PUT\n"
 
     def _logged(self) -> bytes:
@@ -98,6 +107,8 @@ def foreseen(address: Address) -> None:
                     f"port {address.url}: {name}: found {file}, a name of tango's own files, into which no control may write; "
                     f"allowed: another name, e.g. {'tango.ngc' if name == 'file' else 'tango-readings.txt'}"
                 )
+            continue
+        if file.is_file() and not file.stat().st_size:  # nothing to lose: the disk was full, or the plug was pulled, before a byte
             continue
         if not file.is_file() or not own.fullmatch(_head(file)):
             what = "a program of 'tango plan'" if name == "file" else "records that such a program wrote"

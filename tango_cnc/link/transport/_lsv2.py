@@ -25,7 +25,7 @@ from ._file import FOREIGN, foreign
 from ._line import Lost, reason
 from ._person import Person
 from ._refused import RefusedError
-from ._remote import HEAD, START, Remote, paths
+from ._remote import HEAD, START, Remote, fits, paths
 from ._remote import foreseen as remote_foreseen
 from ._stores import needed
 
@@ -370,6 +370,13 @@ class AtRest(Remote):
 
 WAYS = {
     "lsv2": Way(
-        AtRest, "disk", path=True, stored=True, foreseen=foreseen, look=AtRest.look, example="lsv2://192.168.1.20/TNC:/TANGO.TXT"
+        AtRest,
+        "disk",
+        path=True,
+        stored=True,
+        foreseen=foreseen,
+        fits=fits,
+        look=AtRest.look,
+        example="lsv2://192.168.1.20/TNC:/TANGO.TXT",
     )
 }

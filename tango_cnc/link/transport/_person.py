@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import sys
 import threading
@@ -36,8 +37,15 @@ class Person:
 
 def _forget_typed() -> None:
     """What was typed on the terminal up to now is not an answer."""
-    if sys.stdin.isatty():
-        with contextlib.suppress(ImportError):
-            import termios
+    if not sys.stdin.isatty():
+        return
+    if os.name == "nt":
+        import msvcrt
 
-            termios.tcflush(sys.stdin, termios.TCIFLUSH)
+        while msvcrt.kbhit():  # type: ignore[attr-defined, unused-ignore]
+            msvcrt.getwch()  # type: ignore[attr-defined, unused-ignore]
+        return
+    with contextlib.suppress(ImportError):
+        import termios
+
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)

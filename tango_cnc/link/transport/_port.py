@@ -12,8 +12,8 @@ import serial
 
 from ..address import DEFAULTS, Address
 from ..ways import Way
-from ..wire import unmarked
-from ._line import SLICE, Lost, reason
+from ..wire import SUB, unmarked
+from ._line import REST, SLICE, Lost, reason
 
 
 class Port:
@@ -39,13 +39,20 @@ class Port:
         self._port = serial.serial_for_url(address.target if self._local else f"rfc2217://{address.target}", **settings)
         # Switched on at the first write: until then DC1 is for the client to see. A driver would not know DC3 with a parity bit.
         self._flow = line["flow"] == "xonxoff" and (address.uart or address.line.get("parity", "none") == "none")
-        self._marked = self._posix and line["parity"] != "none"
-        self._rest = b""
-        if self._posix:
-            self._settle(lock=line["exclusive"] == "yes" and address.uart)
+        self._parity = line["parity"] != "none"
+        self._marked = self._posix and self._parity
+        self._rest = self._sent = b""
+        self._settle(lock=line["exclusive"] == "yes" and address.uart)
 
     def _settle(self, lock: bool = False) -> None:
-        """What pyserial leaves out on POSIX: bad parity is marked; the kernel refuses other openers (a pty would remember it)."""
+        """What pyserial leaves out. POSIX: bad parity is marked; the kernel refuses other openers (a pty would remember it).
+
+        Windows: the driver puts SUB in the place of bad parity. Raises OSError.
+        """
+        if self._local and not self._posix and self._parity:
+            _replacing(self._port)
+        if not self._posix:
+            return
         import fcntl
         import termios
 
@@ -75,6 +82,10 @@ class Port:
                 raise OSError("it is ready to be read but nothing is there")
             return data
         until = time.monotonic() + timeout
+        while timeout < SLICE and not self._port.in_waiting:  # bytes wait to be sent: a read would hold each piece up for a slice
+            if time.monotonic() >= until:
+                return b""
+            time.sleep(REST)
         while True:
             data = bytes(self._port.read(max(1, self._port.in_waiting)))
             if data or time.monotonic() >= until:
@@ -85,11 +96,10 @@ class Port:
         try:
             if self._flow:
                 self._port.xonxoff, self._flow = True, False
-                if self._posix:
-                    self._settle()
+                self._settle()
             if self._local and self._port.out_waiting > 0:
                 return 0
-            piece = data[: self.chunk]
+            piece = self._sent = data[: self.chunk]  # Windows may read it from here after the call
             return os.write(self._port.fileno(), piece) if self._posix else int(self._port.write(piece) or 0)
         except BlockingIOError:
             return 0
@@ -102,6 +112,20 @@ class Port:
             self._port.reset_output_buffer()
         with contextlib.suppress(Exception):
             self._port.close()
+
+
+def _replacing(port: Any) -> None:
+    """open port of Windows → a character of wrong parity arrives as SUB: pyserial has it delivered as it came. Raises OSError."""
+    from ctypes import byref, sizeof
+
+    from serial import win32
+
+    state = win32.DCB()
+    state.DCBlength = sizeof(state)
+    done = win32.GetCommState(port._port_handle, byref(state))
+    state.fErrorChar, state.ErrorChar = 1, bytes([SUB])
+    if not done or not win32.SetCommState(port._port_handle, byref(state)):
+        raise OSError("its driver does not replace characters of wrong parity; allowed here: parity=none")
 
 
 WAYS = {"serial": Way(Port, "device", path=True, uart=True), "rfc2217": Way(Port, "host", uart=True)}

@@ -7,6 +7,8 @@ import errno
 import os
 import re
 import stat
+import tempfile
+from pathlib import Path
 from typing import Any
 
 from ...records import InputError, LinkError
@@ -52,18 +54,34 @@ def opens(paramiko: Any, options: dict[str, str]) -> None:
         loads = paramiko.PKey.from_path
     except AttributeError:  # an older one
         return
-    with contextlib.suppress(OSError, paramiko.SSHException, paramiko.UnknownKeyType):
-        try:
-            loads(key, phrase.encode() if phrase else None)
-        except ValueError:
+    try:
+        loads(key, phrase.encode() if phrase else None)
+    except (OSError, paramiko.SSHException, paramiko.UnknownKeyType):
+        return
+    except TypeError:
+        if not phrase:  # with one the key needs none
             raise InputError(
-                f"key: found {key}; allowed: a private key, and its passphrase=env:NAME or file:PATH. The control was not asked"
+                f"key: found {key}, which is encrypted; allowed: passphrase=env:NAME or file:PATH. The control was not asked"
             ) from None
-        except TypeError:
-            if not phrase:  # with one the key needs none
-                raise InputError(
-                    f"key: found {key}, which is encrypted; allowed: passphrase=env:NAME or file:PATH. The control was not asked"
-                ) from None
+    except Exception:  # of a damaged one: ValueError, AssertionError, and what the library of the library has
+        raise InputError(
+            f"key: found {key}; allowed: a private key, and its passphrase=env:NAME or file:PATH. The control was not asked"
+        ) from None
+
+
+def knows(client: Any) -> None:
+    """client of paramiko → it has the keys of known_hosts. A line that is damaged is none, as for OpenSSH; paramiko stops there."""
+    try:
+        client.load_system_host_keys()
+    except Exception:
+        file = Path("~/.ssh/known_hosts").expanduser()
+        lines = file.read_bytes().decode("ascii", "replace").splitlines(keepends=True)
+        with tempfile.TemporaryDirectory() as folder:
+            one = Path(folder, "known_hosts")
+            for line in lines:
+                one.write_text(line, encoding="ascii", errors="replace")
+                with contextlib.suppress(Exception):
+                    client.load_system_host_keys(str(one))
 
 
 def changed(host: str, key: str, known: str) -> RefusedError:

@@ -61,6 +61,16 @@ def _paths(address: Address) -> None:
         raise InputError(f"port {address.url}: program: found {program}, which is the file of the records; allowed: another file")
 
 
+def fits(address: Address, program: bytes) -> None:
+    """port, program → nothing. Raises InputError where it would have the name of the record file in the folder it goes to."""
+    path, place = paths(address)
+    if place.endswith("/") and _same(name := place + _name(program), path):
+        raise InputError(
+            f"port {address.url}: program: found the folder {place}, where this program is called {name}, which is the file of the "
+            "records; allowed: another folder, or the name of another file"
+        )
+
+
 def _same(one: str, other: str) -> bool:
     """two paths at a control → whether they are one file; a Heidenhain path has its backslashes and no slash in front."""
     first, second = (posixpath.normpath("/" + path.replace("\\", "/").lstrip("/")).upper() for path in (one, other))
@@ -269,6 +279,7 @@ WAYS = {
         path=True,
         stored=True,
         foreseen=foreseen,
+        fits=fits,
         example=f"{name}://user@192.168.1.20/folder/TANGO.TXT?password=env:NAME",
     )
     for name in PORTS

@@ -15,11 +15,14 @@ from io import BytesIO
 from typing import Any, Protocol
 from urllib.parse import SplitResult, unquote
 
+from ...nearest import printable
 from ...records import InputError, LinkError
-from ._refused import RefusedError, as_error, changed, opens, refused, size_of
+from ._refused import RefusedError, as_error, changed, knows, opens, refused, size_of
 
 PORTS = {"ftp": 21, "ftps": 21, "sftp": 22, "smb": 445}
 PATIENCE = 10.0  # s for an answer
+WESTERN = "latin-1"  # in which every byte is a letter: controls answer in letters of their own
+LINE = 300  # characters of an answer that are shown
 NO_LOGIN = "530"  # RFC 959: not logged in
 REFUSALS = ("AuthenticationException", "BadAuthenticationType")  # of paramiko
 
@@ -61,9 +64,13 @@ class Ftp:
     def _begin(self) -> None:
         """A new session. Raises LinkError where the control refuses it."""
         parts, options, secure = self._parts, self._options, self._secure
-        user, password = unquote(parts.username or "anonymous"), options.get("password", "")
+        user, password = (_sent(word) for word in (unquote(parts.username or "anonymous"), options.get("password", "")))
         self._behind = False
-        self._ftp = ftplib.FTP_TLS(context=_context(options), timeout=PATIENCE) if secure else ftplib.FTP(timeout=PATIENCE)
+        self._ftp = (
+            ftplib.FTP_TLS(context=_context(options), timeout=PATIENCE, encoding=WESTERN)
+            if secure
+            else ftplib.FTP(timeout=PATIENCE, encoding=WESTERN)
+        )
         try:
             self._ftp.connect(parts.hostname or "", parts.port or PORTS["ftp"])
             self._ftp.login(user, password)
@@ -73,12 +80,10 @@ class Ftp:
         except ftplib.Error as error:
             self.close()
             if not secure and re.search("TLS|SSL|AUTH", str(error)):
-                raise LinkError(
-                    f"the control refuses: {str(error).rstrip('.')}. It asks for TLS: ftps:// in the port's URL"
-                ) from None
+                raise LinkError(f"the control refuses: {_words(error)}. It asks for TLS: ftps:// in the port's URL") from None
             if str(error).startswith(NO_LOGIN):
-                raise refused(error) from None
-            raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
+                raise refused(_words(error)) from None
+            raise LinkError(f"the control refuses: {_words(error)}") from None
 
     @contextlib.contextmanager
     def _asked(self) -> Iterator[None]:
@@ -91,18 +96,18 @@ class Ftp:
             self._begin()
         try:
             yield
-        except (ftplib.error_reply, ftplib.error_proto, ftplib.error_temp) as error:
-            self._behind = True
-            raise OSError(f"the control answers {str(error).rstrip('.')}") from None
         except ftplib.error_perm as error:
-            raise LinkError(f"the control refuses: {str(error).rstrip('.')}") from None
+            raise LinkError(f"the control refuses: {_words(error)}") from None
+        except (ftplib.Error, ValueError, OverflowError) as error:  # or a number that is none, a line without end
+            self._behind = True
+            raise OSError(f"the control answers {_words(error)}") from None
 
     def size(self, path: str) -> int | None:
         """path → bytes of the file, None when there is none."""
         with self._asked():
             try:
-                answer = self._ftp.sendcmd(f"SIZE {path}")
-                if not answer.startswith("213"):
+                answer = self._ftp.sendcmd(f"SIZE {_sent(path)}")
+                if not re.fullmatch(r"213 +[0-9]{1,18} *", answer):
                     raise ftplib.error_reply(answer)
                 return int(answer[3:])
             except ftplib.error_perm as error:
@@ -117,7 +122,7 @@ class Ftp:
         with contextlib.suppress(ftplib.Error):
             before = self._ftp.pwd()
             try:
-                self._ftp.cwd(folder)
+                self._ftp.cwd(_sent(folder))
             except ftplib.error_perm as error:
                 return str(error).startswith("550")
             self._ftp.cwd(before)
@@ -127,14 +132,14 @@ class Ftp:
         """path → whether it can be gone into."""
         with contextlib.suppress(ftplib.Error):
             before = self._ftp.pwd()
-            self._ftp.cwd(path)
+            self._ftp.cwd(_sent(path))
             self._ftp.cwd(before)
             return True
         return False
 
     def _whole(self, path: str, offset: int = 0, most: int = 1 << 28) -> bytes | None:
         pieces: list[bytes] = []
-        with self._ftp.transfercmd(f"RETR {path}", offset or None) as data:
+        with self._ftp.transfercmd(f"RETR {_sent(path)}", offset or None) as data:
             while sum(map(len, pieces)) < most and (piece := data.recv(1 << 16)):
                 pieces.append(piece)
             with contextlib.suppress(OSError):
@@ -160,29 +165,42 @@ class Ftp:
         """path, bytes → the file has them."""
         with self._asked():
             try:
-                self._ftp.storbinary(f"STOR {path}", BytesIO(data))
+                self._ftp.storbinary(f"STOR {_sent(path)}", BytesIO(data))
             except (ftplib.error_perm, ftplib.error_temp) as error:
-                raise LinkError(str(error).rstrip(".")) from None
+                raise LinkError(_words(error)) from None
             except OSError:  # the server has closed the data connection, and says why on the other one
                 self._behind = True
                 try:
                     self._ftp.voidresp()
                 except ftplib.Error as why:
-                    raise LinkError(str(why).rstrip(".")) from None
+                    raise LinkError(_words(why)) from None
                 raise
 
     def remove(self, path: str) -> None:
         """path → the file is there no more."""
         with self._asked():
             try:
-                self._ftp.delete(path)
+                self._ftp.delete(_sent(path))
             except (ftplib.error_perm, ftplib.error_temp) as error:
-                raise LinkError(str(error).rstrip(".")) from None
+                raise LinkError(_words(error)) from None
 
     def close(self) -> None:
         """Hangs up."""
         with contextlib.suppress(Exception):
             self._ftp.close()
+
+
+def _sent(text: str) -> str:
+    """text → as ftplib is given it: what goes over the line is UTF-8 (RFC 2640)."""
+    return text.encode("utf-8", "surrogatepass").decode(WESTERN)
+
+
+def _words(error: Exception) -> str:
+    """what ftplib has read of an answer → its text, in UTF-8 or, where it is none, in Western letters; no more than a line."""
+    text = str(error)
+    with contextlib.suppress(UnicodeError):
+        text = text.encode(WESTERN).decode("utf-8")
+    return printable(text, LINE).rstrip(".")
 
 
 def _context(options: dict[str, str]) -> ssl.SSLContext:
@@ -199,7 +217,7 @@ class Sftp:
         paramiko = needed("paramiko", "sftp")
         logging.getLogger("paramiko").setLevel(logging.CRITICAL + 1)  # it prints a traceback of what it then raises
         self._client = paramiko.SSHClient()
-        self._client.load_system_host_keys()
+        knows(self._client)
         opens(paramiko, options)
         hash_, port = options.get("hostkey", ""), parts.port or PORTS["sftp"]
         self._named = f"{parts.hostname}" if port == PORTS["sftp"] else f"[{parts.hostname}]:{port}"
@@ -243,6 +261,9 @@ class Sftp:
         except (OSError, EOFError, LinkError) as error:
             self.close()
             raise next(iter(getattr(error, "errors", {}).values()), error) from None  # paramiko has one for each address
+        except Exception as error:  # what the library makes of a damaged key of this user in ~/.ssh
+            self.close()
+            raise OSError(f"a key of this user or an answer cannot be read ({type(error).__name__}: {error})"[:LINE]) from None
 
     @contextlib.contextmanager
     def _asked(self) -> Iterator[None]:

@@ -22,9 +22,11 @@ from ...report.morning import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
-from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of
+from ..places import Row
+from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of, rows_of, unchanged
 
 NOTE = 500  # characters
+PAST = 20  # decisions of a machine that are shown
 MANY = 200  # alarms of one cause that are answered together
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 
@@ -37,6 +39,12 @@ def decisions(request: Request) -> Response:
     return page(request, "decisions.html", said="", told=told, typed={}, **_values(request))
 
 
+def both(state: PagesState) -> None:
+    """state → what this page and the list of machines show is computed and kept."""
+    rows_of(state)
+    _read(state)
+
+
 def _values(request: Request) -> Mapping[str, Any]:
     """→ what the page shows to everybody alike; kept as long as the list of machines is."""
     state = state_of(request)
@@ -44,40 +52,9 @@ def _values(request: Request) -> Mapping[str, Any]:
 
 
 def _read(state: PagesState) -> dict[str, Any]:
-    waiting: list[dict[str, Any]] = []
-    past: list[dict[str, Any]] = []
-    for row in state.places.fleet():
-        history, name = row.machine.history, row.machine.name
-        if history is None or row.standing is None:
-            continue
-        found = faults_of(row, state)
-        if asked := still_open(found):
-            answers = Counter(d.alarm for d in history.decisions(name))
-            shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
-            shown = [
-                {**a, "short": brief_of(a), "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown
-            ]
-            said = answer_of(row, found, state)
-            card: dict[str, Any] = {
-                "machine": row.machine,
-                "answer": said,
-                "faults": shown,
-                "open": asked,
-                "simulated": made_up(row),
-            }
-            moving = is_moving(row.record or {}, row.machine.former)
-            card |= {
-                "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
-                "call": "" if said is None else to_ask(asked_of(row, state), found, state.texts),
-            }
-            waiting.append(card | {"todo": [] if said is None else orders_of(row, said, found, state)})
-        newest = list(enumerate(history.decisions(name)))[-20:]
-        told = reversed(history.alarmed(name)) if newest else ()
-        texts = {a["id"]: a["text"] for stored in told for a in earlier(stored.record["alarms"])}
-        place = state.places.geometry(row.machine)
-        for number, d in newest:
-            what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
-            past.append({"machine": row.machine, "d": d, "place": number, "what": sentence(what, state.units)})
+    each = [_of_machine(row, state) for row in state.places.fleet()]
+    waiting = [card for card, _ in each if card is not None]
+    past = [one for _, decided in each for one in decided]
     largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
     waits = {c["machine"].slug: any(a["decision"] is None for a in c["open"]) for c in waiting}
     waiting.sort(
@@ -93,6 +70,49 @@ def _read(state: PagesState) -> dict[str, Any]:
     missing = sum(a["decision"] is None for a in listed)
     made = bool(waiting) and all(c["simulated"] for c in waiting)
     return {"waiting": waiting, "simulated": made, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
+
+
+def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
+    """row, state → the card of its machine, None where nothing is open; what was decided about it, oldest first."""
+    if row.machine.history is None or row.standing is None:
+        return None, []
+    return unchanged(row, state, "", lambda: (_card(row, state), _past(row, state)), "alarms")
+
+
+def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
+    """row, state → what is open of its machine, the answer and what to do; None where nothing is."""
+    history, name, found = row.machine.history, row.machine.name, faults_of(row, state)
+    asked = still_open(found)
+    if history is None or not asked:
+        return None
+    answers = Counter(d.alarm for d in history.decisions(name))
+    shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
+    shown = [{**a, "short": brief_of(a), "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
+    said, moving = answer_of(row, found, state), is_moving(row.record or {}, row.machine.former)
+    return {
+        "machine": row.machine,
+        "answer": said,
+        "faults": shown,
+        "open": asked,
+        "simulated": made_up(row),
+        "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
+        "call": "" if said is None else to_ask(asked_of(row, state), found, state.texts),
+        "todo": [] if said is None else orders_of(row, said, found, state),
+    }
+
+
+def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
+    """row, state → the last decisions about its machine, oldest first."""
+    history, name = row.machine.history, row.machine.name
+    newest = [] if history is None else list(enumerate(history.decisions(name)))[-PAST:]
+    if history is None or not newest:
+        return []
+    texts = {a["id"]: a["text"] for stored in reversed(history.alarmed(name)) for a in earlier(stored.record["alarms"])}
+    place, past = state.places.geometry(row.machine), []
+    for number, d in newest:
+        what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
+        past.append({"machine": row.machine, "d": d, "place": number, "what": sentence(what, state.units)})
+    return past
 
 
 def decide(request: Request) -> Response:

@@ -15,7 +15,16 @@ from ..app import machine_of, needs, page, role_of, state_of
 from ..settings import may
 from .machine import answer_today, run_of, simulated
 
-OWN = ("report.html", "report.pdf", "readings.csv", "readings.json", "estimate.json", "commissioning.yaml")
+OWN = (
+    "report.html",
+    "report.inch.html",
+    "report.mm.html",
+    "report.pdf",
+    "readings.csv",
+    "readings.json",
+    "estimate.json",
+    "commissioning.yaml",
+)
 FOLDERS = ("program", "compensations")
 MOST = 500
 
@@ -43,7 +52,7 @@ def files(request: Request) -> Response:
         stat = file.stat()
         changed = at(datetime.fromtimestamp(stat.st_mtime, UTC).isoformat(), state_of(request).texts)
         rows.append((name, f"{stat.st_size / 1000:,.1f} kB", changed))
-    run = run_of(request, found)
+    run = run_of(state_of(request), found)
     made_up = simulated(request, found) or (run is not None and run.simulated)
     programs, locked = (any(name.startswith(f"{folder}/") for name, _, _ in rows) for folder in FOLDERS)
     return page(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, since_date, size_of, whole_sentence
-from ...report.answer import Answer, answer, dates_cut_off, is_moving, measuring, of_no_night, renamed
+from ...report.answer import Answer, answer, date_run_off, dates_cut_off, is_moving, measuring, of_no_night, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -26,20 +26,21 @@ from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
-from ..places import Row
+from ..places import Row, today
 from ..places import told as verdict_of
-from .machine import between, busy_of, happened_to, ran_of, run_of, unmeasured
+from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
+from .report import file_of_cell
 
 NAMED = 3  # machines that are late, by their names
 GROUPS = {"no": 1, "unknown": 2, "but": 3, "wait": 4, "yes": 5, "none": 6}  # in this order; 0: one that may still move
-LONG = 600.0  # s that is kept what nothing changes
+T = TypeVar("T")
 
 
 def fleet(request: Request) -> Response:
     """request → the list."""
     needs(request, "view")
     state = state_of(request)
-    rows = state.places.kept("fleet rows", lambda: _rows(request))
+    rows = state.places.kept("fleet rows", lambda: rows_of(state))
     late = [r["name"] for r in rows if r["late"]]
     counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
     counts["not_yet"] = sum(r["may"] == "no" and r["word"] == state.texts("may.not_yet") for r in rows)
@@ -50,25 +51,50 @@ def fleet(request: Request) -> Response:
     return page(request, "fleet.html", rows=rows, count=len(rows), counts=counts, late=names, hours=hours, simulated=made_up)
 
 
-def _rows(request: Request) -> list[dict[str, Any]]:
-    """request → every machine; cells of one machine name are copied folders, and each is shown with its own."""
-    listed = state_of(request).places.fleet()
+def rows_of(state: PagesState) -> list[dict[str, Any]]:
+    """state → every machine; cells of one machine name are copied folders, and each is shown with its own."""
+    listed = state.places.fleet()
     named = Counter(row.machine.name for row in listed)
     folders = ("" if named[row.machine.name] == 1 else str(row.machine.folder or "") for row in listed)
-    return sorted((_row(row, request) | {"folder": folder} for row, folder in zip(listed, folders, strict=True)), key=_urgent)
+    return sorted((_row(row, state) | {"folder": folder} for row, folder in zip(listed, folders, strict=True)), key=_urgent)
 
 
-def _row(row: Row, request: Request) -> dict[str, Any]:
-    """row, request → what the list shows of a machine."""
-    state = state_of(request)
+def unchanged(row: Row, state: PagesState, more: object, make: Callable[[], T], what: str) -> T:
+    """row, state, what else counts, how to compute, name of what is computed → that of before while nothing of the machine, its
+    nights, decisions, settings and files is another, and the day is the same: of 200 machines those that changed are computed anew.
+    """
+    m, places = row.machine, state.places
+    head = None if m.history is None else places.written(m.history, m.name)
+    night = (row.nights[0].entry, len(row.nights), None if row.before is None else row.before["night"]) if row.nights else ()
+    key, axes = (m, row.standing, night, head, places.stated(m), today(), more), places.geometry(m)
+    with state.lock:
+        known = state.rows.get((what, m.slug))
+    if known is None or known[0] != key or known[1] is not axes:
+        known = key, axes, make()
+        with state.lock:
+            state.rows[what, m.slug] = known
+    return cast("T", known[2])
+
+
+def _row(row: Row, state: PagesState) -> dict[str, Any]:
+    """row, state → what the list shows of a machine."""
+    run = run_of(state, row.machine)
+    busy = busy_for(run, state)
+    ran = ran_of(state, row.machine) if row.record is None else ""
+    simulated = run is not None and run.simulated and bool(busy or ran)
+    reported = bool(ran) and file_of_cell(row.machine) is not None
+    told = unchanged(row, state, (busy, ran, simulated, reported), lambda: _told(row, busy, ran, simulated, state), "row")
+    return told | {"age": _age(row, state.texts)}
+
+
+def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> dict[str, Any]:
+    """row, how long it still measures, its complete run, whether its run is of no machine, state → the same without its age."""
     t, s, u = state.texts, row.standing, state.units
     found = faults_of(row, state)
     told = answer_of(row, found, state)
-    run, busy = run_of(request, row.machine), busy_of(request, row.machine)
     if busy and told is not None:
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
-    ran = ran_of(request, row.machine) if row.record is None else ""
     axes = state.places.geometry(row.machine)
     said = "" if row.record is None else sentence(plain(plainly(of_shop(row.record.get("headline") or ""), t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
@@ -80,7 +106,7 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "trouble": row.machine.trouble,
         "former": [spoken_days(t.of(text), t) for text in row.machine.former],
         "unmeasured": unmeasured(ran, busy, row.machine, state),
-        "simulated": made_up(row) or (run is not None and run.simulated and bool(busy or ran)),
+        "simulated": made_up(row) or simulated,
         "night": row.nights[0].night if row.nights else "",
         "may": may,
         "group": "moving" if moving else may,
@@ -89,8 +115,9 @@ def _row(row: Row, request: Request) -> dict[str, Any]:
         "limit_for": "" if told is None or not allowed else _limit_for(row, state),
         "headline": whole_sentence(said),
         "fault": found[0]["text"] if found else "",
-        "brief": brief(told, found, moving, said, t, since_of(row, told, found, moving, allowed)),
-        "age": _age(row, t),
+        "brief": brief(
+            told, found, moving, said, t, since_of(row, told, found, moving, allowed), bool(date_run_off(row.machine.former))
+        ),
         "open": len(still_open(found)),
         "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
@@ -126,7 +153,7 @@ def _asked(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], st
 
 
 def _strip(row: Row, allowed: Mapping[str, float], state: PagesState) -> str:
-    """row, limits (µm) → a sign for each of its nights, drawn once as long as nothing of it changes."""
+    """row, limits (µm) → a sign for each of its nights."""
     if not row.nights:
         return ""
     t = state.texts
@@ -134,8 +161,7 @@ def _strip(row: Row, allowed: Mapping[str, float], state: PagesState) -> str:
     signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
     old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
     label = between(signs[::-1], t, old)
-    drawn: str = state.places.kept(f"strip {_stamp(row)} {old} {len(cut)}", lambda: strip(signs, label, t, old), LONG)
-    return drawn
+    return strip(signs, label, t, old)
 
 
 def _limit_for(row: Row, state: PagesState) -> str:
@@ -148,6 +174,8 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
     """row, answer, what is wrong, whether it may still move, limits (µm) → date since when it is so; '' where nothing is to be
     done, or where no night says so.
     """
+    if moving and (off := date_run_off(row.machine.former)):
+        return off
     if told is None or told.may in ("yes", "wait") or not row.nights:
         return ""
     cut = dates_cut_off(row.machine.former)
@@ -165,21 +193,29 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
 
 
 def brief(
-    told: Answer | None, found: Sequence[Mapping[str, Any]], moving: bool, said: str, t: Texts, since: str = ""
+    told: Answer | None,
+    found: Sequence[Mapping[str, Any]],
+    moving: bool,
+    said: str,
+    t: Texts,
+    since: str = "",
+    of_run: bool = False,
 ) -> tuple[str, str]:
-    """answer, what is wrong, whether its control may still execute a program, headline, texts, date since when or '' → the one
-    thing to do first, as on its page, and its cause with that date: the first sentence of it; ("", "") where nothing is to be done.
+    """answer, what is wrong, whether its control may still execute a program, headline, texts, date since when or '', whether that
+    program is of a run that broke off → the one thing to do first, as on its page, and its cause with that date: the first sentence
+    of it; ("", "") where nothing is to be done.
     """
 
     def dated(text: str) -> str:
         return whole_sentence(
-            t("web.since", text=text.rstrip("."), date=day(since, t, since[:4] != _today()[:4])) if since else text
+            t("web.since", text=text.rstrip("."), date=day(since, t, since[:4] != today()[:4])) if since else text
         )
 
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
-        words = t("may.brief_moving_of", date=day(since, t, since[:4] != _today()[:4])) if since else t("may.brief_moving")
+        key = "may.brief_moving_run" if of_run else "may.brief_moving_of"
+        words = t(key, date=day(since, t, since[:4] != today()[:4])) if since else t("may.brief_moving")
         return t("may.brief_look"), whole_sentence(words)
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
@@ -245,7 +281,7 @@ def orders_of(row: Row, told: Answer, found: Sequence[Mapping[str, Any]], state:
 
 def _ahead(row: Row, state: PagesState) -> Ahead | None:
     known = row.before or row.record or {}
-    return state.places.kept(f"ahead {_stamp(row)}", lambda: ahead(known, volumes_of(row.nights), _today()), LONG)
+    return unchanged(row, state, "", lambda: ahead(known, volumes_of(row.nights), today()), "ahead")
 
 
 def _named(record: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -270,19 +306,7 @@ def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     if m.history is None:
         return []
     old = places.old(m, measured_on(row.record or {}, row.before))
-    stated = f"{places.owner(m)} {places.deputy(m)} {id(places.geometry(m))} {old}"
-    key = f"faults {_stamp(row)} {places.written(m.history, m.name)} {stated}"
-    return places.kept(key, lambda: _faults(row, state), LONG)
-
-
-def _stamp(row: Row) -> str:
-    """row of the fleet → key of its causes: another night or another decision gives another key."""
-    s, newest = row.standing, row.nights[0].entry if row.nights else 0
-    return f"{row.machine.slug} {newest} {s.alarms_open if s else 0} {s.alarms_held if s else 0} {_today()}"
-
-
-def _today() -> str:
-    return datetime.now().astimezone().strftime("%Y-%m-%d")
+    return unchanged(row, state, old, lambda: _faults(row, state), "faults")
 
 
 def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
@@ -291,12 +315,12 @@ def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
     if history is None or s is None or not (told or s.alarms_open or s.alarms_held):
         return []
-    today = _today()
-    alarms, decisions = unclosed(history, name, today)
+    day_ = today()
+    alarms, decisions = unclosed(history, name, day_)
     asked = asked_of(row, state)
     axes, events = state.places.geometry(row.machine), happened_to(state, row.machine)
     old = state.places.old(row.machine, measured_on(record, row.before))
-    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, today, events, old)
+    return faults(asked, earlier(alarms), decisions, state.units, state.texts, axes, row.before, day_, events, old)
 
 
 ROUTES = [Route("/", fleet, name="fleet")]

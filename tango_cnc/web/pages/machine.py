@@ -45,7 +45,7 @@ def machine(request: Request) -> Response:
     needs(request, "view")
     state, found = state_of(request), machine_of(request)
     nights = state.places.nights(found, STRIP)
-    run = run_of(request, found)
+    run = run_of(state, found)
     values: dict[str, Any] = {"machine": found, "nights": nights[:10], "run": run, "known": False}
     values["silent"] = None if run is None else quiet(run, time.time())
     values["busy"] = busy_of(request, found)
@@ -54,7 +54,7 @@ def machine(request: Request) -> Response:
     deputy = state.places.deputy(found)
     values |= {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy)}
     values["simulated"] = run is not None and run.simulated and not nights
-    values["ran"] = "" if nights else ran_of(request, found)
+    values["ran"] = "" if nights else ran_of(state, found)
     values["moving"] = None if values["busy"] else of_no_night(found.former, state.texts)
     values["unmeasured"] = unmeasured(values["ran"], values["busy"], found, state)
     values["reported"] = file_of_cell(found) is not None
@@ -168,27 +168,25 @@ def happened_to(state: PagesState, machine: Served) -> Sequence[Compensation]:
     history, name = machine.history, machine.name
 
     def read() -> Sequence[Compensation]:
-        known = () if history is None else state.places.kept(f"names {id(history)}", history.machines)
-        return compensations(history, name) if history is not None and name in known else ()
+        return compensations(history, name) if history is not None and history.knows(name) else ()
 
-    return state.places.kept(f"compensations {machine.slug}", read)
+    return state.places.of_machine(machine, "compensations", read)
 
 
-def run_of(request: Request, machine: Served) -> LiveRun | None:
-    """request, machine → its present or last run on this computer."""
+def run_of(state: PagesState, machine: Served) -> LiveRun | None:
+    """what pages share, machine → its present or last run on this computer."""
     if machine.folder is None:
         return None
     files = journals(machine.folder)
-    state = state_of(request)
     cell = state.places.cell(machine.folder)
     return state.journals.run(files[0], touched_by(files[0], cell)) if files else None
 
 
-def ran_of(request: Request, machine: Served) -> str:
-    """request, machine → when its newest complete run on this computer began, as a text; '' without one."""
+def ran_of(state: PagesState, machine: Served) -> str:
+    """what pages share, machine → when its newest complete run on this computer began, as a text; '' without one."""
     if machine.folder is None:
         return ""
-    state, cell = state_of(request), state_of(request).places.cell(machine.folder)
+    cell = state.places.cell(machine.folder)
     for file in journals(machine.folder)[:OLD]:
         run = state.journals.run(file, touched_by(file, cell))
         if run is not None and run.state == "complete":
@@ -208,8 +206,13 @@ def unmeasured(ran: str, busy: str, machine: Served, state: PagesState) -> str:
 
 def busy_of(request: Request, machine: Served) -> str:
     """request, machine → how long it still measures, in words; '' where it does not."""
-    left = minutes_left(run_of(request, machine), time.time())
-    return "" if left is None else state_of(request).texts("web.left_short", minutes=left)
+    return busy_for(run_of(state_of(request), machine), state_of(request))
+
+
+def busy_for(run: LiveRun | None, state: PagesState) -> str:
+    """run, state → how long it still measures, in words; '' where it does not."""
+    left = minutes_left(run, time.time())
+    return "" if left is None else state.texts("web.left_short", minutes=left)
 
 
 def limits_of(request: Request, machine: Served) -> Mapping[str, float]:

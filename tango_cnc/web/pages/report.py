@@ -14,7 +14,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
-from ..app import machine_of, needs, page
+from ..app import machine_of, needs, page, state_of
 from ..guard import POLICY
 from ..places import Served
 
@@ -23,6 +23,7 @@ SANDBOX = (
     "form-action 'none'; frame-ancestors 'self'; base-uri 'none'"
 )
 NAMES = ("report.html", "morning.html")
+PAIR = 120.0  # s within which one command writes the report in both units
 
 
 def report(request: Request) -> Response:
@@ -40,7 +41,7 @@ def report(request: Request) -> Response:
 def report_alone(request: Request) -> Response:
     """request → the report of the cell, as its file is. Raises HTTPException 404."""
     needs(request, "view")
-    return sandboxed(file_of_cell(machine_of(request)))
+    return sandboxed(file_of_cell(machine_of(request), state_of(request).units.system))
 
 
 def of_night(request: Request) -> Response:
@@ -76,10 +77,17 @@ def _framed(request: Request, machine: Served, night: str, back: str, made_up: b
         "back": back,
         "source": f"{request.url.path}/alone",
         "simulated": made_up,
+        "in_doubt": not back and _in_doubt(machine, state_of(request).units.system),
     }
     answer = page(request, "framed.html", **values, today=answer_today(request, machine))
     answer.headers["content-security-policy"] = f"{POLICY}; frame-src 'self'"
     return answer
+
+
+def _in_doubt(machine: Served, unit: str) -> bool:
+    """machine, unit of the pages → whether its report may be in mm on pages in inch: it was written before there were both."""
+    file = file_of_cell(machine, unit)
+    return unit == "inch" and file is not None and file.name == "report.html" and not file.with_name("report.mm.html").is_file()
 
 
 def sandboxed(file: Path | None) -> FileResponse:
@@ -93,13 +101,21 @@ def sandboxed(file: Path | None) -> FileResponse:
     return FileResponse(file, media_type="text/html", headers=own)
 
 
-def file_of_cell(machine: Served) -> Path | None:
-    """machine → its report; None when it has none, or when the file links to a place outside the cell."""
+def file_of_cell(machine: Served, unit: str = "") -> Path | None:
+    """machine, mm or inch → its report, in that unit where the same command has written it so; None when it has none, or when the
+    file links to a place outside the cell.
+    """
     if machine.folder is None:
         return None
     root = machine.folder.resolve()
-    file = (root / "report.html").resolve()
-    return file if file.is_relative_to(root) and file.is_file() else None
+    file, other = (root / "report.html").resolve(), root / f"report.{unit}.html"
+    if not (file.is_relative_to(root) and file.is_file()):
+        return None
+    try:
+        kept = other.is_symlink() or not other.is_file() or other.stat().st_mtime < file.stat().st_mtime - PAIR
+    except OSError:
+        kept = True
+    return file if kept else other
 
 
 def file_of_night(machine: Served, record: Mapping[str, Any], name: str) -> Path | None:

@@ -6,6 +6,7 @@ import hashlib
 import math
 import time
 from collections import Counter
+from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import quote
 
@@ -19,18 +20,20 @@ from starlette.routing import Route
 from ...link.entries import Reading
 from ...link.progress import journals
 from ...records import Cell
+from ...report.days import at
 from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
-from ..live import LiveRun, called, quiet, title, touched_by
+from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..places import Served
 from .machine import answer_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
-APART = (24.0, 28.0)  # px between facets of the map, across and down: a square with a name above it
+APART = (30.0, 36.0)  # px between facets of the map, across and down: a square with a name above it
+SQUARE = 22.0  # px
 WIDE, NARROW = 860.0, 360.0  # px of a chart on a desk and on a phone
 
 
@@ -80,7 +83,7 @@ def _seen(request: Request) -> tuple[str, str, str, str]:
     found, chosen, cell = _chosen(request)
     if chosen is None:
         return '"none"', "none", "", str(escape(state_of(request).texts("web.no_run")))
-    tag = f'"{_mark(chosen)}-{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}"'
+    tag = f'"{_mark(chosen)}-{chosen.version}-{chosen.state}-{quiet(chosen, time.time()) or 0}-{int(broken(chosen))}"'
     return tag, chosen.state, _mark(chosen), _step(request, found, chosen, cell)
 
 
@@ -115,17 +118,21 @@ def _chosen(request: Request) -> tuple[Served, LiveRun | None, Cell | None]:
 
 def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) -> str:
     state, silent = state_of(request), quiet(run, time.time())
-    key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent}"
-    return state.places.kept(key, lambda: _drawn(request, run, cell, silent), 60)
+    off = broken(run)
+    key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent} {off}"
+    return state.places.kept(key, lambda: _drawn(request, run, cell, silent, off), 60)
 
 
-def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None) -> str:
+def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, off: bool) -> str:
     state = state_of(request)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
         "t": t,
         "run": run,
         "silent": silent,
+        "off": off,
+        "state": ("broken" if run.state == "running" else "given_up") if off else "silent" if silent else run.state,
+        "since": at(datetime.fromtimestamp(run.touched, UTC).isoformat(), t),
         "done": len(run.readings),
         "left": "" if not run.remaining or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
         "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
@@ -134,7 +141,7 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
-        "office": _office(run, t),
+        "office": _office(run, t, off),
         "resume": _resume(run, t),
     }
     return state.templates.get_template("_step.html").render(**values)
@@ -144,8 +151,10 @@ def _resume(run: LiveRun, t: Texts) -> str:
     return t("web.resume", more="" if run.head is None else run.head.how.removeprefix("--resume"))
 
 
-def _office(run: LiveRun, t: Texts) -> list[str]:
-    """run, texts → what the office can do at a computer once it has ended."""
+def _office(run: LiveRun, t: Texts, off: bool) -> list[str]:
+    """run, texts, whether it broke off → what the office can do at a computer once it has ended."""
+    if off:
+        return [office(_resume(run, t), t)]
     told = {"stopped": [str(run.why), _resume(run, t)], "complete": [t("web.to_report")]}.get(run.state, [])
     return list(dict.fromkeys(line for text in told if (line := office(text, t))))
 
@@ -193,7 +202,7 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     taken: list[tuple[float, float]] = []
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high_px:g}" width="{wide:g}" height="{high_px:g}" '
-        f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="10">'
+        f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="12">'
     ]
     centre = (low + high) / 2
     for f, p in zip(facets, points, strict=True):
@@ -207,13 +216,14 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         ink = "#fff" if not left else INK
         stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
         tip = f"<title>{escape(str(f.id))}: {left}</title>"
-        parts.append(f'<g>{tip}<rect x="{x - 8:.1f}" y="{y - 8:.1f}" width="16" height="16" fill="#fff" {stroke}/>')
+        corner = f'x="{x - SQUARE / 2:.1f}" width="{SQUARE:g}"'
+        parts.append(f'<g>{tip}<rect {corner} y="{y - SQUARE / 2:.1f}" height="{SQUARE:g}" fill="#fff" {stroke}/>')
         full = GOOD if not left else "#9fd0bf"
-        parts.append(f'<rect x="{x - 8:.1f}" y="{y + 8 - 16 * share:.1f}" width="16" height="{16 * share:.1f}" fill="{full}"/>')
-        name = (
-            f'<text x="{x:.1f}" y="{y - 10:.1f}" text-anchor="middle" font-size="8.5" fill="{SOFT}">{escape(str(f.id)[:6])}</text>'
-        )
-        parts.append(f'{name}<text x="{x:.1f}" y="{y + 3.6:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
+        top, high = y + SQUARE * (0.5 - share), SQUARE * share
+        parts.append(f'<rect {corner} y="{top:.1f}" height="{high:.1f}" fill="{full}"/>')
+        name = f'<text x="{x:.1f}" y="{y - SQUARE / 2 - 3:.1f}" text-anchor="middle" font-size="11" fill="{SOFT}">'
+        name += f"{escape(str(f.id)[:6])}</text>"
+        parts.append(f'{name}<text x="{x:.1f}" y="{y + 4.4:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
     axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
     parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
     return "".join([*parts, "</svg>"])

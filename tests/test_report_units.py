@@ -1,0 +1,53 @@
+"""A report that `tango serve` shows is in the unit of its pages, whichever unit was asked for when it was written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from support.server import cell
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.cli import tango
+from tango_cnc.report.units import Units
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+MACHINE = "/machine/HU40T-like"
+
+
+def shown(folder: Path, system: str) -> tuple[str, str]:
+    """cell, unit of the pages → the page around its report, the report in its frame."""
+    app = create(Settings((folder,)))
+    app.state.tango.units = Units("inch" if system == "inch" else "mm")
+    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        return site.get(f"{MACHINE}/report").text, site.get(f"{MACHINE}/report/alone").text
+
+
+def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one")
+    assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)], standalone_mode=False).exception is None
+    for own, other in (("mm", "inch"), ("inch", "mm")):
+        asked = ["report", "-C", str(folder), "--unit", own, "--no-diagnosis", "--no-pictures"]
+        found = CliRunner().invoke(tango, asked, standalone_mode=False)
+        assert found.exception is None, found.output
+        assert not (folder / f"report.{own}.html").exists() and (folder / f"report.{other}.html").is_file()
+        written = (folder / "report.html").read_text(encoding="utf-8")
+        assert ("µin" in written) == (own == "inch")
+        for system in ("mm", "inch"):
+            page, report = shown(folder, system)
+            assert ("µin" in report) == (system == "inch") and "may be in mm" not in page, (own, system)
+            assert (report == written) == (own == system)
+
+
+def test_a_report_of_before_says_that_it_may_be_in_the_other_unit(tmp_path: Path) -> None:
+    folder = cell(tmp_path / "one", records=[])
+    (folder / "report.html").write_text("<p>12 mm</p>", encoding="utf-8")
+    assert "may be in mm" in shown(folder, "inch")[0] and "may be in mm" not in shown(folder, "mm")[0]
+    outside = tmp_path / "outside.html"
+    outside.write_text("secret", encoding="utf-8")
+    (folder / "report.inch.html").symlink_to(outside)
+    assert shown(folder, "inch")[1] == "<p>12 mm</p>"
