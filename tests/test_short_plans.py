@@ -173,7 +173,6 @@ def designed(name: str, goal: str, minutes: float | None = None, feed: float | N
 def test_what_a_plan_of_some_minutes_promises_is_kept(
     name: str, goal: str, minutes: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    quickly(monkeypatch)
     monkeypatch.setattr(shortest, "ENOUGH", 2)  # searches: more of them make a plan that is shorter by some percent
     found = propose.propose(designed(name, goal, minutes))
     assert to_spare(found) >= SPARE and (minutes is not None or found.seconds < 120)
