@@ -14,6 +14,7 @@ import json
 import os
 import secrets
 import socket
+import stat
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -36,6 +37,9 @@ BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
 HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int, "born?": str}
 LONGEST = 2000  # bytes that are read of a lock
+# Of how a lock is opened: no link is followed, a pipe is not waited for, Windows changes no byte.
+PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+NOTHING = "Nothing was started"
 
 
 @dataclass(frozen=True)
@@ -97,11 +101,11 @@ def at_work(folder: Path) -> str:
     Of another computer nobody knows here whether its program still runs: it is taken to.
     """
     try:
-        handle = os.open(folder / NAME, os.O_RDONLY)
+        handle = os.open(folder / NAME, os.O_RDONLY | PLAIN)
     except OSError:
         return ""
     try:
-        holder = _holder(handle)
+        holder = _holder(handle) if stat.S_ISREG(os.fstat(handle).st_mode) else None
     finally:
         os.close(handle)
     if holder is None or holder.gone():
@@ -200,9 +204,13 @@ def lock(handle: int) -> None:
 def _taken(file: Path, what: str) -> int | None:
     """lock file → its handle, None where this thread holds it already. Raises HeldError where another one does, OSError."""
     while True:
-        handle = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+        if file.is_symlink():
+            raise LinkError(f"{file}: found a link to another file, which a lock would overwrite; delete the link. {NOTHING}")
+        handle = os.open(file, os.O_RDWR | os.O_CREAT | PLAIN, 0o666)
         kept = False
         try:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise LinkError(f"{file}: found a device or a pipe in the place of the lock; move it away. {NOTHING}")
             holder = _held(handle)
             if holder is not None and holder.here():
                 return None
