@@ -21,6 +21,7 @@ from selenium.webdriver.common.keys import Keys
 from support.browser import DESK, PHONE, Site, axe, chromium, complaints, shown_in, sized, wait
 
 from tango_cnc.cli import tango
+from tango_cnc.link.lock import holding
 from tango_cnc.nightly.words import changed
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -181,8 +182,11 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
             assert "Running" in browser.page_source
     run.end(False, "the line was lost")
     wait(lambda: "the line was lost" in browser.page_source)
-    run.touch()  # as if somebody had resumed it
-    wait(lambda: "Running" in browser.page_source)
+    run.touch()  # as if somebody had resumed it, and was killed
+    wait(lambda: "Broken off" in browser.page_source)
+    with holding(site.folder, "tango run"):
+        run.touch()
+        wait(lambda: "Running" in browser.page_source)
     run.end()
     wait(lambda: "Complete" in browser.page_source)
     assert browser.execute_script("return window.kept") and "Facets touched again" in browser.page_source
