@@ -68,8 +68,9 @@ class Outcome:
             return ""
         more = f"; and of {len(self.rows) - LISTED} more tables" if len(self.rows) > LISTED else ""
         return (
-            f"rows of tables that no touch met, and where a wrong number was not seen: {'; '.join(self.rows[:LISTED])}{more}. "
-            "Read the files back from the control into a copy of the folder and compare them by --check. "
+            f"rows of tables that no touch of this run met: {'; '.join(self.rows[:LISTED])}{more}. A wrong number there was "
+            "not seen, and one in a row that a single touch meets may not be. Read the files back from the control into a copy of "
+            "the folder and compare them by --check. "
         )
 
     def _files(self) -> str:
