@@ -16,6 +16,7 @@ import pytest
 import yaml
 from support.histories import record
 from support.mutants import campaign
+from support.nights_parts import machine_of, settings_of
 from support.readers import READERS, TEXTS, cell
 from support.shopfiles import marked
 
@@ -44,6 +45,10 @@ SILENT = (
     "lock",
     "night-begun",
     "night-message",
+    "known_hosts",
+    "planned.json",
+    "journal-tail",
+    "origin-of-a-night",
 )
 FEW_OF = [  # what takes longest is for the long tests
     pytest.param(kind, marks=pytest.mark.long) if kind.startswith(("taken-", "backup", "form")) else kind for kind in READERS
@@ -270,3 +275,37 @@ def test_a_long_name_of_a_file_is_shown_as_far_as_anybody_reads(tmp_path: Path) 
     with pytest.raises(InputError, match=r"no such file|cannot be read") as refused:
         files.read_machine(Path("m/" * 1800, "machine.yaml"))
     assert len(str(refused.value)) < 1500
+
+
+UNCLOSED = '"' + "x" * 150_000
+WIDE = "1,2,3," + "9" * 150_000
+
+
+LINES = [UNCLOSED, WIDE, '"' * 1_000_001, "x" * 10**6, '{"a":' * 50_000]
+
+
+@pytest.mark.parametrize("text", LINES, ids=["quote", "wide", "quotes", "long", "json"])
+@pytest.mark.parametrize("kind", ["readings.csv", "plan.csv", "table.csv", "cmm.csv", "ballbar.csv"])
+def test_a_value_that_no_program_would_write_is_refused_with_its_line(tmp_path: Path, kind: str, text: str) -> None:
+    """Its quote was never closed: Python's reader of tables has an error of its own for it."""
+    cell(tmp_path)
+    reader = READERS[kind]
+    head = reader.text(tmp_path).decode().splitlines()[0]
+    for whole in (text, f"{head}\n{text}\n"):
+        (tmp_path / reader.name).write_text(whole, encoding="utf-8")
+        with pytest.raises(InputError) as refused:
+            reader.read(tmp_path)
+        assert len(str(refused.value)) < 2500
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes and devices of POSIX")
+@pytest.mark.parametrize("what", ["pipe", "/dev/zero"])
+def test_settings_of_nights_that_are_no_file_are_refused_at_once(tmp_path: Path, what: str) -> None:
+    """Who is to be told of the mistake was looked for in it: a night waited for ever, or took all memory."""
+    cell(tmp_path)
+    for name in ("nightly.yaml", "machine.yaml"):
+        (tmp_path / name).unlink(missing_ok=True)
+        os.mkfifo(tmp_path / name) if what == "pipe" else (tmp_path / name).symlink_to(what)
+    settings, wrong = settings_of(tmp_path)
+    assert settings.notify == () and "a device or a pipe" in str(wrong)
+    assert machine_of(tmp_path, ()) == tmp_path.resolve().name

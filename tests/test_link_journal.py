@@ -304,3 +304,35 @@ def test_a_changed_line_shows_under_other_line_ends_too(tmp_path):
     assert found.returns and found.wrong is not None and found.wrong.number == 3
     with pytest.raises(InputError, match="a damaged line"):
         read_journal(file)
+
+
+def with_crc(data):
+    text = json.dumps(data, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+@pytest.mark.parametrize("touch", [2, 4])
+@pytest.mark.parametrize("before", [True, False])
+@pytest.mark.parametrize("x", [1e300, 0.001])
+def test_of_two_readings_of_a_touch_the_one_in_the_chain_is_saved(tmp_path, x, before, touch):
+    """Somebody has put in a line with a right check sum: it stood first, and was saved in place of the true one."""
+    file = tmp_path / "run.journal"
+    lines = written(file, 1, 2, 3, 4)
+    at = next(i for i, line in enumerate(lines) if b'"touch":%d,' % touch in line)
+    true = json.loads(lines[at][9:])
+    foreign = with_crc(true | {"n": 40, "before": "0" * 32, "position": [x, *true["position"][1:]]})
+    lines.insert(at if before else at + 1, foreign)
+    file.write_bytes(b"".join(lines))
+    entries, left_out = salvaged(look_at(file))
+    saved = {entry.touch: list(entry.position) for entry in entries if isinstance(entry, Reading)}
+    assert saved[touch] == true["position"] and sorted(saved) == [1, 2, 3, 4]
+    assert lines.index(foreign) + 1 in left_out
+
+
+def test_a_reading_where_no_machine_can_be_is_never_saved(tmp_path):
+    file = tmp_path / "run.journal"
+    lines = written(file, 1, 2, 3)
+    last = json.loads(lines[-1][9:])
+    file.write_bytes(b"".join([*lines[:-1], with_crc(last | {"position": [1e300, *last["position"][1:]]})]))
+    entries, _ = salvaged(look_at(file))
+    assert [entry.touch for entry in entries if isinstance(entry, Reading)] == [1, 2]

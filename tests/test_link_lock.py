@@ -262,3 +262,29 @@ def test_a_night_that_has_written_down_what_it_touches_may_have_sent_it(tmp_path
         (tmp_path / "nights" / stamps[0]).mkdir(parents=True)
         (tmp_path / "nights" / stamps[0] / left).write_text("{}")
     assert lock.ended(tmp_path, stamps) == dict.fromkeys(stamps if left in (None, "morning.html") else stamps[1:], "unsent")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links and pipes of POSIX")
+@pytest.mark.parametrize("what", ["link", "pipe", "/dev/zero"])
+def test_a_lock_that_is_no_plain_file_is_refused_and_what_it_names_is_left_alone(tmp_path, what):
+    """A link was followed, and what it named was overwritten; a page that asked who is at work waited for a pipe."""
+    (tmp_path / "precious").write_text("mine")
+    cell, kind = tmp_path / "cell", "a link to another file" if what != "pipe" else "a device or a pipe"
+    cell.mkdir()
+    if what == "pipe":
+        os.mkfifo(cell / NAME)
+    else:
+        (cell / NAME).symlink_to(tmp_path / "precious" if what == "link" else what)
+    assert lock.at_work(cell) == ""
+    with pytest.raises(LinkError, match=rf"{NAME}: found {kind}.* Nothing was started"), holding(cell, "tango run"):
+        pass
+    assert (tmp_path / "precious").read_text() == "mine"
+    assert (cell / NAME).is_symlink() or (cell / NAME).is_fifo()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_who_asks_for_a_run_that_broke_off_waits_for_no_pipe_and_minds_no_nesting(tmp_path):
+    """A page asks so for every machine: a pipe among the journals held it up, a line of brackets was a traceback."""
+    (tmp_path / "readings.journal").write_text('0 {"kind":"begun"}\n0 ' + "[" * 5000 + "\n")
+    os.mkfifo(tmp_path / "other.journal")
+    assert lock.broken_off(tmp_path) is not None

@@ -358,3 +358,25 @@ def test_a_drift_that_follows_a_temperature_is_named_with_its_sensor(request, tm
     assert (first["cause"], first["detail"]["sensor"]) == ("thermal_drift", "bed")
     true = np.abs(Warming.DRIFT) / np.linalg.norm(Warming.DRIFT)  # the table carries X: signs are those of tool against table
     assert np.abs(first["detail"]["direction"]) == pytest.approx(true, abs=0.1)
+
+
+@pytest.mark.parametrize("text", ["1_0", "٢٣", "0x1F", "1e5000", "9" * 5000, "NaN", "21,5", ""])
+def test_a_number_that_no_sensor_writes_is_no_temperature(text):
+    watch = Watch(Sensors((Sensor("bed", "mtconnect", "http://127.0.0.1:1/current", "t1"),)))
+    watch._came("bed", "21.5")
+    assert watch.values() == {"bed": 21.5}
+    watch._came("bed", text)
+    assert watch.values() == {"bed": None}
+
+
+@pytest.mark.parametrize(
+    ("items", "said"),
+    [
+        ('<T dataItemId="t1" name="bed">22.0</T><T dataItemId="t1" name="oil">23.0</T>', {"t1": "", "bed": "22.0", "oil": "23.0"}),
+        ('<T dataItemId="t1" name="bed" units="KELVIN">295.4</T><T dataItemId="t2">5</T>', {"t1": "", "bed": "", "t2": "5"}),
+        ('<T dataItemId="t1" units="CELSIUS">22.0</T>', {"t1": "22.0"}),
+    ],
+)
+def test_a_name_of_two_items_and_another_unit_have_no_value(items, said):
+    """The last of the two was taken, and kelvins were degrees."""
+    assert current(f"<S>{items}</S>".encode()) == said

@@ -72,7 +72,10 @@ def test_file_and_log_are_two_files(tmp_path):
         open_port(parse(f"linuxcnc://127.0.0.1:1?file={tmp_path / 'a'}&log={tmp_path / 'x' / '..' / 'a'}", LINUXCNC))
 
 
-@pytest.mark.parametrize("name", ["sensors.yaml", "readings.json", "READINGS.CSV", "readings.journal", "tango.lock"])
+OWN = ["sensors.yaml", "readings.json", "READINGS.CSV", "readings.journal", "tango.lock", "history.db", "post.py", "report.html"]
+
+
+@pytest.mark.parametrize("name", OWN)
 @pytest.mark.parametrize("option", ["file", "log"])
 def test_no_name_of_a_file_of_a_cell_is_taken_although_nothing_is_there(tmp_path, option, name):
     """The program was written to sensors.yaml, which no command could read then; LinuxCNC truncated the journal."""
@@ -89,6 +92,20 @@ def test_a_device_is_no_file_that_a_control_writes(tmp_path, name):
         os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match="a device or a pipe"):
         open_port(parse(f"file://{tmp_path / name}", {"from": ("now", "last")}))
+
+
+@pytest.mark.few(3)
+@POSIX
+@pytest.mark.parametrize("what", ["folder", "pipe", "/dev/zero"])
+@pytest.mark.parametrize("name", ["readings.csv", "readings.json", "readings.origin.json", "readings.partial.csv"])
+def test_what_is_no_file_where_the_readings_go_is_refused_before_the_first_move(cell, name, what):
+    """After the last touch the run waited for ever for a pipe, or filled the memory from a device."""
+    place = cell / name
+    make = {"folder": place.mkdir, "pipe": lambda: os.mkfifo(place)}.get(what, lambda: place.symlink_to(what))
+    make()
+    result = Result("run", "-C", cell, "--port", "socket://127.0.0.1:9", "--timeout", "1")
+    assert result.code == 2 and f"{name}: found a folder, a device or a pipe" in result.err, result.err
+    assert not (cell / "program").exists() and not (cell / "readings.journal").exists()
 
 
 # Outputs that end
@@ -550,6 +567,7 @@ def test_salvage_names_what_verify_sees_and_writes_no_touch_twice(cell):
     assert (whole.code, whole.err) == (0, "")
 
 
+@pytest.mark.few(1)
 @POSIX
 @pytest.mark.parametrize("words", [("journal", "verify"), ("journal", "salvage"), ("run", "--resume", "--yes"), ("run", "--watch")])
 def test_a_pipe_in_the_place_of_the_journal_is_refused_and_not_waited_for(cell, words):

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 import pytest
 from support.compensated import example
-from support.nc_compensate_parts import CHORD, DECIMALS, LENGTH, ZERO, away, knowledge, rewritten
+from support.nc_compensate_parts import CHORD, DECIMALS, LENGTH, ZERO, away, knowledge, rewritten, winding
 from support.ncdialects import LANGUAGES, Meant, array, parts, program
 
 from tango_cnc.compensate.fit import Known
+from tango_cnc.nc.blocks import language
+from tango_cnc.nc.follow import Setup
+from tango_cnc.nc.program import Account, RewriteSettings, compensated, mark_text
 from tango_cnc.records import Array, InputError
 
 __all__ = ["knowledge"]
@@ -122,6 +127,16 @@ HEAD = {
         ("rs274", "T3\nM6\nG0 X0. Y0.\nG43 H5 Z5.", "H5 with tool 3"),
         ("rs274", "G0 G1 X5.", "G0 and G1"),
         ("rs274", "G1 X5. R2.", "R2 in a line"),
+        ("rs274", "G43 G49 H1 Z5.", "G43 and G49; which one is meant"),
+        ("rs274", "G90 G91 G28 Z0\nG0 X0. Y0. Z5.", "G90 and G91; which one is meant"),
+        ("macro_b", "G91 G28 Z0. G90\nG0 X0. Y0. Z5.", "G91 and G90; which one is meant"),
+        ("rs274", "G90.1 G91.1 G2 X10. I5.", "G90.1 and G91.1; which one is meant"),
+        ("rs274", "G2 X10. Y0. R5. R8.", "R twice"),
+        ("rs274", "G2 X10. Y0. I5. I6.", "I twice"),
+        ("rs274", "G43 H1 H2 Z5.", "H twice"),
+        ("rs274", "T1 T2 M6", "T twice"),
+        ("macro_b", "G1 X5.; Y5.", "a semicolon ends a block here"),
+        ("rs274", "G3 X200.09 Y0. I100. J0.", "its end is 100.0900 mm from its center"),
         ("rs274", "X" + "9" * 400 + ".", "no machine goes there"),
         ("rs274", "G91 G28 Z5.", "G91 with Z5"),
         ("rs274", "G91 G28 Z0.\nG0 X1. Y1. Z1.", "G91 is still on"),
@@ -184,6 +199,25 @@ def test_a_tool_without_its_length_is_shorter(knowledge: Known) -> None:
     assert float(without[-1][1:]) - float(with_tool[-1][1:]) == pytest.approx(LENGTH, abs=1e-6)
     lines, _ = rewritten("G90 G71 G54\nT1\nM6\nG0 X0 Y0 Z5\nT2\nG1 X40 F500\n", knowledge, "siemens")
     assert lines[-1].startswith("G1 X")  # T2 is only prepared: where X Y Z are is still known
+
+
+def test_a_length_that_its_number_alone_names_acts(knowledge: Known) -> None:
+    """G43 H2 without any T, and --tool 2=98.1: the default length was taken, and the tilt of an axis moved the tip by it."""
+    text = "G21 G90 G17 G54\nG0 A40. C20.\nG0 X0. Y0.\nG43 H2 Z20.\nG1 X30. Y10. F500\nM30\n"
+    machine = winding(example("trunnion")[0].machine)
+
+    def run(tools: dict[int, float], length: float) -> list[str]:
+        setup, settings = Setup(machine, ZERO, length, tools), RewriteSettings(chord=CHORD, decimals=DECIMALS)
+        mark = mark_text("0123", ZERO)
+        return list(compensated(io.StringIO(text), language("rs274"), setup, knowledge, settings, Account(), mark))
+
+    assert run({2: 98.1}, LENGTH) == run({}, 98.1) == run({2: 98.1, 1: 300.0}, 10.0) != run({}, LENGTH)
+    assert run({1: 98.1}, LENGTH) == run({}, LENGTH)
+
+
+def test_a_semicolon_at_the_end_of_a_block_is_no_other_block(knowledge: Known) -> None:
+    plain, ended = (rewritten(HEAD["macro_b"] + f"G1 X5. F500{end}\nY5.{end}\n", knowledge, "macro_b")[0] for end in ("", " ;"))
+    assert [line.replace(" ;", "") for line in ended] == plain
 
 
 def test_old_characters_come_out_as_they_went_in(tmp_path: object, knowledge: Known) -> None:

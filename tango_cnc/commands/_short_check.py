@@ -22,10 +22,10 @@ from ..compensate import turned as turn
 from ..compensate.loads import files_of
 from ..compensate.look import DECIDES, Look, look
 from ..compensate.outcome import Outcome, asked_otherwise, promises, switched
-from ..compensate.rows import added, lines_of
+from ..compensate.rows import added, lines_of, not_met, rows_of
 from ..compensate.seen import WITHIN
 from ..compensate.shares import Before
-from ..compensate.short import FEW, WHOLE, Short, short_outcome, whole_outcome
+from ..compensate.short import FEW, WHOLE, Short, changes, short_outcome, whole_outcome
 from ..compensate.space import Held
 from ..compensate.stray import without_strays
 from ..duration import spoken
@@ -37,7 +37,7 @@ from ..files.origin import look_up
 from ..files.then import at_that_time, machine_and_artefact, moved, with_texts
 from ..files.write import dump
 from ..judgement import Judgement
-from ..loaded import BACK, HELPS
+from ..loaded import AS_SEEN, BACK, HELPS, KEPT
 from ..noise import honest
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, from_readings
@@ -166,7 +166,17 @@ def judged(cell: Cell, kept: loop.Kept, file: Path, options: Mapping[str, Any]) 
         found = asked_otherwise(found, short_outcome(replace(asked, tcp=not asked.tcp), touches), tcp=asked.tcp)
     if found.verdict == "undecided" and found.unsure:
         found = replace(found, text=f"{found.text}. {_mend(cell, asked, touches, found)}")
+    found = with_rows(found, asked, touches)
+    if found.rows and found.verdict == KEPT:  # a few touches: what they do not meet is most of what is in the tables
+        found = replace(found, verdict=AS_SEEN)
     return found, places
+
+
+def with_rows(found: Outcome, asked: Short, touches: Touches) -> Outcome:
+    """outcome, the run made ready, its touches → the same, with the rows of tables that they did not meet, where it was kept."""
+    if found.verdict not in HELPS:
+        return found
+    return replace(found, rows=not_met(rows_of(asked.held, changes(asked.kept), touches, asked.poses)))
 
 
 def _mend(cell: Cell, asked: Short, touches: Touches, found: Outcome) -> str:
@@ -211,8 +221,9 @@ def by_place(
     if found.verdict == "undecided":
         return found
     asked = _asked(cell, kept, _days(kept, None), options)
-    found = whole_outcome(found, asked, from_readings(cell.machine, cell.artefact, readings))
-    return without_strays(found, asked.before.result, result, asked.held)
+    touches = from_readings(cell.machine, cell.artefact, readings)
+    found = whole_outcome(found, asked, touches)
+    return with_rows(without_strays(found, asked.before.result, result, asked.held), asked, touches)
 
 
 def neither(number: int, places: list[str]) -> str:
@@ -371,7 +382,7 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
     lines += lines_of(found.tables, found.made)
     if others := added(found.tables, found.made):
         beyond = f" and {len(others) - 12} more" if others[12:] else ""
-        numbers = ", ".join(str(found.numbers[i]) for i in others[:12]) + beyond
+        numbers = ", ".join(str(found.numbers[i]) for i in sorted(others)[:12]) + beyond
         lines.append(f"touches {numbers} of the strategy would meet what it meets of the others: --rows makes them as well")
     return "\n".join(
         [

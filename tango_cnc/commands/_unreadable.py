@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ..files.checked import read_bytes
 from ..files.nightly import NAME, SCHEMES, Nightly, read_nightly
 from ..history import Decision, Knowledge, Night
 from ..nightly import Measured, PreflightPoint
@@ -28,8 +29,8 @@ def settings_of(folder: Path) -> tuple[Nightly, InputError | None]:
 def _salvaged(file: Path) -> Nightly:
     """nightly.yaml with a mistake → the receivers, the owner and the history that its text names."""
     try:
-        text = re.sub(r"(?m)(^|\s)#.*$", "", file.read_text(encoding="utf-8", errors="replace"))
-    except OSError:
+        text = re.sub(r"(?m)(^|\s)#.*$", "", read_bytes(file).decode("utf-8", "replace"))
+    except InputError:
         return Nightly()
     given = {key: match[1].strip("'\" ") for key in ("owner", "history") if (match := re.search(rf"(?m)^{key}:\s*(\S.*)$", text))}
     return Nightly(notify=tuple(URL.findall(text)), **given)  # type: ignore[arg-type]
@@ -38,8 +39,8 @@ def _salvaged(file: Path) -> Nightly:
 def machine_of(folder: Path, known: Sequence[str]) -> str:
     """folder of a cell that cannot be read, machines of its history → the name of its machine, as well as it can be told."""
     try:
-        text = (folder / "machine.yaml").read_text(encoding="utf-8", errors="replace")
-    except OSError:
+        text = read_bytes(folder / "machine.yaml").decode("utf-8", "replace")
+    except InputError:
         text = ""
     match = re.search(r"(?m)^name:\s*['\"]?([^'\"#\n]+?)['\"]?\s*(?:#.*)?$", text)
     if match is not None and (match[1] in known or len(known) != 1):

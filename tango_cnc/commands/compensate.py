@@ -366,12 +366,18 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
 
 def _noted(cell: Cell, kept: loop.Kept, found: Outcome, places: list[str], *, tcp: bool, json_file: str | None) -> int:
     """cell, compensation, outcome, places that act with TCP only, whether the run had it on → exit status; history."""
-    if found.verdict in HELPS and any(h["table"] != h["place"] for h in kept.record["values"] if h["new"] != h["present"]):
+    if (
+        found.verdict in HELPS
+        and not found.rows
+        and any(h["table"] != h["place"] for h in kept.record["values"] if h["new"] != h["present"])
+    ):
         found = replace(found, text=f"{found.text}. {ROWS}")
     figures = {"before_um": found.before.value, "promised_um": found.promised.value, "measured_um": round(found.measured.value, 4)}
     unseen: dict[str, Any] = {}
     if found.left_if_none is not None:
         unseen = {"not_seen": list(found.not_seen), "left_if_none_um": round(found.left_if_none, 4)}
+    if found.rows:
+        unseen["rows_not_met"] = list(found.rows)
     loop.note(cell.folder, kept, _now(), found.verdict, **figures, **unseen, text=found.said, **({"tcp": tcp} if places else {}))
     recorded(cell.folder)
     data = {"format": "tango-compensation-outcome/1", "compensation": kept.number, "verdict": found.verdict, **figures}

@@ -118,10 +118,20 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
 
 def _complaints(file: Path, found: Found) -> list[str]:
     """journal, what is in it → one sentence for each fault."""
-    from ..link.journal import RETURNS
+    from ..link.entries import Reading
+    from ..link.journal import RETURNS, chosen_of
 
+    chosen = chosen_of(found)
     complaints = [f"{file}: {RETURNS}"] if found.returns else []
     complaints += [f"{file}:{line.number}: {line.wrong}" for line in found.lines if line.wrong]
+    for line in found.lines:
+        if not isinstance(reading := line.entry, Reading):
+            continue
+        taken = chosen.get(reading.touch)
+        if taken is not None and taken is not line and taken.entry != reading:
+            complaints.append(
+                f"{file}:{line.number}: another reading of touch {reading.touch} than line {taken.number}, which counts"
+            )
     if not found.lines:
         complaints.append(f"{file}: no entry in it")
     if (named := _named(file)) is not None and found.lines and named != found.lines[-1].digest:

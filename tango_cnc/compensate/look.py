@@ -31,6 +31,8 @@ TELLS = 0.25  # standard deviation by the whole strategy: a file that this tells
 FEWEST = 16  # touches: fewer show nothing that does not fit
 USUAL, LONGEST = 5.0, 8.0  # minutes at most, where nobody states a time
 DECIDES, BETTER = 0.25, 0.95  # standard deviation that decides; of what is left open, what the longer ones have to reach
+FOR_ROWS = 1.0  # of these for rows of tables that none of the touches meets
+NEARLY = 0.9  # of the best gain a second: of touches as good as that the one is taken that meets most such rows
 ROW = 3  # touches of a facet in a row, at most
 AT_ONCE = 8  # touches that are weighed together at a place the check has not come to
 TRIES, LESS = 10, 0.96  # plans that are made at most; of the time that seems to be right, where one took too long
@@ -94,8 +96,8 @@ def look(
 ) -> Look:
     """short check, cell with the strategy to choose from, µm before, mm/min of protected moves, gate, minutes at most → touches.
 
-    `goal`: with minutes, the standard deviation of a share that does; the check takes no longer then. `rows`: with them the
-    touches that meet each row of a table which the strategy meets, however long they take.
+    `goal`: with minutes, the standard deviation of a share that does; the check takes no longer then. Else the time that is left
+    goes to touches that meet more rows of tables. `rows`: to all that the strategy meets, however long they take.
 
     Raises InputError where nothing that changed is seen by touches like these.
     """
@@ -117,18 +119,22 @@ def look(
         asked = replace(asked, before=replace(asked.before, grown=MAYBE))
     aims = _aims(asked, touches, parts, at, before)
     every = (*(() if warm is None else (warm,)), *(aim for aim, _, _ in aims))
-    job = _Job(cell, made, feed, proof(made, gate, feed), every, where, costs, warm is not None)
+    tables = rows_of(asked.held, changes(asked.kept), touches, at)
+    meets = np.concatenate([np.zeros((len(touches), 0), dtype=np.bool_), *(one.meets for one in tables)], axis=1)
+    job = _Job(cell, made, feed, proof(made, gate, feed), every, where, costs, warm is not None, meets)
     words = tuple(name for _, names, _ in aims for name in names), tuple(name for _, _, small in aims for name in small)
     # Whoever states a time wants to know as much as that allows.
     found = job.made_of(60 * minutes, goal, *words) if minutes else _soonest(job, words)
-    numbers, tables = tuple(t.number for t in made.touches), rows_of(asked.held, changes(asked.kept), touches, at)
-    found = replace(found, numbers=numbers, tables=tables)
-    return job.also(found, added(found.tables, found.made)) if rows else found
+    found = replace(found, numbers=tuple(t.number for t in made.touches), tables=tables)
+    others = added(found.tables, found.made)
+    if rows:
+        return job.also(found, others)
+    return found if goal else job.filled(found, others, 60 * (minutes or LONGEST))
 
 
 def _soonest(job: _Job, words: tuple[tuple[str, ...], tuple[str, ...]]) -> Look:
     """what is chosen from, names of what is to be known and of what is not → the touches of a check whose time nobody states."""
-    longer = job.made_of(60 * LONGEST, GOAL, *words)
+    longer = job.made_of(60 * (LONGEST - (FOR_ROWS if job.meets.any() else 0.0)), GOAL, *words)
     if longer.seconds <= 60 * USUAL:
         return longer
     try:
@@ -223,13 +229,14 @@ class _Job:
     where: Count
     costs: Costs
     warm: bool  # whether the first aim is what all axes have grown
+    meets: NDArray[np.bool_]  # (n, r) whether a touch meets a row of a table
 
     def made_of(self, seconds: float, goal: float, names: tuple[str, ...], small: tuple[str, ...]) -> Look:
         """s at most, standard deviation that does, names of what is to be known and of what is not → the touches."""
         most, least, longest = seconds - self.alive, 0.0, np.inf
         best: Look | None = None
         for _ in range(TRIES):  # what turns take is known when they are planned
-            chosen = _chosen(self.aims, self.where, self.costs, most, goal)
+            chosen = _chosen(self.aims, self.where, self.costs, most, goal, self.meets)
             if not chosen.any():
                 if not np.isfinite(longest):
                     break
@@ -267,6 +274,20 @@ class _Job:
         made = replace(found, cell=cell, plan=planned, seconds=takes, chosen=chosen)
         return replace(made, std=tuple(std.tolist()), grown=grown)
 
+    def filled(self, found: Look, rows: Sequence[int], seconds: float) -> Look:
+        """touches of a check, rows of touches that meet more rows of tables, s at most → the check with as many of these as there
+        is time for, those that meet most first."""
+        fits, most = 0, len(rows)
+        best = found
+        while fits < most:  # a plan says what they take: halved until no more fit
+            count = (fits + most + 1) // 2
+            made = self.also(found, rows[:count])
+            if made.seconds <= seconds:
+                fits, best = count, made
+            else:
+                most = count - 1
+        return best
+
 
 def _whole(asked: Short, ready: System, at: Poses) -> Array:
     """short check, its system, poses → (q,) what of all that the compensation takes away, seen together, each unknown makes."""
@@ -295,12 +316,12 @@ def _costs(made: Plan, where: Count, feed: float | None) -> tuple[float, Array]:
     return float(np.mean(spent)), turning
 
 
-def _chosen(aims: Sequence[_Aim], where: Count, costs: Costs, seconds: float, goal: float) -> Count:
-    """what is to be known of all touches, their indexations, costs, s, goal → (n,) how often each is made.
+def _chosen(aims: Sequence[_Aim], where: Count, costs: Costs, seconds: float, goal: float, meets: NDArray[np.bool_]) -> Count:
+    """what is to be known of all touches, their indexations, costs, s, goal, rows that they meet → (n,) how often each is made.
 
     Where the probe is already one touch more is weighed; elsewhere as many together as are worth the turn.
     """
-    draft = _Draft(tuple(aims), tuple(np.eye(aim.rows.shape[1]) for aim in aims), np.zeros_like(where), goal)
+    draft = _Draft(tuple(aims), tuple(np.eye(aim.rows.shape[1]) for aim in aims), np.zeros_like(where), goal, meets)
     visited: set[int] = set()
     while True:
         enough = draft.worst <= goal and draft.count.sum() >= FEWEST and len(visited) >= min(INDEXATIONS, len(costs.turns))
@@ -326,11 +347,20 @@ class _Draft:
     covariance: tuple[Array, ...]  # (q, q) of each
     count: Count  # (n,) how often each is made
     goal: float
+    meets: NDArray[np.bool_]  # (n, r) whether a touch meets a row of a table
 
     @property
     def worst(self) -> float:
         """→ largest standard deviation of a share that matters."""
         return float(_stds(self.aims, self.covariance).max())
+
+    def pick(self, free: Count, value: Array) -> int:
+        """touches that are free, gain a second of each → which of them: of those nearly as good as the best the one that meets most
+        rows of tables that none of the draft meets."""
+        best = float(value.max())
+        unmet = ~self.meets[self.count > 0].any(axis=0)
+        rows = np.where(value >= NEARLY * best, self.meets[free][:, unmet].sum(axis=1), -1)
+        return int(np.lexsort((value, rows))[-1])
 
     def best_of(self, own: Count, costs: Costs, turn: float, seconds: float) -> tuple[float, _Draft, float] | None:
         """touches of one place, costs, s of coming there, s that are left → gain a second, draft with them, s; None: no time."""
@@ -350,7 +380,7 @@ class _Draft:
                 lever = 1.0 + np.einsum("nq,nq->n", by, aim.rows[free])
                 gain += ((by @ aim.wanted.T) ** 2 / lever[:, None]) @ weight
                 seen.append((by, lever))
-            at = int(np.argmax(gain / each))
+            at = draft.pick(free, gain / each)
             total, price = total + float(gain[at]), price + float(each[at])
             count = draft.count.copy()
             count[free[at]] += 1

@@ -23,6 +23,7 @@ LEAST = 1e-4  # mm rms a coordinate: a change by less cannot be seen
 HELPED = 0.5  # of what was changed: less is no help
 ALL = 0.85  # of what was changed: an interval that ends below it is less than all of it
 KINEMATICS = "the kinematics"
+LISTED = 4  # tables whose rows are named
 NOT_WHOLE = (
     "That is not all of it: look whether every file was loaded, and whether the machine was as warm as in the run that the "
     "compensation was made from"
@@ -45,10 +46,13 @@ class Outcome:
     not_seen: tuple[str, ...] = ()  # may be in the control or not: this run does not see it
     left_if_none: float | None = None  # µm rms that would be left, were none of that in the control
     unsure: tuple[str, ...] = ()  # what more touches would decide
+    rows: tuple[str, ...] = ()  # of tables, that no touch of this run met
 
     @property
     def in_any_case(self) -> bool:
         """→ whether the promise is kept whatever is not seen."""
+        if self.verdict == AS_SEEN and self.left_if_none is None:  # rows of tables alone were not met
+            return bool(self.rows) and not self.not_seen
         return self.verdict == "kept" or (
             self.verdict == AS_SEEN and self.left_if_none is not None and self.left_if_none <= self.promised.high
         )
@@ -56,6 +60,21 @@ class Outcome:
     @property
     def said(self) -> str:
         """→ all that a person reads; first what was not seen."""
+        return f"{self._rows()}{self._files()}"
+
+    def _rows(self) -> str:
+        """→ which rows of tables were not met, where it was kept otherwise."""
+        if not self.rows or self.verdict not in HELPS:
+            return ""
+        more = f"; and of {len(self.rows) - LISTED} more tables" if len(self.rows) > LISTED else ""
+        return (
+            f"rows of tables that no touch of this run met: {'; '.join(self.rows[:LISTED])}{more}. A wrong number there was "
+            "not seen, and one in a row that a single touch meets may not be. Read the files back from the control into a copy of "
+            "the folder and compare them by --check. "
+        )
+
+    def _files(self) -> str:
+        """→ whether it has helped, and what files and tables were not seen."""
         if not self.not_seen or self.left_if_none is None:
             return self.text
         p, it = self.promised, "it does not" if len(self.not_seen) == 1 else "it uses none of them"

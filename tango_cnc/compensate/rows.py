@@ -64,7 +64,8 @@ def _written(held: Sequence[Held], changed: Collection[str]) -> set[str]:
 
 
 def added(tables: Sequence[TableRows], chosen: Sequence[int]) -> list[int]:
-    """rows of tables, rows of the touches of a check → the fewest touches more (greedy) that meet what any touch meets."""
+    """rows of tables, rows of the touches of a check → the fewest touches more (greedy) that meet what any touch meets, those that
+    meet most rows first."""
     if not tables:
         return []
     meets = np.concatenate([one.meets for one in tables], axis=1)
@@ -74,7 +75,19 @@ def added(tables: Sequence[TableRows], chosen: Sequence[int]) -> list[int]:
         best = int(np.argmax(meets[:, open_].sum(axis=1)))
         found.append(best)
         open_ &= ~meets[best]
-    return sorted(found)
+    return found
+
+
+def not_met(tables: Sequence[TableRows]) -> tuple[str, ...]:
+    """rows of tables, felt by the touches of a run → of each table which of its rows no touch met, for people."""
+    found = []
+    for one in tables:
+        if missed := one.missed():
+            listed = ", ".join(f"{at:g}" for at in missed[:LISTED]) + (
+                f" and {len(missed) - LISTED} more" if missed[LISTED:] else ""
+            )
+            found.append(f"{one.table}, {len(missed)} of {len(set(one.at))} ({one.axis} {listed} {one.unit})")
+    return tuple(found)
 
 
 def lines_of(tables: Sequence[TableRows], chosen: Sequence[int] | None = None) -> list[str]:

@@ -6,7 +6,6 @@ stacked: an effect is then a vector, and its components are tested together.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..files.checked import complaint, printable, read_text, suggestion
+from ..files.checked import complaint, printable, read_text, rows_of, suggestion
 from ..records import Array, InputError
 from . import _explain, _gain
 from ._candidates import Candidate
@@ -55,7 +54,7 @@ class Table:
 def read_table(file: Path, response: Sequence[str], model: Sequence[str], covariates: Sequence[str], group: str | None) -> Table:
     """CSV file, columns by name, covariates as NAME:KIND → table. Raises InputError for whatever does not fit."""
     lines = read_text(file).splitlines()
-    rows = [r for r in csv.reader(lines) if r]
+    rows = [r for r in rows_of(file, lines) if r]
     if len(rows) < 8:
         raise complaint(file, None, "", f"{max(len(rows) - 1, 0)} rows", "a header and at least seven rows")
     header = [h.strip() for h in rows[0]]

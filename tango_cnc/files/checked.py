@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import itertools
 import json
 import math
 import os
 import re
 import unicodedata
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -365,6 +366,21 @@ def read_text(file: Path) -> str:
 
 
 _parsed = lru_cache(maxsize=32)(parse)  # of small files: one command asks several times, and what was parsed is never changed
+
+
+def rows_of(file: Path | str, lines: Sequence[str], delimiter: str = ",", first: int = 1) -> list[list[str]]:
+    """lines of a table, what parts its values, number of the first line → values of each row.
+
+    Raises InputError for a value that no program would write: its quote was never closed, or a line has lost its end.
+    """
+    reader, rows = csv.reader(lines, delimiter=delimiter), []
+    try:
+        for row in reader:
+            rows.append(row)
+    except csv.Error as error:
+        allowed = f"values of at most {csv.field_size_limit()} characters, and every quote closed"
+        raise complaint(file, first - 1 + max(reader.line_num, 1), "", str(error), allowed) from None
+    return rows
 
 
 def load(file: Path) -> Node:

@@ -152,7 +152,7 @@ def edited_rows(origin: Origin) -> tuple[list[int], int]:
 def hurried(origin: Origin) -> str:
     """origin → a sentence where the clock of the readings cannot be that of the run; else nothing."""
     run = origin.known.get("run", {})
-    with suppress(KeyError, TypeError, ValueError, OSError, StopIteration):
+    with suppress(KeyError, TypeError, ValueError, OSError, StopIteration, csv.Error):
         begun, ended = (datetime.fromisoformat(run[key]) for key in ("start_utc", "end_utc"))
         rows = list(csv.DictReader(origin.lines))
         span, wall = float(rows[-1]["time_s"]) - float(rows[0]["time_s"]), (ended - begun).total_seconds()

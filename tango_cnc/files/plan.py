@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import errno
 import os
 import tempfile
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..records import Array, Id, Machine, Plan
-from .checked import complaint, read_text
+from .checked import complaint, read_text, rows_of
 from .readings import degrees_of
 from .write import mode
 
@@ -46,7 +45,7 @@ def plan_lines(plan: Plan) -> Iterator[str]:
 
 def read_plan(file: Path, machine: Machine) -> PlannedTouches:
     """plan.csv of a machine → its touches. Raises InputError naming line and column of what is wrong."""
-    rows = list(csv.reader(read_text(file).splitlines()))
+    rows = rows_of(file, read_text(file).splitlines())
     wanted = ["touch", "facet", *(f"{place}_{name}" for place in PLACES for name in machine.names)]
     if not rows or rows[0] != wanted:
         raise complaint(

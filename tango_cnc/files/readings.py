@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Artefact, Machine, Readings
-from .checked import FURTHEST, complaint, read_text, suggestion
+from .checked import FURTHEST, complaint, read_text, rows_of, suggestion
 
 STATUSES = ("ok", "miss", "early")
 NUMBER = "a finite number; delete the row or give it the status 'miss'"
@@ -180,8 +180,8 @@ def _rows(file: Path, lines: Sequence[str]) -> list[list[str]]:
     header = lines[0]
     other = next((mark for mark in ";\t" if mark in header and "," not in header), None)
     if other is None:
-        return list(csv.reader(lines))
-    rows = list(csv.reader(lines, delimiter=other))
+        return rows_of(file, lines)
+    rows = rows_of(file, lines, other)
     for line, row in enumerate(rows, 1):
         for text in row:
             if text.count(",") > 1 or ("," in text and "." in text):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections import defaultdict
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from pathlib import Path as File
 import numpy as np
 from scipy import special
 
-from ..files.checked import complaint, read_text
+from ..files.checked import complaint, read_text, rows_of
 from ..iso230.signed import OnPart
 from ..records import Array
 from .path import Path
@@ -74,14 +73,14 @@ def read_measured(file: File, channels: tuple[str, ...], turns: bool) -> Instrum
     if not lines:
         raise complaint(file, None, "", "no line", f"write the columns {', '.join(wanted)}")
     comma = ";" if ";" in lines[0][1] else ","
-    head = [w.strip() for w in next(csv.reader([lines[0][1]], delimiter=comma))]
+    head = [w.strip() for w in rows_of(file, [lines[0][1]], comma, lines[0][0])[0]]
     missing = [w for w in wanted if w not in head]
     if missing:
         raise complaint(file, lines[0][0], "header", ", ".join(head), f"the columns {', '.join(wanted)}; {missing[0]} is missing")
     place = [head.index(w) for w in wanted]
     groups: dict[tuple[float, float], list[list[float]]] = defaultdict(list)
     for number, line in lines[1:]:
-        words = [w.strip() for w in next(csv.reader([line], delimiter=comma))]
+        words = [w.strip() for w in rows_of(file, [line], comma, number)[0]]
         if len(words) < len(head):
             raise complaint(file, number, "", f"{len(words)} words", f"allowed: {len(head)}, as in the header")
         row = [words[i] for i in place]

@@ -27,7 +27,8 @@ DEFAULTS = {name: allowed[0] for name, allowed in LINE.items()}
 PTY = ("/dev/pts/", "/dev/ttyp")
 SCHEMES = ("serial", "socket", "rfc2217")  # every protocol may have these
 OTHERS = {"tcp": "socket", "telnet": "socket", "com": "serial", "tty": "serial", "rs232": "serial", "ssh": "sftp", "cifs": "smb"}
-OWN = (".yaml", ".yml", ".csv", ".json", ".journal", ".lock")  # endings of what a cell consists of
+# Endings of what a cell consists of, and of what its commands write.
+OWN = (".yaml", ".yml", ".csv", ".json", ".jsonl", ".journal", ".lock", ".db", ".py", ".toml", ".html", ".pdf")
 LAST_PORT = 65535
 DEVICE = re.compile(r"[/\\.][^?]*|[^:/?]+")  # a path, or the name of a port
 HOST = re.compile(r"(?:\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_-]+(?:\.[A-Za-z0-9_-]+)*\.?)):(?P<port>[0-9]{1,5})")

@@ -15,6 +15,7 @@ import json
 import os
 import stat
 import zlib
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ..files.readjson import parse_json
 from ..records import InputError, LinkError
 from .entries import Entry, Opened, Reading, entry_of, plain
 from .lock import lock
+from .trust import FARTHEST
 
 FORMAT = "tango-journal/1"
 LONGEST = 1 << 20  # bytes of one line; a program of ten thousand touches has an entry of 60 000
@@ -42,6 +44,7 @@ class Line:
     digest: str
     size: int
     chained: bool = False  # whether this line or one before it has the hash of the line before
+    before: str = ""  # the hash of the line before, as it says
 
 
 @dataclass(frozen=True)
@@ -112,21 +115,21 @@ def _looked_at(data: bytes, known: ReadSoFar) -> Found:
     found: list[Line] = []
     before, due, chained = known.digest, len(known.entries), known.chained
     for number, line in enumerate(lines, due + 1):
-        n, entry, digest, wrong = None, None, digest_of(line), ""
+        n, entry, digest, wrong, was = None, None, digest_of(line), "", None
         try:
             plain_, entry = _read(line)
-            n = plain_.get("n")
+            n, was = plain_.get("n"), plain_.get("before")
             if type(n) is not int or n != due:
                 wrong = f"entry {n!r:.20} where entry {due} was due"
             elif number == 1 and plain_.get("format") != FORMAT:
                 wrong = f"found {plain_.get('format')!r:.40}; allowed: {FORMAT}"
-            elif (was := plain_.get("before")) is not None or chained:
+            elif was is not None or chained:
                 chained = True
                 if was != before:
                     wrong = f"the hash of line {number - 1} is another one here: that line, or this one, was changed afterwards"
         except ValueError as error:
             wrong = str(error)
-        found.append(Line(number, entry, wrong, digest, len(line) + 1, chained))
+        found.append(Line(number, entry, wrong, digest, len(line) + 1, chained, was if isinstance(was, str) else ""))
         before, due = digest, (n if type(n) is int else due) + 1
     if found and found[-1].wrong.startswith("a damaged line") and not rest:  # its blocks reached the disk in another order
         return Found(tuple(found[:-1]), found[-1].size)
@@ -137,21 +140,34 @@ def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
     """journal → (entries that are whole, numbers of the lines that are left out).
 
     Where a hash does not fit, the line before was changed, or is damaged by itself: that one is left out, this one is whole.
-    No run writes a reading of one touch twice: the first counts.
+    No run writes a reading of one touch twice: the one in the chain of hashes counts, else the first. One at a place where no
+    machine can be counts never.
     """
     changed = {line.number - 1 for line in found.lines if line.wrong.startswith("the hash of line")}
     entries: list[Entry] = []
     out: list[int] = []
-    touched: set[int] = set()
+    chosen = chosen_of(found, changed)
     for line in found.lines:
-        twice = isinstance(line.entry, Reading) and line.entry.touch in touched
-        if line.entry is None or line.number in changed or twice:
+        reading = line.entry if isinstance(line.entry, Reading) else None
+        if line.entry is None or line.number in changed or (reading is not None and chosen.get(reading.touch) is not line):
             out.append(line.number)
             continue
         entries.append(line.entry)
-        if isinstance(line.entry, Reading):
-            touched.add(line.entry.touch)
     return entries, out
+
+
+def chosen_of(found: Found, without: Collection[int] = ()) -> dict[int, Line]:
+    """journal, numbers of lines that do not count → {touch: the line that has its reading}."""
+    named, seen = {line.before for line in found.lines}, {""}
+    best: dict[int, tuple[int, Line]] = {}
+    for line in found.lines:
+        reading = line.entry
+        if isinstance(reading, Reading) and line.number not in without and max(map(abs, reading.position), default=0.0) <= FARTHEST:
+            rank = 2 * (line.digest in named) + (line.before in seen)  # a later line goes on from it; it goes on from one before
+            if reading.touch not in best or rank > best[reading.touch][0]:
+                best[reading.touch] = rank, line
+        seen.add(line.digest)
+    return {touch: line for touch, (_, line) in best.items()}
 
 
 def _bytes(file: Path, known: ReadSoFar | None = None) -> tuple[bytes, ReadSoFar]:

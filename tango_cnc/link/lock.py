@@ -14,6 +14,7 @@ import json
 import os
 import secrets
 import socket
+import stat
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -21,6 +22,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
@@ -36,6 +38,9 @@ BEYOND = 1 << 30  # on Windows a locked byte cannot be read: one far beyond the 
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # a file system without locks
 HOLDER = {"what": str, "pid": int, "host": str, "since": str, "process": str, "thread": int, "born?": str}
 LONGEST = 2000  # bytes that are read of a lock
+# Of how a lock is opened: no link is followed, a pipe is not waited for, Windows changes no byte.
+PLAIN = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+NOTHING = "Nothing was started"
 
 
 @dataclass(frozen=True)
@@ -97,11 +102,11 @@ def at_work(folder: Path) -> str:
     Of another computer nobody knows here whether its program still runs: it is taken to.
     """
     try:
-        handle = os.open(folder / NAME, os.O_RDONLY)
+        handle = os.open(folder / NAME, os.O_RDONLY | PLAIN)
     except OSError:
         return ""
     try:
-        holder = _holder(handle)
+        holder = _holder(handle) if stat.S_ISREG(os.fstat(handle).st_mode) else None
     finally:
         os.close(handle)
     if holder is None or holder.gone():
@@ -149,7 +154,7 @@ def broken_off(folder: Path) -> float | None:
     since.
     """
     try:
-        found = [(file.stat().st_mtime, file) for file in folder.glob("*.journal")]
+        found = [(file.stat().st_mtime, file) for file in folder.glob("*.journal") if file.is_file()]
         at, last = max(found, default=(0.0, folder / JOURNAL))
         if not 0 <= time.time() - at < OVER or not _goes_on(last) or at_work(folder):
             return None
@@ -173,7 +178,7 @@ def _goes_on(journal: Path) -> bool:
     found = []
     for line in lines:
         try:
-            entry = json.loads(line.partition(b" ")[2])
+            entry = parse_json(line.partition(b" ")[2].decode(), finite=False)
         except ValueError:  # the first is cut where the tail begins, the last where a plug was pulled
             continue
         found += [entry] if isinstance(entry, dict) else []
@@ -200,9 +205,13 @@ def lock(handle: int) -> None:
 def _taken(file: Path, what: str) -> int | None:
     """lock file → its handle, None where this thread holds it already. Raises HeldError where another one does, OSError."""
     while True:
-        handle = os.open(file, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
+        if file.is_symlink():
+            raise LinkError(f"{file}: found a link to another file, which a lock would overwrite; delete the link. {NOTHING}")
+        handle = os.open(file, os.O_RDWR | os.O_CREAT | PLAIN, 0o666)
         kept = False
         try:
+            if not stat.S_ISREG(os.fstat(handle).st_mode):
+                raise LinkError(f"{file}: found a device or a pipe in the place of the lock; move it away. {NOTHING}")
             holder = _held(handle)
             if holder is not None and holder.here():
                 return None

@@ -86,6 +86,7 @@ def measure(
     protocol, address = protocol_of(wanted.port, wanted.protocol)  # a port that cannot be meant leaves no files either
     foreseen(address)
     protocol.Client.named(address.options)
+    _replaceable(wanted.readings)
     file = wanted.readings.with_suffix(".journal")
     before, digest = _started(file, plan, wanted.post) if wanted.resume else ([], "")
     left = missing(before, plan)[:most]
@@ -313,6 +314,20 @@ def _set_aside(file: Path) -> None:
         file.rename(other)
 
 
+def _replaceable(readings: Path) -> None:
+    """readings of a run → nothing. Raises InputError where a file that it writes at its end is a folder, a device or a pipe.
+
+    After the last touch it would be too late: reading a pipe waits for ever, and a device may have no end.
+    """
+    whole = (readings, _partial(readings))
+    for file in (file for one in whole for file in (one, one.with_suffix(".json"), origin_file(one))):
+        if file.exists() and not file.is_file():
+            raise InputError(
+                f"{file}: found a folder, a device or a pipe, where a run writes its readings; allowed: a file, or nothing. "
+                "Move it away. Nothing was started"
+            )
+
+
 def _partial(file: Path) -> Path:
     return file.with_name(f"{file.stem}.partial.csv")
 
@@ -341,7 +356,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folde
     how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
     with _written(f"every touch is in {journal}, but the readings", f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
-        same = file.exists() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
+        same = file.is_file() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)
         _write(file, text, origin)
         write_origin(file, folder, "measured", kept, origin)

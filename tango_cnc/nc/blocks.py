@@ -21,6 +21,7 @@ from ..files.checked import SHOWN, printable, suggestion
 from ..records import InputError
 
 MARK = "TANGO COMPENSATED"
+SPIRAL = 0.005  # mm by which end and beginning of an arc may be at other distances from its center: rounding, and no spiral
 HEAD = 40  # lines in which a mark is looked for
 
 
@@ -152,6 +153,6 @@ def arc_of(
     else:
         centre = start[0] + offsets.get(ijk[a], 0.0), start[1] + offsets.get(ijk[b], 0.0)
     one, two = math.dist(start, centre), math.dist(end, centre)
-    if one < 1e-6 or abs(one - two) > max(0.005, 1e-3 * one):
+    if one < 1e-6 or abs(one - two) > SPIRAL:
         raise refused(number, "an arc", f"its end is {two:.4f} mm from its center, its beginning {one:.4f} mm")
     return Arc((a, b), centre, clockwise)

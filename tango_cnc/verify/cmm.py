@@ -7,7 +7,6 @@ expansion is taken into account where the temperatures are stated, and a scale c
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimate import Estimate
-from ..files.checked import complaint, read_text, suggestion
+from ..files.checked import complaint, read_text, rows_of, suggestion
 from ..files.readings import finite
 from ..iso230.temperature import Known
 from ..model import RADIUS
@@ -56,7 +55,7 @@ def read_cmm(file: Path, artefact: Artefact) -> dict[Id, Array]:
     The file has `facet` and either `x,y,z` (mm, a point on the surface, table frame) or `offset` (mm along the nominal
     normal). Raises InputError for anything else.
     """
-    rows = list(csv.reader(read_text(file).splitlines()))
+    rows = rows_of(file, read_text(file).splitlines())
     header = [name.strip() for name in rows[0]] if rows else []
     points = {"x", "y", "z"} <= set(header)
     known = ["facet", "x", "y", "z", "offset"]

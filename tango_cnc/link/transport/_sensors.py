@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import threading
 import time
 import urllib.request
@@ -19,6 +20,8 @@ from ..sensors import Sensor, Sensors
 LARGEST = 4 << 20  # bytes of an answer or a message
 ANSWER = 5.0  # s that an agent may take
 COLDEST, HOTTEST = -100.0, 500.0  # °C; anything else is no temperature of a machine
+NUMBER = re.compile(r"[+-]?([0-9]{1,9}(\.[0-9]{0,20})?|\.[0-9]{1,20})([eE][+-]?[0-9]{1,3})?")  # as sensors write one
+UNIT = "CELSIUS"  # of MTConnect
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 
 
@@ -62,7 +65,7 @@ class Watch:
                 client.loop_stop()
 
     def _came(self, name: str, text: str) -> None:
-        with contextlib.suppress(ValueError):  # UNAVAILABLE, an error message
+        if NUMBER.fullmatch(text):  # else UNAVAILABLE, an error message
             value = float(text)
             if math.isfinite(value) and COLDEST <= value <= HOTTEST:
                 self._known[name] = value, time.monotonic()
@@ -105,16 +108,20 @@ class Watch:
 def current(data: bytes) -> Mapping[str, str]:
     """answer of an MTConnect agent to /current → {dataItemId and name of a data item: its value}.
 
+    One in another unit than °C has no value, and so has a name that two items have.
     Raises ValueError for one that is too large, is no XML or declares a document type, which is how entities come in.
     """
     if len(data) > LARGEST:
         raise ValueError(f"more than {LARGEST} bytes")
     found: dict[str, str] = {}
+    void: set[str] = set()
     names: list[list[str]] = []  # of the elements that are open
 
     def begun(_tag: str, attributes: Mapping[str, str]) -> None:
         own = (attributes[key] for key in ("dataItemId", "name") if "dataItemId" in attributes and key in attributes)
         mine = list(dict.fromkeys(own))  # many agents give an item the same word for both
+        wrong = attributes.get("units", UNIT).upper() != UNIT
+        void.update(name for name in mine if wrong or name in found)
         names.append(mine)
         found.update(dict.fromkeys(mine, ""))
 
@@ -133,7 +140,7 @@ def current(data: bytes) -> Mapping[str, str]:
         parser.Parse(data, True)
     except expat.ExpatError as error:
         raise ValueError(str(error)) from None
-    return found
+    return found | dict.fromkeys(void, "")
 
 
 def payload(data: bytes, key: str) -> str:

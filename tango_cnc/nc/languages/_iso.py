@@ -65,6 +65,7 @@ REFUSED = {
     93: "inverse time would change with every part of a block",
     96: "constant cutting speed is for lathes",
 }
+GROUPS = (set(PLANES), {90, 91}, {90.1, 91.1})  # of which a block has one
 CYCLES = {73, 74, 76, *range(81, 90)}
 
 
@@ -132,6 +133,8 @@ def read(style: Style, line: str, number: int, modal: Modal, axes: str) -> Block
         at = match.end()
     if gap := bare[at:].strip():
         _strange(style, gap, number)
+    if ";" in style.harmless and re.search(r";\s*[^\s;]", bare):
+        raise refused(number, stripped, "a semicolon ends a block here: write each block on a line of its own")
     block.words = tuple(words)
     return _meaning(style, block, modal, axes)
 
@@ -325,9 +328,12 @@ def _stand_together(style: Style, block: Block, codes: Sequence[float]) -> None:
     """Raises InputError where a G function takes words of axes, or of circles, for something else than a way to go."""
     named = [w for w in block.words if w.letter in AXES or w.letter in "IJK" or w.letter == style.radius]
     said = " ".join(f"{w.letter}{w.value:g}" for w in named)
-    planes = [f"G{c:g}" for c in codes if c in PLANES]
-    if len(planes) > 1:
-        raise refused(block.number, " and ".join(planes), "which one is meant is not known")
+    for group in (*GROUPS, {style.height, 49}):
+        if len(several := dict.fromkeys(f"G{c:g}" for c in codes if c in group)) > 1:
+            raise refused(block.number, " and ".join(several), "which one is meant is not known")
+    for letter in (*"IJKHTD", style.radius):
+        if len([w for w in block.words if w.letter == letter]) > 1:
+            raise refused(block.number, f"{letter} twice", "which one is meant is not known")
     for code in codes:
         if code in style.alone and named:
             why = "it may take these words for itself, and then they are no move: give it a block of its own"
@@ -351,10 +357,13 @@ def _step_to_reference(block: Block) -> None:
 
 
 def _height(block: Block, value: float, modal: Modal) -> None:
+    """Tool length of a number: that of the tool, or where no T has named one, that of the number itself."""
     if value == 0:
         raise refused(block.number, "H0", "controls differ in whether it switches the tool's length off: write G49")
     if modal.tool is not None and value != modal.tool:
         raise refused(block.number, f"H{value:g} with tool {modal.tool}", "which length acts is not known: give them one number")
+    if modal.tool is None:
+        block.tool = int(value)
 
 
 def _no_line(style: Style, block: Block) -> None:
