@@ -52,6 +52,7 @@ def test_a_sound_machine_with_every_error_motion_is_not_doubted(sound: tuple[Est
     assert "no mere scatter" in found.remarks[-1] and "degree 9, 6 harmonics" in found.remarks[-1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("what", ["knocked", "slipped"])
 def test_what_no_error_motion_explains_keeps_the_doubt(sound: tuple[Estimate, Readings], what: str) -> None:
     """8 µm of X from the middle of the run on; one touch that is 20 µm off."""

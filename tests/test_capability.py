@@ -177,17 +177,18 @@ def test_a_probe_test_with_a_touch_missing_is_refused(cell: Cell) -> None:
         capability.probing(touches.rows(np.arange(len(touches) - 1)))
 
 
-def test_a_thermometer_has_no_more_of_a_walk_than_chance_gives_it() -> None:
+@pytest.mark.parametrize(("draws", "least"), [(8, 6), pytest.param(40, 34, marks=pytest.mark.long)])
+def test_a_thermometer_has_no_more_of_a_walk_than_chance_gives_it(draws: int, least: int) -> None:
     """A walk of the machine and one of the air that know nothing of each other, and 2 µm/K beside such a walk."""
     t, inside = np.arange(240) * 4.0, {0.0: 0, 0.002: 0}
     for effect in inside:
-        for seed in range(40):
+        for seed in range(draws):
             rng = np.random.default_rng([9, seed])
             air = 20 + np.cumsum(rng.normal(0, 0.05, len(t)))
             values = effect * air + np.cumsum(rng.normal(0, 2e-4, len(t))) + rng.normal(0, 7e-4, len(t))
             found = capability.environment(t, values, [air], 0.0007)
             inside[effect] += abs(found.per_kelvin - effect) < 2 * found.per_kelvin_std
-    assert min(inside.values()) >= 34  # of 40; a straight line holds 8 of both
+    assert min(inside.values()) >= least  # of 40 a straight line holds 8 of both
 
 
 @pytest.mark.long

@@ -116,12 +116,13 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
 
 
+@pytest.mark.parametrize("draws", [12, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("places", [3, 4])
-def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int) -> None:
+def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int, draws: int) -> None:
     """Three moves from a place that is no round number, as where three beliefs are left to prove."""
     made, rng = air(), np.random.default_rng(places)
     linear = [made.machine.column(n) for n in made.machine.linear]
-    for _ in range(200):
+    for _ in range(draws):
         start = np.array(made.touches[0].end)
         start[linear] = rng.uniform(-300, 300, 3)
         ends = [start + 5.0 * (np.arange(len(start)) == column) for column in linear]

@@ -194,6 +194,7 @@ def test_short_checks_of_many_machines(name: str, tcp: bool, tmp_path: Path) -> 
     assert not faults
 
 
+@pytest.mark.long
 def test_the_command_walks_from_the_proposal_to_the_verdict(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cell = tmp_path / "cell"
     shutil.copytree(ROOT / "examples" / "trunnion", cell)

@@ -57,6 +57,7 @@ def within(made: Loaded, world: World, found: Outcome) -> bool:
     return found.measured.low <= truth(made.cell, world, made.proposal, control) <= found.measured.high
 
 
+@pytest.mark.long
 def test_touches_tell_a_machine_that_is_3_k_warmer_and_nothing_is_decided(folder: Path) -> None:
     """It was kept, or a table was said to act by 218 %: neither is so."""
     made = one("hu40t", "fanuc", folder)
@@ -71,6 +72,7 @@ def test_touches_tell_a_machine_that_is_3_k_warmer_and_nothing_is_decided(folder
         assert "Measure again when it is as warm" in found.text and within(made, world, found)
 
 
+@pytest.mark.long
 def test_temperatures_in_the_readings_are_what_counts(folder: Path) -> None:
     made = one("hu40t", "fanuc", folder)
     run_of = made.asked.before.result.model.touches

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.optimize import LinearConstraint, minimize
 from scipy.spatial import ConvexHull
-from support.designs import takes_the_plan
+from support.designs import quickly
 
 from tango_cnc.cli import guarded, tango
 from tango_cnc.design import goals, order, region
@@ -383,8 +383,9 @@ def test_a_check_of_a_cell_that_nobody_has_measured_says_what_comes_first(
 
 @pytest.mark.long
 def test_a_time_that_is_too_short_is_refused_with_one_that_does_and_a_cell_gets_its_first_strategy(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    quickly(monkeypatch)
     folder = bare(tmp_path / "cell")
     file = folder / "strategy.yaml"
     asked = ["design", "-C", str(folder), "--goal", "locations", "--within", "0.3", "-o", str(file), "--json", str(tmp_path / "j")]
@@ -399,29 +400,6 @@ def test_a_time_that_is_too_short_is_refused_with_one_that_does_and_a_cell_gets_
     # What a part of the run determines is told as 'tango estimate' has it: without touches enough there is no number.
     told = [each["value"] for each in data["broken_off"]]
     assert told[0] is None and told[-1] == pytest.approx(data["criterion"]["value"])
-
-
-@pytest.mark.long
-def test_the_strategy_that_is_written_is_one_that_check_and_plan_take(tmp_path: Path) -> None:
-    folder, told = tmp_path / "cell", tmp_path / "told.json"
-    assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
-    asked = [
-        "design",
-        "-C",
-        str(folder),
-        "--goal",
-        "locations",
-        "--minutes",
-        "5",
-        "--within",
-        "0.3",
-        "-o",
-        str(tmp_path / "chosen.yaml"),
-    ]
-    assert guarded(tango.main, [*asked, "--json", str(told)], standalone_mode=False) == 0
-    data = json.loads(told.read_text(encoding="utf-8"))
-    takes_the_plan(folder, tmp_path / "chosen.yaml", data)
-    assert guarded(tango.main, ["check", "-C", str(folder)], standalone_mode=False) == 0
 
 
 def test_the_region_is_printed_with_the_spans_that_its_poses_have() -> None:

@@ -41,6 +41,7 @@ def test_what_is_known_of_all_visits_is_what_the_plan_determines(made: Chosen) -
     assert np.linalg.eigvalsh(known[1] - known[0]).min() > -1e-9 < np.linalg.eigvalsh(known[2] - known[1]).min() + 1e-6
 
 
+@pytest.mark.long
 def test_a_run_that_is_broken_off_has_determined_more_and_the_whole_one_hardly_less(made: Chosen) -> None:
     found = broken_off.worth_when_broken_off(made, again(made))
     before, after = timed.broken_off(made), timed.broken_off(found)
@@ -77,6 +78,7 @@ def test_what_is_made_by_then_is_what_the_plan_has_made(made: Chosen) -> None:
     assert exchange.by_then()[0].sum(axis=1) == pytest.approx(count, abs=2)
 
 
+@pytest.mark.long
 def test_exchanges_that_look_at_a_part_make_it_better_and_keep_the_whole(made: Chosen) -> None:
     before = timed.broken_off(made, [0.75])[0]
     found = weighed(made, again(made), {0.75: before / 2})

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy import special
-from support.designs import takes_the_plan
+from support.designs import quickly, takes_the_plan
 
 from sim_controller.simulate import simulate
 from tango_cnc.cli import guarded, tango
@@ -44,8 +44,9 @@ def measured(cell: Cell, world: World, seed: int, file: Path) -> Path:
 
 @pytest.mark.long
 def test_a_check_that_was_designed_tells_a_machine_that_changed_from_one_that_did_not(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    quickly(monkeypatch)
     folder = tmp_path / "cell"
     assert guarded(tango.main, ["init", str(folder), "--example", "trunnion"], standalone_mode=False) == 0
     cell, world = read_cell(folder), read_world(folder / "world.yaml")

@@ -29,6 +29,7 @@ def of_its_own(cell: Cell) -> tuple[Setting, Chosen]:
     return ready, propose.same_time(ready, cell, plan(cell, "leave-out"))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["trunnion", "hu40t"])
 def test_design_names_what_the_estimate_of_a_faultless_run_will_not_trust(name: str) -> None:
     cell = read_cell(EXAMPLES / name)
@@ -48,6 +49,7 @@ def test_design_names_what_the_estimate_of_a_faultless_run_will_not_trust(name: 
     assert set(said["untrusted"]) == set(judged.untrusted)
 
 
+@pytest.mark.long
 def test_a_machine_that_may_step_more_has_more_that_nobody_should_trust() -> None:
     cell = read_cell(EXAMPLES / "hu40t")
     names = []

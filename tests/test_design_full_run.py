@@ -27,6 +27,7 @@ def full(folder: Path, more: dict[str, float]) -> Path:
     return file
 
 
+@pytest.mark.long
 def test_a_full_run_of_bent_axes_serves_a_check_though_the_cell_has_locations_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

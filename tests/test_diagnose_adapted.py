@@ -79,6 +79,7 @@ def test_lost_motion_that_turns_a_carriage_is_told_in_its_own_frame() -> None:
     assert shape[:2] == ("dX × Y", "tilt C of X")
 
 
+@pytest.mark.long
 def test_a_part_of_what_another_shape_follows_is_left_out_once_its_functions_suit_it() -> None:
     """What rests elsewhere beyond an angle of both axes was a wave of one axis and a product of both."""
     two = [("C", "machine y"), ("B × C", "machine y")]

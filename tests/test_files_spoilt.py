@@ -45,6 +45,10 @@ SILENT = (
     "lock",
     "night-begun",
     "night-message",
+    "known_hosts",
+    "planned.json",
+    "journal-tail",
+    "origin-of-a-night",
 )
 FEW_OF = [  # what takes longest is for the long tests
     pytest.param(kind, marks=pytest.mark.long) if kind.startswith(("taken-", "backup", "form")) else kind for kind in READERS

@@ -60,6 +60,7 @@ def seen(place: Path, path: str) -> str:
         return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("kind", "first"),
     [

@@ -217,6 +217,40 @@ def test_three_touches_in_a_row_without_contact_end_the_run(cell):
     assert "3 touches in a row without contact" in events[-1].why
 
 
+class Misread:
+    """A control that reports each contact at another place."""
+
+    def __init__(self, one, place):
+        self._one, self._place = one, ",".join(f"{value:.3f}" for value in place)
+
+    def report(self):
+        return self._one.report()
+
+    def line(self, text):
+        return [re.sub(r"(?<=\[PRB:)[^,]+,[^,]+,[^,:]+", self._place, line) for line in self._one.line(text)]
+
+
+@pytest.mark.parametrize(
+    ("along", "aside", "on_it"),
+    [(0.0, 0.45, True), (0.0, 0.55, False), (-0.45, 0.0, True), (-0.55, 0.0, False), (1.45, 0.0, True), (1.55, 0.0, False)],
+)
+def test_a_contact_anywhere_but_on_the_line_of_its_measuring_move_ends_the_run(cell, along, aside, on_it):
+    """Up to half a millimetre before its begin, beyond its end (1 + mm) and beside it."""
+    parts = read_cell(cell)
+    made = plan(parts)
+    begin, end = (
+        np.array([p[made.machine.column(name)] for name in "XYZ"]) for p in (made.touches[0].standoff, made.touches[0].end)
+    )
+    ahead = (end - begin) / np.linalg.norm(end - begin)
+    across = np.cross(ahead, np.roll(ahead, 1))
+    place = (end + (along - 1) * ahead if along > 0 else begin + along * ahead) + aside * across / np.linalg.norm(across)
+    one = Misread(switched_on(Motion(rig(parts.machine, parts.artefact, read_world(cell / "world.yaml")))), place)
+    events, _ = driven(made, one)
+    assert any(isinstance(event, Touched) for event in events)
+    said = f"is not on the line of the measuring move of touch {made.touches[0].number}: "
+    assert (said in events[-1].why) is not on_it, events[-1].why  # what it then does there is another question
+
+
 @pytest.mark.parametrize(
     ("firmware", "able"), [("grblHAL", {}), ("FluidNC", {}), ("grblHAL", {"expressions": False}), ("grbl", {})]
 )

@@ -280,3 +280,11 @@ def test_a_lock_that_is_no_plain_file_is_refused_and_what_it_names_is_left_alone
         pass
     assert (tmp_path / "precious").read_text() == "mine"
     assert (cell / NAME).is_symlink() or (cell / NAME).is_fifo()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of POSIX")
+def test_who_asks_for_a_run_that_broke_off_waits_for_no_pipe_and_minds_no_nesting(tmp_path):
+    """A page asks so for every machine: a pipe among the journals held it up, a line of brackets was a traceback."""
+    (tmp_path / "readings.journal").write_text('0 {"kind":"begun"}\n0 ' + "[" * 5000 + "\n")
+    os.mkfifo(tmp_path / "other.journal")
+    assert lock.broken_off(tmp_path) is not None

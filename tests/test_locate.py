@@ -170,6 +170,7 @@ def test_one_touch_left_out_is_no_proof_where_the_facets_may_be_beside_their_fil
     assert max(off) < 2 * locate.known_to(CELL.artefact, names, at)[0]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("larger", [1.02, 1.01, 1.005, 0.99])
 def test_a_table_of_another_size_is_not_placed(larger: float) -> None:
     """The octagon 1 % larger: without facet 9 a turn takes it up exactly, and the table was placed 8 mm beside the true one."""
@@ -229,6 +230,7 @@ def test_it_takes_less_than_three_minutes_at_the_usual_feed_of_every_dialect(nam
     assert sum(duration(made(), feed).values()) < 180
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("within", [5.0, 20.0])
 def test_every_way_keeps_off_whatever_a_displaced_table_may_bring_there(within: float) -> None:
     """Looked at along each way: no corner of the table, however it is moved and turned, comes as near as the usual margin."""
@@ -251,6 +253,24 @@ def test_every_way_keeps_off_whatever_a_displaced_table_may_bring_there(within: 
             least = min(least, float(outside), float(balls))
     assert least - radius > 10.0 - 0.01
     assert low > 4  # of eight: lower than a clear level for every one of them
+
+
+def test_a_clear_level_is_raised_along_a_tilted_spindle_until_a_travel_ends() -> None:
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "fork_head")
+    linear = [cell.machine.column(name) for name in cell.machine.linear]
+    travels = np.array([cell.machine.axes[column].travel for column in linear])
+    visit = next(i for i in cell.strategy.indexations if np.isclose(i.position["A"], np.radians(-45)))
+    made = planned(replace(cell, strategy=replace(cell.strategy, indexations=(visit,))), "leave-out")
+    over, below = (np.array(ends)[:, linear] for ends in zip(*((t.over, t.standoff) for t in made.touches), strict=True))
+    up = (over - below)[0] / np.linalg.norm((over - below)[0])
+    assert np.sort(abs(up))[1] > 0.2, "it is not tilted"
+    steps = np.arange(0.0, 3000.0, 0.1)
+    within = [((t := over + step * up) >= travels[:, 0]).all() and (t <= travels[:, 1]).all() for step in steps]
+    most = float(steps[within.index(False) - 1])
+    high = displaced.raised(made, most - 0.1)
+    assert np.array([t.over for t in high.touches])[:, linear] == pytest.approx(over + (most - 0.1) * up)
+    with pytest.raises(InputError, match="are left above the clear level"):
+        displaced.raised(made, most + 0.2)
 
 
 def test_the_order_is_the_shortest_of_all() -> None:

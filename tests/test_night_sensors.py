@@ -167,6 +167,7 @@ def spoilt(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, story: S
         return [r for r, _ in nights(cell, truth, history, count, 2, story, settings)], history.verify()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("way", ["silent", "gone", "frozen"])
 def test_a_machine_at_another_temperature_than_its_first_night_is_not_called_changed_when_its_sensor_falls_silent(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str

@@ -34,6 +34,7 @@ def trusted(example: str, step: float, stated: float | None = None) -> tuple[dic
     return {n: v for n, v in off.items() if n not in judgement.untrusted}, judgement, len(result.parameters)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("step", [0.0, 0.003, 0.005, 0.008])
 def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     """Gains were trusted, and off by nine of their standard deviations with a step of 8 µm."""
@@ -43,6 +44,7 @@ def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     assert max(abs(v) for v in off.values()) < 4
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("example", "least"), [("hu40t", 15), ("trunnion", 17), ("huron", 10), ("split", 9)])
 def test_most_parameters_of_a_sound_cell_stay_trusted(example: str, least: int) -> None:
     off, judgement, every = trusted(example, 0.0)

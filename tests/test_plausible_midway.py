@@ -46,6 +46,7 @@ def first(judgement: Judgement, kind: str) -> Suspicion:
     return found
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("example", "axis", "row", "more"),
     every([("trunnion", "Y", 113, 50.0), ("hu40t", "Z", 200, -0.5), ("fork_head", "X", 100, 3.0), ("huron", "Y", 60, 0.1)], 1),
@@ -71,6 +72,7 @@ def test_an_axis_in_inches_from_a_touch_on_is_named(root: Path) -> None:
     assert found.key == "Z" and found.fits and "from touch 121 on" in found.text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("example", "row"), every([("trunnion", 1), ("hu40t", 380), ("split", 224)], 1))
 def test_a_column_of_the_spindle_that_was_lost_is_named(example: str, row: int, root: Path) -> None:
     judgement = spoilt(root, example, "S", slice(row, None), times=0.0)

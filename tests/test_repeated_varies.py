@@ -56,6 +56,7 @@ def write(folder: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
+@pytest.mark.long
 def test_a_machine_that_varies_from_day_to_day_has_intervals_and_a_decision(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """All runs together look like a machine that drifts, or is knocked: what repetitions are made for is no mistake."""
     (cell / "limits.yaml").write_text("limits: {EXXb: 0.01, EC0A: 1.0e-4}\n", encoding="utf-8")

@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.designs import quickly
 from support.trust_parts import judged
 
 from sim_controller.simulate import simulate
@@ -193,6 +194,7 @@ def test_what_a_plan_of_some_minutes_promises_is_kept(
 
 @pytest.mark.long
 def test_a_goal_that_the_usual_minutes_do_not_serve_takes_as_long_as_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    quickly(monkeypatch)
     said: list[str] = []
     ready = designed("three_axis_calibrated", "locations", None, 200.0)  # mm/min of protected moves
     ready = replace(ready, problem=replace(ready.problem, say=said.append))

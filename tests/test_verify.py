@@ -102,6 +102,7 @@ def test_an_error_that_the_model_lacks_is_found_out_by_holding_out() -> None:
     assert without > 1.4 * hold_out(noisy(), (THESIS_GROUP,), "S3").figures.sd
 
 
+@pytest.mark.long
 def test_touches_that_make_the_ratio_large_are_named_the_furthest_first() -> None:
     """Three touches after a stop, before everything sat where it sits now: no model lacks anything."""
     readings, groups = noisy(), held.leave_one_out(held.indexations(noisy(), cell().machine))

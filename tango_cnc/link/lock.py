@@ -22,6 +22,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
@@ -153,7 +154,7 @@ def broken_off(folder: Path) -> float | None:
     since.
     """
     try:
-        found = [(file.stat().st_mtime, file) for file in folder.glob("*.journal")]
+        found = [(file.stat().st_mtime, file) for file in folder.glob("*.journal") if file.is_file()]
         at, last = max(found, default=(0.0, folder / JOURNAL))
         if not 0 <= time.time() - at < OVER or not _goes_on(last) or at_work(folder):
             return None
@@ -177,7 +178,7 @@ def _goes_on(journal: Path) -> bool:
     found = []
     for line in lines:
         try:
-            entry = json.loads(line.partition(b" ")[2])
+            entry = parse_json(line.partition(b" ")[2].decode(), finite=False)
         except ValueError:  # the first is cut where the tail begins, the last where a plug was pulled
             continue
         found += [entry] if isinstance(entry, dict) else []

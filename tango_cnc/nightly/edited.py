@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..files.origin import FEW, changes
+from ..files.readjson import parse_json
 from ..texts import joined, say
 from .ports import Disk, Past
 
@@ -49,7 +49,7 @@ def _cell(disk: Disk, stamp: str) -> Mapping[str, str]:
     """disk, stamp of a night → texts of the files of its cell; {} where they are not kept."""
     try:
         text = disk.read(stamp, ORIGIN) if stamp else None
-        kept = json.loads(text)["cell"] if text else {}
+        kept = parse_json(text)["cell"] if text else {}
     except (OSError, ValueError, KeyError, TypeError):
         return {}
     return {str(k): str(v) for k, v in kept.items()} if isinstance(kept, dict) else {}

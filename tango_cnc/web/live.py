@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import math
 import threading
 from collections import Counter
@@ -14,11 +13,13 @@ from typing import Any, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
+from ..files.checked import read_text
+from ..files.readjson import parse_json
 from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
 from ..link.journal import ReadSoFar, read_on
 from ..link.lock import at_work
 from ..link.progress import QUIET, progress
-from ..records import Cell
+from ..records import Cell, InputError
 from ..report.days import at
 from ..report.texts import Texts
 
@@ -99,9 +100,9 @@ def touched_by(file: Path, cell: Cell | str) -> Cell | None:
     if file.parent.parent.name != "nights":
         return cell
     try:
-        asked = json.loads((file.parent / "planned.json").read_text(encoding="utf-8"))
+        asked = parse_json(read_text(file.parent / "planned.json"))
         return cell if asked["kind"] == "full" else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, OSError, ValueError, KeyError, TypeError):
         return None
 
 

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from tango_cnc.design import nested, whole, worst
 from tango_cnc.files import read_cell
 from tango_cnc.plan import plan
 
@@ -20,3 +23,14 @@ def takes_the_plan(folder: Path, strategy: Path, data: Mapping[str, Any]) -> Non
     assert len(made.touches) == data["touches"] and not made.left_out
     first, last = made.strategy.indexations[0], made.strategy.indexations[-1]
     assert first.position == last.position and set(last.facets) <= set(first.facets)
+
+
+def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search with few exchanges at random, and of one part of the time beside the whole.
+
+    Its plan is worth some percent less. What a plan promises, and what a refusal says, holds for such a plan, too.
+    """
+    monkeypatch.setattr(worst, "UNSTICK", 6)
+    monkeypatch.setattr(worst, "LEVELS", 4)
+    monkeypatch.setattr(whole, "MOST_SHAKES", whole.LEAST_SHAKES)
+    monkeypatch.setattr(nested, "FRACTIONS", (0.75,))

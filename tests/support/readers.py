@@ -19,6 +19,7 @@ import numpy as np
 
 import postprocessors as posts
 from sim_controller import compensation
+from support.besides import BESIDES
 from support.brought import BROUGHT
 from support.databases import DATABASES
 from support.mutants import Reader, spoilt
@@ -484,4 +485,5 @@ READERS = {
     **DATABASES,
     **TABLES,
     **BROUGHT,
+    **BESIDES,
 }
