@@ -61,6 +61,7 @@ AREAS = {
             "test_check*.py",
             "test_bodies.py",
             "test_left_out.py",
+            "test_locate.py",
             "test_double_touch.py",
             "test_second_stylus.py",
             "test_stylus_safe.py",

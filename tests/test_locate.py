@@ -255,6 +255,24 @@ def test_every_way_keeps_off_whatever_a_displaced_table_may_bring_there(within: 
     assert low > 4  # of eight: lower than a clear level for every one of them
 
 
+def test_a_clear_level_is_raised_along_a_tilted_spindle_until_a_travel_ends() -> None:
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "fork_head")
+    linear = [cell.machine.column(name) for name in cell.machine.linear]
+    travels = np.array([cell.machine.axes[column].travel for column in linear])
+    visit = next(i for i in cell.strategy.indexations if np.isclose(i.position["A"], np.radians(-45)))
+    made = planned(replace(cell, strategy=replace(cell.strategy, indexations=(visit,))), "leave-out")
+    over, below = (np.array(ends)[:, linear] for ends in zip(*((t.over, t.standoff) for t in made.touches), strict=True))
+    up = (over - below)[0] / np.linalg.norm((over - below)[0])
+    assert np.sort(abs(up))[1] > 0.2, "it is not tilted"
+    steps = np.arange(0.0, 3000.0, 0.1)
+    within = [((t := over + step * up) >= travels[:, 0]).all() and (t <= travels[:, 1]).all() for step in steps]
+    most = float(steps[within.index(False) - 1])
+    high = displaced.raised(made, most - 0.1)
+    assert np.array([t.over for t in high.touches])[:, linear] == pytest.approx(over + (most - 0.1) * up)
+    with pytest.raises(InputError, match="are left above the clear level"):
+        displaced.raised(made, most + 0.2)
+
+
 def test_the_order_is_the_shortest_of_all() -> None:
     rng = np.random.default_rng(4)
     between, ends = rng.uniform(1, 9, (6, 6)), rng.uniform(1, 9, 6)

@@ -30,7 +30,7 @@ from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, gather
 from tango_cnc.report.may import _after, may
-from tango_cnc.report.svg import Frame, Mark, Series, chart, ticks
+from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
@@ -624,10 +624,10 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     """Nights right above the limit at the left end and far below it at the right: the text goes to the right end."""
     x = np.arange(22.0)
     y = np.where(x < 11, 171.0, 145.0)
-    drawn = chart([Series(x, y, "squares")], Frame(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
+    drawn = chart([Plotted(x, y, "squares")], Canvas(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
     (place,) = re.findall(r"<text ([^>]*)>160 µm allowed", drawn)
     assert 'text-anchor="end"' in place
-    low = chart([Series(x, y - 100, "squares")], Frame(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
+    low = chart([Plotted(x, y - 100, "squares")], Canvas(860, 240, from_zero=True), [Mark("160 µm allowed", y=160.0)])
     (place,) = re.findall(r"<text ([^>]*)>160 µm allowed", low)
     assert "text-anchor" not in place
 

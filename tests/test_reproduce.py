@@ -40,7 +40,7 @@ def made(number: str) -> Table:
 
 
 @cache
-def study() -> unexplained.Study:
+def study() -> unexplained.Unexplained:
     return unexplained.study(setting(), named=False)
 
 
@@ -333,12 +333,12 @@ def test_the_page_has_the_table_the_words_and_pictures(tmp_path: Path, monkeypat
     pytest.importorskip("matplotlib")
     file, diagnose = tmp_path / "r.html", unexplained.found_in
 
-    def found_in(s: Setting, title: str, effects: Sequence[Mapping[str, Any]]) -> unexplained.Found:
+    def found_in(s: Setting, title: str, effects: Sequence[Mapping[str, Any]]) -> unexplained.Diagnosed:
         """The test that the other tests diagnose is not diagnosed anew."""
         if any(e["cause"] == "random_walk" for e in effects):
             return diagnose(s, title, effects)
         assert s.seed == setting().seed
-        return unexplained.Found(title, tuple(effects), diagnosed(s.seed))
+        return unexplained.Diagnosed(title, tuple(effects), diagnosed(s.seed))
 
     diagnosed(setting().seed)
     monkeypatch.setattr(unexplained, "found_in", found_in)

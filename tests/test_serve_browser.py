@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-import shutil
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from support.nights import knock, night
@@ -21,53 +18,22 @@ from click.testing import CliRunner
 from selenium import webdriver
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+from support.browser import DESK, PHONE, Site, axe, chromium, complaints, shown_in, sized, wait
 
 from tango_cnc.cli import tango
+from tango_cnc.link.lock import holding
 from tango_cnc.nightly.words import changed
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
-from tango_cnc.web.users import add_user
 
 pytestmark = [pytest.mark.long, pytest.mark.system("chromium", "chromedriver"), pytest.mark.xdist_group("browser")]
-PHONE, DESK = (390, 844), (1200, 900)
 PAGES = ("/", "/alarms", *(f"/machine/HU40T-like{p}" for p in ("", "/run", "/trend", "/nights", "/files", "/night/13", "/night/6")))
-
-
-class Site:
-    """A server in a thread, with a user ann who may operate."""
-
-    def __init__(self, folder: Path, users: Path) -> None:
-        self.folder = cell(folder)
-        (self.folder / "readings.20261122T184120467949.journal").write_bytes(b"")  # an earlier run, whose name is long
-        add_user(users, "ann", PASSWORD, "operate")
-        with socket.socket() as found:
-            found.bind(("127.0.0.1", 0))
-            self.port = found.getsockname()[1]
-        app = create(Settings((self.folder,), users=users))
-        self.server = uvicorn.Server(uvicorn.Config(app, port=self.port, log_level="warning"))
-        threading.Thread(target=self.server.run, daemon=True).start()
-        wait(lambda: self.server.started)
-        self.base = f"http://127.0.0.1:{self.port}"
-
-
-def wait(true: Callable[[], Any], seconds: float = 30.0) -> None:
-    until = time.monotonic() + seconds
-    while not true():
-        assert time.monotonic() < until, "it did not happen"
-        time.sleep(0.1)
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[webdriver.Chrome]:
-    options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
-    for argument in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
-    driver.set_page_load_timeout(60)
-    yield driver
-    driver.quit()
+    with chromium() as driver:
+        yield driver
 
 
 @pytest.fixture(scope="module")
@@ -79,32 +45,6 @@ def site(tmp_path_factory: pytest.TempPathFactory, browser: webdriver.Chrome) ->
     wait(lambda: "Sign out" in browser.page_source)
     yield found
     found.server.should_exit = True
-
-
-def sized(browser: webdriver.Chrome, size: tuple[int, int]) -> None:
-    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": size == PHONE}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-
-
-def shown_in(browser: webdriver.Chrome, colors: str = "light", media: str = "") -> None:
-    """light or dark; print for a page as it is printed."""
-    wanted = {"media": media, "features": [{"name": "prefers-color-scheme", "value": colors}]}
-    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", wanted)
-
-
-def complaints(browser: webdriver.Chrome) -> list[str]:
-    """What the console says: refused styles and scripts, failed requests, errors."""
-    return [row["message"] for row in browser.get_log("browser") if row["level"] in ("SEVERE", "WARNING")]
-
-
-def axe(browser: webdriver.Chrome) -> list[str]:
-    """Serious and critical findings of axe-core on the page that is open."""
-    spec = importlib.util.find_spec("axe_core_python")
-    assert spec is not None and spec.origin is not None
-    browser.execute_script(Path(spec.origin).with_name("axe.min.js").read_text(encoding="utf-8"))
-    run = "axe.run(document, {resultTypes: ['violations']}).then(arguments[arguments.length - 1])"
-    found = browser.execute_async_script(run)["violations"]
-    return [f"{v['id']}: {v['nodes'][0]['html'][:160]}" for v in found if v["impact"] in ("serious", "critical")]
 
 
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
@@ -242,8 +182,11 @@ def test_a_run_is_followed_without_a_reload(site: Site, browser: webdriver.Chrom
             assert "Running" in browser.page_source
     run.end(False, "the line was lost")
     wait(lambda: "the line was lost" in browser.page_source)
-    run.touch()  # as if somebody had resumed it
-    wait(lambda: "Running" in browser.page_source)
+    run.touch()  # as if somebody had resumed it, and was killed
+    wait(lambda: "Broken off" in browser.page_source)
+    with holding(site.folder, "tango run"):
+        run.touch()
+        wait(lambda: "Running" in browser.page_source)
     run.end()
     wait(lambda: "Complete" in browser.page_source)
     assert browser.execute_script("return window.kept") and "Facets touched again" in browser.page_source
@@ -325,6 +268,12 @@ def test_a_report_opens_without_a_network_and_can_be_turned(browser: webdriver.C
         assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
         canvas = browser.find_element(By.TAG_NAME, "canvas")
         before = browser.execute_script("return arguments[0].toDataURL()", canvas)
+        for _ in range(40):  # by Tab alone, and it is seen where one is
+            browser.switch_to.active_element.send_keys(Keys.TAB)
+            if browser.switch_to.active_element == canvas:
+                break
+        assert browser.switch_to.active_element == canvas
+        assert browser.execute_script("return getComputedStyle(arguments[0]).outlineStyle", canvas) != "none"
         canvas.send_keys(Keys.ARROW_LEFT, Keys.ARROW_UP)
         turned = browser.execute_script("return arguments[0].toDataURL()", canvas)
         assert turned != before

@@ -137,7 +137,7 @@ def as_text(one: Table) -> str:
     return "\n".join(lines)
 
 
-def study_text(study: unexplained.Study) -> str:
+def study_text(study: unexplained.Unexplained) -> str:
     """study → what a person reads on the terminal."""
     sources = ("thesis", "here, without", "other, without", "here, with", "other, with")
     rows = [["|r|, µm", *sources]]

@@ -18,7 +18,7 @@ from .compensated import placed
 from .days import day
 from .facts import Facts
 from .over import covariate_of, shown_over
-from .svg import BLUE, CYCLE, GOOD, INK, LINE, LOOK, PURPLE, RED, SOFT, STOP, Frame, Kind, Mark, Series, chart, label
+from .svg import BLUE, CYCLE, GOOD, INK, LINE, LOOK, PURPLE, RED, SOFT, STOP, Canvas, Kind, Mark, Plotted, chart, label
 from .texts import Texts
 from .units import Units, inches
 
@@ -34,11 +34,11 @@ def touches(f: Facts, t: Texts) -> str:
     sigma = f.result.sigma * 2e3 * u.per_micron
     span = np.array([float(m.number.min()), float(m.number.max())])
     series = [
-        Series(span, np.zeros(2), "band", SOFT, f"± 2 {t('place.std')}", low=np.full(2, -sigma), high=np.full(2, sigma)),
-        Series(number[~out], value[~out], "dots", BLUE, size=1.9, tips=_some(tips, ~out)),
-        Series(number[out], value[out], "crosses", RED, size=4, tips=_some(tips, out)),
+        Plotted(span, np.zeros(2), "band", SOFT, f"± 2 {t('place.std')}", low=np.full(2, -sigma), high=np.full(2, sigma)),
+        Plotted(number[~out], value[~out], "dots", BLUE, size=1.9, tips=_some(tips, ~out)),
+        Plotted(number[out], value[out], "crosses", RED, size=4, tips=_some(tips, out)),
     ]
-    return chart(series, Frame(860, 230, t("fit.touches"), t("table.touch"), u.small))
+    return chart(series, Canvas(860, 230, t("fit.touches"), t("table.touch"), u.small))
 
 
 def _some(tips: list[str], rows: Any) -> tuple[str, ...]:
@@ -138,12 +138,12 @@ def predicted(f: Facts, t: Texts) -> str:
     spread = np.array([2 * k * float(np.median(held.expected[held.indexation == i])) for i in numbers])
     at = np.arange(len(numbers), dtype=float)
     series = [
-        Series(at, spread, "band", SOFT, t("predicts.expected"), low=-spread, high=spread),
-        Series(place, held.residual * k, "dots", BLUE, t("predicts.found"), size=2.0),
+        Plotted(at, spread, "band", SOFT, t("predicts.expected"), low=-spread, high=spread),
+        Plotted(place, held.residual * k, "dots", BLUE, t("predicts.found"), size=2.0),
     ]
     first = held_out.in_words(f.readings, f.cell.machine, [int(numbers[0])])
     axis = t("predicts.axis", first=first)
-    return chart(series, Frame(860, 230, t("predicts.picture"), axis, u.small, names=names))
+    return chart(series, Canvas(860, 230, t("predicts.picture"), axis, u.small, names=names))
 
 
 def motions(f: Facts, t: Texts) -> list[str]:
@@ -161,10 +161,12 @@ def motions(f: Facts, t: Texts) -> list[str]:
             series = []
             for c, (color, dash) in zip(own, CYCLE, strict=False):
                 half = f.factor * c.std * factor
-                series.append(Series(x, c.value * factor, "band", color, low=c.value * factor - half, high=c.value * factor + half))
+                series.append(
+                    Plotted(x, c.value * factor, "band", color, low=c.value * factor - half, high=c.value * factor + half)
+                )
                 kind = t(f"iso_kind.{c.kind}") if f"iso_kind.{c.kind}" in t else c.kind
-                series.append(Series(x, c.value * factor, "line", color, f"{c.name} {kind}", dash))
-            found.append(chart(series, Frame(425, 250, axis, f"{axis}, {u.large if linear else '°'}", shown)))
+                series.append(Plotted(x, c.value * factor, "line", color, f"{c.name} {kind}", dash))
+            found.append(chart(series, Canvas(425, 250, axis, f"{axis}, {u.large if linear else '°'}", shown)))
     return found
 
 
@@ -191,13 +193,13 @@ def course(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
     for key, values in (("course_before", d.before.residuals), ("course_after", d.after.residuals)):
         rms = f"{k * float(np.sqrt(np.mean(values**2))):.2f}"
         series = [
-            Series(ends, ends, "band", SOFT, t("diagnosis.band"), low=np.full(2, -band), high=np.full(2, band)),
-            Series(minutes[~out], k * values[~out], "dots", BLUE, size=1.9),
-            Series(minutes[out], np.clip(k * values[out], -limit, limit), "crosses", RED, t("diagnosis.single"), size=3.5),
+            Plotted(ends, ends, "band", SOFT, t("diagnosis.band"), low=np.full(2, -band), high=np.full(2, band)),
+            Plotted(minutes[~out], k * values[~out], "dots", BLUE, size=1.9),
+            Plotted(minutes[out], np.clip(k * values[out], -limit, limit), "crosses", RED, t("diagnosis.single"), size=3.5),
         ]
         title = t(f"diagnosis.{key}", rms=rms, unit=unit)
         series = [s for s in series if len(s.x)]
-        drawn.append(chart(series, Frame(860, 190, title, "min", unit, y_range=(-limit, limit))))
+        drawn.append(chart(series, Canvas(860, 190, title, "min", unit, y_range=(-limit, limit))))
         if d.after is d.before:
             break
     return drawn
@@ -220,17 +222,17 @@ def dependence(d: Diagnosis, t: Texts, unit: str, k: float) -> list[str]:
         order = np.argsort(x)
         x, late = x[order], after.get(test.covariate)
         series = [
-            Series(x, x, "band", SOFT, low=-k * test.band[order], high=k * test.band[order]),
-            Series(x, k * test.mean[order], "line", RED, t("diagnosis.present"), "5 2"),
-            Series(x, k * test.mean[order], "rings", RED),
+            Plotted(x, x, "band", SOFT, low=-k * test.band[order], high=k * test.band[order]),
+            Plotted(x, k * test.mean[order], "line", RED, t("diagnosis.present"), "5 2"),
+            Plotted(x, k * test.mean[order], "rings", RED),
         ]
         if d.after is not d.before and late is not None and len(late.mean) == len(order):
             series += [
-                Series(x, k * late.mean[order], "line", BLUE, t("diagnosis.with_causes")),
-                Series(x, k * late.mean[order], "dots", BLUE, size=2.2),
+                Plotted(x, k * late.mean[order], "line", BLUE, t("diagnosis.with_causes")),
+                Plotted(x, k * late.mean[order], "dots", BLUE, size=2.2),
             ]
         title = f"{t.of(covariate(test.covariate))}: {100 * test.variance_share:.0f} %"
-        found.append(chart(series, Frame(425, 220, title, unit_x, unit)))
+        found.append(chart(series, Canvas(425, 220, title, unit_x, unit)))
     return found
 
 
@@ -252,19 +254,19 @@ def finding(d: Diagnosis, f: Finding, t: Texts, unit: str, k: float) -> list[str
         safe = np.where(rows, along, 1.0)
         what, whole, left_over = f"{unit}, {t.of(towards(direction))}", f.pattern / safe, d.after.residuals / safe
     left = [
-        Series(x[rows], k * (whole + left_over)[rows], "rings", SOFT, t("diagnosis.measured"), size=1.8),
-        Series(x[rows], k * whole[rows], "dots", RED, t("diagnosis.explained"), size=2),
+        Plotted(x[rows], k * (whole + left_over)[rows], "rings", SOFT, t("diagnosis.measured"), size=1.8),
+        Plotted(x[rows], k * whole[rows], "dots", RED, t("diagnosis.explained"), size=2),
     ]
     span = k * float(np.max(np.abs(visible))) or 1.0
     right = [
-        Series(k * visible, k * rest, "rings", BLUE, size=1.8),
-        Series(np.array([-span, span]), np.array([-span, span]), "line", INK),
+        Plotted(k * visible, k * rest, "rings", BLUE, size=1.8),
+        Plotted(np.array([-span, span]), np.array([-span, span]), "line", INK),
     ]
     where = f"{about}, {unit_x}" if unit_x != about else about
     return [
-        chart(left, Frame(425, 250, t("diagnosis.seen_left"), where, what)),
+        chart(left, Canvas(425, 250, t("diagnosis.seen_left"), where, what)),
         chart(
-            right, Frame(425, 250, t("diagnosis.seen_right"), t("diagnosis.expected", unit=unit), t("table.residual", unit=unit))
+            right, Canvas(425, 250, t("diagnosis.seen_right"), t("diagnosis.expected", unit=unit), t("table.residual", unit=unit))
         ),
     ]
 
@@ -276,19 +278,19 @@ def trend(points: dict[str, Any], unit: str, t: Texts, width: float = 425, heigh
     y, half = np.array(points["value"], dtype=float), np.array(points["half"], dtype=float)
     alarm = np.array(points.get("alarm") or np.zeros(len(x)), dtype=bool)
     series = [
-        Series(x, y, "band", BLUE, t("trend.interval"), low=y - half, high=y + half),
-        Series(x, y, "line", BLUE),
-        Series(x[~alarm], y[~alarm], "dots", BLUE, t("trend.night")),
+        Plotted(x, y, "band", BLUE, t("trend.interval"), low=y - half, high=y + half),
+        Plotted(x, y, "line", BLUE),
+        Plotted(x[~alarm], y[~alarm], "dots", BLUE, t("trend.night")),
     ]
     if alarm.any():
-        series.append(Series(x[alarm], y[alarm], "diamonds", PURPLE, t("trend.alarm"), size=4))
+        series.append(Plotted(x[alarm], y[alarm], "diamonds", PURPLE, t("trend.alarm"), size=4))
     marks = _marked(points.get("events") or ())
     if points.get("limit"):
         limit = float(np.copysign(points["limit"], np.mean(y)))
         marks.append(Mark(t("trend.allowed", limit=f"{abs(limit):g}", unit=unit), y=limit, color=INK, dash="7 3"))
     months = t("date.months").split()
     return chart(
-        series, Frame(width, height, points["title"], points["x_label"], unit, first_day=points["first"], months=months), marks
+        series, Canvas(width, height, points["title"], points["x_label"], unit, first_day=points["first"], months=months), marks
     )
 
 
@@ -310,7 +312,7 @@ def tip(
     y = np.array([value for _, value, _ in nights])
     level = np.array([what for _, _, what in nights])
     parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(x) > 1.5) + 1)
-    series = [Series(x[i], y[i], "line", BLUE) for i in parts if len(i) > 1]
+    series = [Plotted(x[i], y[i], "line", BLUE) for i in parts if len(i) > 1]
     signs: tuple[tuple[str, Kind, str, str, float], ...] = (
         ("good", "dots", GOOD, "kept", 3.2),
         ("look", "triangles", LOOK, "moved", 5.0),
@@ -321,13 +323,13 @@ def tip(
         if keep.any():
             said = [inches(v) if unit == "in" else f"{v:.1f} {unit}" for v in y[keep]]
             tips = tuple(f"{nights[i][0]}: {text}" for i, text in zip(np.flatnonzero(keep).tolist(), said, strict=True))
-            series.append(Series(x[keep], y[keep], kind, color, t(f"trend.{word}"), size=size, tips=tips))
+            series.append(Plotted(x[keep], y[keep], kind, color, t(f"trend.{word}"), size=size, tips=tips))
     marks = _marked(placed(events or {}, first, nights[-1][0]))
     if limit is not None:
         allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
         marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
     span = f"{day(nights[0][0], t)} … {day(nights[-1][0], t)}"
-    frame = Frame(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first, months=t("date.months").split())
+    frame = Canvas(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first, months=t("date.months").split())
     return chart(series, frame, marks)
 
 

@@ -31,7 +31,7 @@ STEPS = (1, 2, 7, 14, 30, 61, 91, 182, 365)  # days between dates on an axis
 
 
 @dataclass(frozen=True)
-class Series:
+class Plotted:
     """One set of numbers on a chart; `low` and `high` are the ends of a band or of error bars, in the unit of y."""
 
     x: Array
@@ -59,7 +59,7 @@ class Mark:
 
 
 @dataclass(frozen=True)
-class Frame:
+class Canvas:
     """Size of a chart (px) and what its axes say; `names` replaces the numbers of the x axis at 0, 1, 2 and so on."""
 
     width: float = 640
@@ -120,7 +120,7 @@ def label(x: float, y: float, text: str, anchor: str = "middle", fill: str = SOF
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{fill}">{escape(text)}</text>'
 
 
-def chart(series: Sequence[Series], frame: Frame, marks: Sequence[Mark] = ()) -> str:
+def chart(series: Sequence[Plotted], frame: Canvas, marks: Sequence[Mark] = ()) -> str:
     """series, frame, lines across → one <svg>; the title is also what a screen reader says."""
     plot = _Plot(series, frame, marks)
     return plot.drawn()
@@ -129,7 +129,7 @@ def chart(series: Sequence[Series], frame: Frame, marks: Sequence[Mark] = ()) ->
 class _Plot:
     """The arithmetic of one chart: room for labels, scales, and the pieces in the order they are drawn."""
 
-    def __init__(self, series: Sequence[Series], frame: Frame, marks: Sequence[Mark]) -> None:
+    def __init__(self, series: Sequence[Plotted], frame: Canvas, marks: Sequence[Mark]) -> None:
         self.series, self.frame, self.marks = series, frame, marks
         self.labels = [s for s in series if s.label]
         self.rows = self._legend_rows()
@@ -141,8 +141,8 @@ class _Plot:
         self.top = self.head + 17.0 * len(self.rows)
         self.bottom = frame.height - (38.0 if frame.x_label else 24.0)
 
-    def _legend_rows(self) -> list[list[Series]]:
-        rows: list[list[Series]] = []
+    def _legend_rows(self) -> list[list[Plotted]]:
+        rows: list[list[Plotted]] = []
         room = 0.0
         for s in self.labels:
             wide = 30 + 6.1 * len(s.label)
@@ -210,7 +210,7 @@ class _Plot:
                 at += 34 + 6.1 * len(s.label)
         return parts
 
-    def _swatch(self, s: Series, x: float, y: float) -> list[str]:
+    def _swatch(self, s: Plotted, x: float, y: float) -> list[str]:
         if s.kind == "band":
             return [f'<rect x="{x:.1f}" y="{y - 5:.1f}" width="18" height="10" fill="{s.color}" fill-opacity="0.25"/>']
         if s.kind in ("line", "steps"):
@@ -249,11 +249,11 @@ class _Plot:
             parts.append(f'<text x="12" y="{middle:.1f}" text-anchor="middle" {turned}>{escape(f.y_label)}</text>')
         return parts
 
-    def _points(self, s: Series, values: Array) -> list[tuple[float, float]]:
+    def _points(self, s: Plotted, values: Array) -> list[tuple[float, float]]:
         pairs = zip(np.asarray(s.x, dtype=float), np.asarray(values, dtype=float), strict=True)
         return [(self.x(float(a)), self.y(float(b))) for a, b in pairs if math.isfinite(a) and math.isfinite(b)]
 
-    def _series(self, s: Series) -> list[str]:
+    def _series(self, s: Plotted) -> list[str]:
         if not len(s.x):
             return []
         if s.kind == "band":
@@ -329,7 +329,7 @@ def _path(way: str, color: str, dash: str, width: float) -> str:
     return f'<path d="{way}" fill="none" stroke="{color}" stroke-width="{width:g}" stroke-linejoin="round"{broken}/>'
 
 
-def _dot(x: float, y: float, s: Series, tip: str) -> str:
+def _dot(x: float, y: float, s: Plotted, tip: str) -> str:
     r = s.size
     if s.kind == "crosses":
         body = f'<path d="M{x - r:.1f} {y - r:.1f}l{2 * r:.1f} {2 * r:.1f}m0 {-2 * r:.1f}l{-2 * r:.1f} {2 * r:.1f}" '

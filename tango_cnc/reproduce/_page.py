@@ -11,10 +11,10 @@ import numpy as np
 from ..report.diagnosis import HEAD, course, seen
 from ..report.pictures import BAD, GOOD, INK, MARK, PALE, embedded, figure, styled, vectors
 from ._setting import Table
-from .unexplained import SETS, Study, found_words, hidden, words
+from .unexplained import SETS, Unexplained, found_words, hidden, words
 
 
-def page(tables: Sequence[Table], study: Study | None = None) -> str:
+def page(tables: Sequence[Table], study: Unexplained | None = None) -> str:
     """tables, study of Table 4-6 → HTML that stands alone. Raises InputError when matplotlib is not installed."""
     parts = [HEAD.replace("<title>Diagnosis</title>", "<title>Reproduction</title>"), "<h1>The thesis beside this program</h1>"]
     for one in tables:
@@ -45,7 +45,7 @@ def _shown(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}" if abs(value) >= 0.1 or value == 0 else f"{value:.4f}"
 
 
-def _study(study: Study) -> list[str]:
+def _study(study: Unexplained) -> list[str]:
     parts = ["<h2>Table 4-6: what explains it, and what does not</h2>", f'<img alt="" src="{embedded(intervals(study))}">', "<ul>"]
     parts += [f"<li>{html.escape(line)}</li>" for line in words(study)]
     parts.append("</ul>")
@@ -59,7 +59,7 @@ def _study(study: Study) -> list[str]:
     return parts
 
 
-def intervals(study: Study) -> Any:
+def intervals(study: Unexplained) -> Any:
     """study → the printed figures beside the spread of the simulated tests, and what one larger disturbance would do."""
     with styled():
         drawn = figure(9.5, 4.2)

@@ -26,7 +26,7 @@ CAUSES = {"thermal_drift": "drift", "random_walk": "random walk", "surface_form"
 
 
 @dataclass(frozen=True)
-class Spread:
+class Residuals:
     """Largest and mean |r| of one set of terms over repeated simulated tests, µm."""
 
     largest: Array  # (k,)
@@ -39,7 +39,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Found:
+class Diagnosed:
     """What `diagnose` says about one simulated test."""
 
     title: str
@@ -48,20 +48,20 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Study:
+class Unexplained:
     """Table 4-6 with its spread, and what is found in the simulated readings."""
 
     printed: Mapping[str, Mapping[str, float]]
     other: Mapping[str, Mapping[str, Mapping[str, float]]]  # of the independent program: without, with
-    without: Mapping[str, Spread]
-    disturbed: Mapping[str, Spread]
-    larger: Mapping[str, Mapping[str, Spread]]  # one disturbance LARGER than measured
+    without: Mapping[str, Residuals]
+    disturbed: Mapping[str, Residuals]
+    larger: Mapping[str, Mapping[str, Residuals]]  # one disturbance LARGER than measured
     turned: int  # repetitions in which the largest |r| of S4 is a touch with the spindle turned
     repeats: int
-    found: tuple[Found, ...]
+    found: tuple[Diagnosed, ...]
 
 
-def study(setting: Setting, repeats: int = REPEATS, named: bool = True) -> Study:
+def study(setting: Setting, repeats: int = REPEATS, named: bool = True) -> Unexplained:
     """setting, number of simulated tests, whether to diagnose → study."""
     again = [setting.again(setting.seed + i) for i in range(repeats)]
     quiet = [_estimates(s, _readings(s, ())) for s in again]
@@ -72,7 +72,7 @@ def study(setting: Setting, repeats: int = REPEATS, named: bool = True) -> Study
     measured = tuple(e for e in setting.disturbances if e["cause"] != "random_walk")
     cases = {"drift, surface and lobing": measured, "the same and a random walk": setting.disturbances}
     found = [found_in(setting, title, effects) for title, effects in cases.items()] if named else []
-    return Study(
+    return Unexplained(
         {s: setting.printed["table_4_6"][s] for s in SETS},
         setting.printed["independent_of_table_4_6"],
         _spread(quiet),
@@ -93,9 +93,9 @@ def _estimates(setting: Setting, readings: Readings) -> dict[str, Estimate]:
     return {s: estimate(cell.machine, cell.artefact, readings, (s,)) for s in SETS}
 
 
-def _spread(estimates: Sequence[Mapping[str, Estimate]]) -> dict[str, Spread]:
+def _spread(estimates: Sequence[Mapping[str, Estimate]]) -> dict[str, Residuals]:
     size = {s: [np.abs(one[s].residuals) * 1e3 for one in estimates] for s in SETS}
-    return {s: Spread(np.array([r.max() for r in size[s]]), np.array([r.mean() for r in size[s]])) for s in SETS}
+    return {s: Residuals(np.array([r.max() for r in size[s]]), np.array([r.mean() for r in size[s]])) for s in SETS}
 
 
 def _both(values: Array) -> tuple[float, float]:
@@ -110,10 +110,10 @@ def _turned(e: Estimate) -> bool:
     return bool(abs(e.model.touches.axis("S")[int(np.argmax(np.abs(e.residuals)))]) > 0.1)
 
 
-def found_in(setting: Setting, title: str, effects: Sequence[Mapping[str, Any]]) -> Found:
+def found_in(setting: Setting, title: str, effects: Sequence[Mapping[str, Any]]) -> Diagnosed:
     """setting, title, effects → what `diagnose` with the terms S4 says about Table 4-4 simulated with them."""
     cell = setting.hu40t
-    return Found(title, tuple(effects), diagnose(cell.machine, cell.artefact, _readings(setting, effects), ("S4",)))
+    return Diagnosed(title, tuple(effects), diagnose(cell.machine, cell.artefact, _readings(setting, effects), ("S4",)))
 
 
 def hidden(effects: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -132,7 +132,7 @@ def hidden(effects: Sequence[Mapping[str, Any]]) -> list[str]:
     return lines
 
 
-def words(s: Study) -> list[str]:
+def words(s: Unexplained) -> list[str]:
     """study → what the printed numbers still leave unexplained, in sentences; every number in them is computed."""
     said = [
         f"{s.repeats} tests were simulated with 0.6 µm of noise alone and {s.repeats} with what sections 4.6 and 7.3 measured: a "
@@ -160,7 +160,7 @@ def words(s: Study) -> list[str]:
     return said
 
 
-def _judged(s: Study, name: str, what: str) -> str:
+def _judged(s: Unexplained, name: str, what: str) -> str:
     printed, (here, sd), quiet = s.printed[name][what], s.disturbed[name].values[what], s.without[name].values[what][0]
     other = s.other["with"][name][what]
     label = f"{name}, {'mean' if what == 'mean' else 'largest'} |r|"
@@ -186,7 +186,7 @@ def _judged(s: Study, name: str, what: str) -> str:
     )
 
 
-def _closest(s: Study) -> tuple[str, dict[str, tuple[float, float]]] | None:
+def _closest(s: Unexplained) -> tuple[str, dict[str, tuple[float, float]]] | None:
     printed = s.printed["S4"]
 
     def away(values: Mapping[str, tuple[float, float]]) -> float:
@@ -197,7 +197,7 @@ def _closest(s: Study) -> tuple[str, dict[str, tuple[float, float]]] | None:
     return (best, values) if away(values) < away(s.disturbed["S4"].values) else None
 
 
-def found_words(one: Found) -> list[str]:
+def found_words(one: Diagnosed) -> list[str]:
     """diagnosis of a simulated test → what was hidden, what was named, what stayed open; one line each."""
     d = one.diagnosis
     names = list(dict.fromkeys(e["cause"] for e in one.hidden))
@@ -222,7 +222,7 @@ def found_words(one: Found) -> list[str]:
     return lines
 
 
-def as_json(s: Study) -> dict[str, Any]:
+def as_json(s: Unexplained) -> dict[str, Any]:
     """study → plain data."""
     return {
         "repeats": s.repeats,
@@ -242,5 +242,5 @@ def as_json(s: Study) -> dict[str, Any]:
     }
 
 
-def _plain(one: Spread) -> dict[str, dict[str, float]]:
+def _plain(one: Residuals) -> dict[str, dict[str, float]]:
     return {key: {"value": round(value, 4), "sd": round(sd, 4)} for key, (value, sd) in one.values.items()}

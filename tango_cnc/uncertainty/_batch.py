@@ -1,6 +1,6 @@
 """Gaps of many trials at once, exact, with every length carried as a deviation from the nominal contact.
 
-Theory of operation. The nominal path of each stylus tip through the chain is worked out once and kept (`Stop.at`). A trial
+Theory of operation. The nominal path of each stylus tip through the chain is worked out once and kept (`Station.at`). A trial
 moves that path by less than a millimetre, and only this deviation is carried from step to step: a shift adds to it, a
 commanded turn turns it, a turn by an error angle α adds (cos α − 1) and sin α times the point itself. Error angles are
 small: the Taylor terms that are left out move a point a metre away by less than 2e-10 mm; larger ones go through the library's
@@ -35,7 +35,7 @@ class Acting(NamedTuple):
     largest: Array  # (c,) largest |regressor|
 
 
-class Stop(NamedTuple):
+class Station(NamedTuple):
     """One thing that happens to a deviation d on its way: a fixed turn of the axes, a commanded turn, or an error."""
 
     kind: str  # frame | command | shift | turn
@@ -55,7 +55,7 @@ class Batch:
     model: Model
     start: tuple[tuple[int, Acting], ...]  # stylus offsets: component, coefficients
     spindle_frame: Array
-    stops: tuple[Stop, ...]
+    stops: tuple[Station, ...]
     tip: Array  # (3, n) mm nominal tip in the table frame
     normal: Array  # (3, n)
     gap: Array  # (n,) mm nominal gap of the plane touches
@@ -71,11 +71,11 @@ def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
     n = len(touches)
     acting = {slot: _acting(model, rows, dtype) for slot, rows in model.slots.items()}
     x = [np.full(n, c) for c in chain.tip]
-    stops: list[Stop] = []
+    stops: list[Station] = []
     for joint in chain.joints:
         x = [c - p for c, p in zip(x, joint.point, strict=True)]
         if joint.frame is not None:
-            stops.append(Stop("frame", matrix=joint.frame.astype(dtype)))
+            stops.append(Station("frame", matrix=joint.frame.astype(dtype)))
             x = list(joint.frame @ np.array(x))
         for step in joint.steps:
             j, k = (step.base + 1) % 3, (step.base + 2) % 3
@@ -83,15 +83,15 @@ def batch(model: Model, dtype: type[np.floating[Any]] = np.float32) -> Batch:
                 amount = step.factor * touches.position[:, step.column]
                 if step.turn and np.any(amount):
                     sine, cosine = np.sin(amount), np.cos(amount)
-                    stops.append(Stop("command", step.base, sine=sine.astype(dtype), cosine=cosine.astype(dtype)))
+                    stops.append(Station("command", step.base, sine=sine.astype(dtype), cosine=cosine.astype(dtype)))
                     x[j], x[k] = cosine * x[j] - sine * x[k], sine * x[j] + cosine * x[k]
                 elif not step.turn:
                     x[step.base] = x[step.base] + amount
             if step.slot in acting:
                 kind = "turn" if step.turn else "shift"
-                stops.append(Stop(kind, step.base, step.factor, acting[step.slot], at=(x[j].astype(dtype), x[k].astype(dtype))))
+                stops.append(Station(kind, step.base, step.factor, acting[step.slot], at=(x[j].astype(dtype), x[k].astype(dtype))))
         if joint.frame is not None:
-            stops.append(Stop("frame", matrix=joint.frame.T.astype(dtype)))
+            stops.append(Station("frame", matrix=joint.frame.T.astype(dtype)))
             x = list(joint.frame.T @ np.array(x))
         x = [c + p for c, p in zip(x, joint.point, strict=True)]
     tip = np.array(x)
@@ -160,7 +160,7 @@ def gaps(ready: Batch, values: Array) -> Array:
     return _close(ready, values, exact, d, scratch)
 
 
-def _command_turn(stop: Stop, d: Array, scratch: Array) -> None:
+def _command_turn(stop: Station, d: Array, scratch: Array) -> None:
     y, z = d[(stop.base + 1) % 3], d[(stop.base + 2) % 3]
     assert stop.sine is not None and stop.cosine is not None
     np.multiply(stop.sine, y, out=scratch[0])
@@ -171,7 +171,7 @@ def _command_turn(stop: Stop, d: Array, scratch: Array) -> None:
     z += scratch[0]
 
 
-def _error_turn(stop: Stop, values: Array, largest: Array, d: Array, scratch: Array) -> None:
+def _error_turn(stop: Station, values: Array, largest: Array, d: Array, scratch: Array) -> None:
     """d → R(α)(x + d) − x in place, x the nominal point: only what differs from the nominal path is carried on."""
     assert stop.acting is not None and stop.at is not None
     dy, dz = d[(stop.base + 1) % 3], d[(stop.base + 2) % 3]

@@ -23,7 +23,7 @@ from ...records import Cell
 from ...report.days import at
 from ...report.morning import who_of
 from ...report.plain import office, shop
-from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Frame, Series, chart
+from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
@@ -175,10 +175,10 @@ def _deviations(run: LiveRun, t: Texts, unit: str, k: float, wide: float) -> str
     x, y = (np.array(v, dtype=float) for v in (zip(*good, strict=True) if good else ((), ())))
     most = max(run.head.touches if run.head is not None else (), default=1)
     level = float(np.median(y)) if len(y) else 0.0
-    crosses = Series(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, t("web.no_contact"), size=4)
-    dots = Series(x, y, "dots", BLUE, t("web.contact") if bad else "", size=2.2)
+    crosses = Plotted(np.array(bad, dtype=float), np.full(len(bad), level), "crosses", RED, t("web.no_contact"), size=4)
+    dots = Plotted(x, y, "dots", BLUE, t("web.contact") if bad else "", size=2.2)
     series = [s for s in (dots, crosses) if len(s.x)]
-    return chart(series, Frame(wide, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
+    return chart(series, Canvas(wide, 230, t("web.deviation"), t("table.touch"), unit, x_range=(0.0, float(most) + 1)))
 
 
 def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
@@ -186,7 +186,7 @@ def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
     if not rows:
         return ""
     x, y = (np.array(v, dtype=float) for v in zip(*rows, strict=True))
-    return chart([Series(x, y, "squares", GREEN, size=2.6)], Frame(wide, 190, heading, "min", unit))
+    return chart([Plotted(x, y, "squares", GREEN, size=2.6)], Canvas(wide, 190, heading, "min", unit))
 
 
 def _map(run: LiveRun, cell: Cell, heading: str) -> str:
