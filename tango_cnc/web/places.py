@@ -26,6 +26,7 @@ from ..link.lock import broken_off, cut_off, ended
 from ..records import Cell, Machine, TangoError
 from ..report.age import nights_old
 from ..report.answer import said_broken_off, said_cut_off
+from .newest import NewestRecords
 from .settings import Settings
 
 FRESH = 5.0  # s that what was read of a history is taken for new
@@ -85,6 +86,7 @@ class Places:
     _cells: dict[Path, tuple[float, Stamp, Cell | str]] = field(default_factory=dict)
     _asked: dict[tuple[int, str], tuple[Stamp, float, Any]] = field(default_factory=dict)  # of histories that are files
     _of: dict[str, tuple[object, Any]] = field(default_factory=dict)  # of single machines: end of the chain, what it says
+    _newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = field(default_factory=dict)  # by history: newest records
     _where: dict[int, str] = field(default_factory=dict)  # by history
     _nightlies: dict[Path, tuple[float, Nightly | TangoError]] = field(default_factory=dict)
 
@@ -136,9 +138,13 @@ class Places:
         stamp = self._stamp(history)
         if stamp and len(self.asked(history, "machines", history.machines, SELDOM)) < 2:
             return stamp
-        if stamp:
-            return self.asked(history, "heads", history.newest_hashes, SELDOM).get(machine)
-        return self.kept(f"heads {id(history)}", history.newest_hashes).get(machine)
+        return self._heads(history).get(machine)
+
+    def _heads(self, history: History) -> Mapping[str, object]:
+        """history → {machine: end of its chain}."""
+        if self._stamp(history):
+            return self.asked(history, "heads", history.newest_hashes, SELDOM)
+        return self.kept(f"heads {id(history)}", history.newest_hashes)
 
     def of_machine(self, machine: Served, what: str, make: Callable[[], T]) -> T:
         """machine, name of what its history says of it, how to read that → the same until something is written of the machine."""
@@ -223,7 +229,8 @@ class Places:
                 continue
             within = not self.settings.history and self._within(m.folder)
             asked = f"formers {m.name} {within} {zlib.crc32(repr(sorted(names)).encode())} {today()}"
-            known = self.asked(m.history, asked, partial(formers, m.history, m.name, m.folder, within, names), SELDOM)
+            read = NewestRecords(m.history, self._heads(m.history), self._newest.setdefault(id(m.history), {}))
+            known = self.asked(m.history, asked, partial(formers, read, m.name, m.folder, within, names), SELDOM)
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=(*m.former, *told))
             more |= {
