@@ -32,6 +32,14 @@ NOTHING: dict[tuple[str, str, str], str] = {
     ("tango_cnc/check/collision.py", "cosine < SHANK", "(cosine) <= (SHANK)"): (
         "a computed angle: equal to a limit by chance alone"
     ),
+    (
+        "tango_cnc/check/solid.py",
+        "base + obstacle.radius * rim(axis, SIDES, 0.5)",
+        "(base) - (obstacle.radius * rim(axis, SIDES, 0.5))",
+    ): "the same corners in another order: of sixteen each has one opposite",
+    ("tango_cnc/plan/guard.py", "len(rows) >= CHUNK", "(not (len(rows) >= CHUNK))"): (
+        "moves are proven one at a time: the same, more slowly"
+    ),
     ("tango_cnc/check/apart.py", "corner.T / size", "(corner.T) * (size)"): "the nearest direction is the same in every unit",
     ("tango_cnc/readback/languages/grbl.py", "abs(length - self._length) > ALIKE", "(abs(length - self._length)) >= (ALIKE)"): (
         "a computed length: equal to a limit by chance alone"

@@ -189,3 +189,17 @@ def test_a_state_is_said_by_a_word_beside_its_color(size: tuple[int, int], site:
             ".map(e => e.outerHTML.slice(0, 200))"
         )
         assert not mute, (path, mute)
+
+
+def test_paper_has_what_to_do_and_when_it_was_printed(site: Site, browser: webdriver.Chrome) -> None:
+    """On a list that was printed each machine had its answer and nothing to do, and nobody saw of which morning it was."""
+    sized(browser, DESK)
+    signed_in(browser, site.base, "vic")
+    shown_in(browser, "light", "print")
+    try:
+        browser.get(f"{site.base}/")
+        for selector in (".fleet .thing summary", ".made", ".fleet .tone"):
+            assert browser.find_element(By.CSS_SELECTOR, selector).is_displayed(), selector
+        assert not browser.find_element(By.CSS_SELECTOR, ".top form button").is_displayed() and not axe(browser)
+    finally:
+        shown_in(browser)
