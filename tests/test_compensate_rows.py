@@ -72,10 +72,11 @@ def test_a_verdict_says_first_which_rows_no_touch_met() -> None:
     assert rows == ("comp_x, 2 of 3 (X 0, 100 mm)",)
     size = Figure(1.0, 0.5, 1.5)
     found = Outcome(Figure(22.0, 21.0, 23.0), size, size, AS_SEEN, "all agrees", rows=rows)
-    assert found.said.startswith("rows of tables that no touch of this run met: comp_x, 2 of 3 (X 0, 100 mm). A wrong number there")
+    assert found.said.startswith("Rows of tables that no touch of this run met: comp_x, 2 of 3 (X 0, 100 mm). A wrong number there")
     assert found.said.endswith("all agrees") and found.in_any_case
     file = replace(found, not_seen=("enc.ini",), left_if_none=4.0)
-    assert "does not see whether the control uses enc.ini" in file.said and file.said.startswith("rows of") and not file.in_any_case
+    assert file.said.startswith("this run does not see whether the control uses enc.ini") and not file.in_any_case
+    assert "where a sign is wrong. Rows of tables that no touch" in file.said and file.said.endswith("All agrees")
     assert replace(found, verdict="undecided").said == "all agrees" and replace(found, rows=()).said == "all agrees"
     assert not replace(found, rows=()).in_any_case and "2 more tables" in replace(found, rows=rows * 6).said
 

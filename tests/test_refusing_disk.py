@@ -41,6 +41,7 @@ ELSEWHERE = {
     "link/aside.py:_written": "the screen",
     "link/transport/_linuxcnc.py:_put": "the test of linuxcnc",
     "link/transport/_port.py:write": "a serial line",
+    "link/transport/_refused.py:knows": "a copy of a damaged known_hosts, where the system has such",
 }
 
 

@@ -60,7 +60,15 @@ class Outcome:
     @property
     def said(self) -> str:
         """→ all that a person reads; first what was not seen."""
-        return f"{self._rows()}{self._files()}"
+        if not self.not_seen or self.left_if_none is None:
+            return f"{self._rows()}{self.text}"
+        p, it = self.promised, "it does not" if len(self.not_seen) == 1 else "it uses none of them"
+        within = "within" if self.left_if_none <= p.high else "more than"
+        return (
+            f"this run does not see whether the control uses {listed(self.not_seen)}. If {it}, {self.left_if_none:.2f} µm would "
+            f"be left, {within} the {p.low:.2f} to {p.high:.2f} µm that were promised; more where a sign is wrong. "
+            f"{self._rows()}{self.text[0].upper()}{self.text[1:]}"
+        )
 
     def _rows(self) -> str:
         """→ which rows of tables were not met, where it was kept otherwise."""
@@ -68,21 +76,9 @@ class Outcome:
             return ""
         more = f"; and of {len(self.rows) - LISTED} more tables" if len(self.rows) > LISTED else ""
         return (
-            f"rows of tables that no touch of this run met: {'; '.join(self.rows[:LISTED])}{more}. A wrong number there was "
+            f"Rows of tables that no touch of this run met: {'; '.join(self.rows[:LISTED])}{more}. A wrong number there was "
             "not seen, and one in a row that a single touch meets may not be. Read the files back from the control into a copy of "
             "the folder and compare them by --check. "
-        )
-
-    def _files(self) -> str:
-        """→ whether it has helped, and what files and tables were not seen."""
-        if not self.not_seen or self.left_if_none is None:
-            return self.text
-        p, it = self.promised, "it does not" if len(self.not_seen) == 1 else "it uses none of them"
-        within = "within" if self.left_if_none <= p.high else "more than"
-        return (
-            f"this run does not see whether the control uses {listed(self.not_seen)}. If {it}, {self.left_if_none:.2f} µm would "
-            f"be left, {within} the {p.low:.2f} to {p.high:.2f} µm that were promised; more where a sign is wrong. "
-            f"{self.text[0].upper()}{self.text[1:]}"
         )
 
 
