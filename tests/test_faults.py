@@ -236,6 +236,14 @@ def test_who_has_it_stands_right_below_the_answer_and_nobody_is_loud(tmp_path: P
         assert re.search(rf'</section>\s*<dl class="facts">\s*<dt>Whom to ask</dt>{mark}', text)
 
 
+def test_a_night_that_tonight_is_compared_with_keeps_its_date() -> None:
+    """The change is of the night that found it; it is warmer than in the night before that."""
+    before, found = (night("M", i)["night"] for i in (4, 5))
+    text = say("changed.warmer", size="8.0 µm", kelvin="5.8", sensor="bed", now="25.7", then="19.9", night=before)
+    (one,) = faults(night("M", 5, "changed", alarms=[step(5, 8.0, cause="temperature", text=text)]), (), {}, Units(), texts())
+    assert f"than on {day(before, texts())} (19.9 °C)" in one["text"] and day(found, texts()) not in one["text"]
+
+
 def test_what_was_done_is_not_ordered_again() -> None:
     """A full measurement that found it again, a compensation written after the drift, a short check in the night to come."""
     do = texts()("cause.axis_location.do")

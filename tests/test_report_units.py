@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,7 @@ def shown(folder: Path, system: str) -> tuple[str, str]:
 def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one")
     assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)], standalone_mode=False).exception is None
+    times = set[str]()
     for own, other in (("mm", "inch"), ("inch", "mm")):
         asked = ["report", "-C", str(folder), "--unit", own, "--no-diagnosis", "--no-pictures"]
         found = CliRunner().invoke(tango, asked, standalone_mode=False)
@@ -41,6 +43,8 @@ def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
             page, report = shown(folder, system)
             assert ("µin" in report) == (system == "inch") and "may be in mm" not in page, (own, system)
             assert (report == written) == (own == system)
+            times |= set(re.findall(r"drawn ([\d,]+) times too long", report))
+    assert len(times) == 1 and "0" not in times, "a length over a length has no unit"
 
 
 def test_a_report_of_before_says_that_it_may_be_in_the_other_unit(tmp_path: Path) -> None:

@@ -461,6 +461,26 @@ def test_an_alarm_is_acknowledged_and_has_an_owner(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+def test_beside_an_alarm_that_is_closed_pages_lead_to_what_is_open_and_keep_one_date(tmp_path: Path) -> None:
+    """Who follows "close this alarm" to the form of another one decides about the wrong one."""
+    text = "C axis has moved along X by +20 µm since last night"
+    first = knock("2026-10-25") | {"text": text, "since": "2026-10-24"}
+    second = first | {"id": "2026-10-25-2", "parameter": "EX0S", "on_part_um": 4.0, "text": "head has moved by +4.0 µm"}
+    limit = {"what": "volume", "value": 79.0, "low": 77.0, "high": 81.0, "limit": 30.0, "unit": "µm", "passed": False}
+    behind = {**{key: first[key] for key in ("parameter", "cause", "size", "std", "unit", "since", "text", "do")}, "share": 0.8}
+    night_ = night("HU40T-like", 1, "out_of_limits", alarms=[first, second], limits=[limit], behind=[behind], owner="Ann")
+    folder = cell(tmp_path / "one", records=[night("HU40T-like", 0), night_])
+    site = signed_in(folder, tmp_path / "users.json")
+    assert "Answer this alarm" in site.get("/machine/HU40T-like").text
+    csrf = re.findall(r'name="csrf" value="([^"]+)"', site.get("/alarms").text)[0]
+    answer = site.post("/machine/HU40T-like/decide", data={"csrf": csrf, "alarm": first["id"], "action": "accept"}).text
+    past = answer.partition("Decisions so far")[2]
+    assert "Open alarms: 1" in answer and "Sun 25 Oct 2026" in past and "24 Oct" not in past
+    page = site.get("/machine/HU40T-like").text
+    assert "ann (accepted)" in page and "Answer what else is open" in page and "Close this alarm" not in page
+
+
+@pytest.mark.long
 def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) -> None:
     """Every page says who has it and since when; only accepted and repaired close an alarm."""
     records = [night("HU40T-like", 0), night("HU40T-like", 1, "changed", alarms=[knock("2026-10-25")])]

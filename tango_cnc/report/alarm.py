@@ -42,7 +42,7 @@ def alarm(
         **a,
         "raw_text": raw,
         "id": str(a.get("id") or ""),
-        "text": whole_sentence(sentence(plain(t.of(_dated(told, raw, t)), u, t, machine), Units())),
+        "text": whole_sentence(sentence(plain(t.of(with_its_date(told, raw, t)), u, t, machine), Units())),
         "recorded": sentence(t.of(raw), u),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
@@ -90,8 +90,8 @@ def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: st
     return " ".join(x for x in (told, or_else(str(owner), days, deputy, t)) if x)
 
 
-def _dated(a: Mapping[str, Any], raw: str, t: Texts) -> str:
-    """alarm, its sentence, texts → the sentence with one date: of the night that found it where the one before was without it."""
+def with_its_date(a: Mapping[str, Any], raw: str, t: Texts) -> str:
+    """alarm with its night, its sentence, texts → the sentence with one date: of the night that found it where the one before was without it."""
     since = str(a.get("since") or "")
     if not since:
         return raw

@@ -46,7 +46,7 @@ def _some(tips: list[str], rows: Any) -> tuple[str, ...]:
 
 
 def turning(f: Facts, t: Texts) -> dict[str, Any]:
-    """facts → data of the picture that can be turned: points mm, normals, residuals µm or µin by set."""
+    """facts → data of the picture that can be turned: points mm, normals, residuals µm or µin by set, how many of these are 1 mm."""
     u, m = f.wishes.units, f.result.model.touches
     corners = np.array([facet.point for facet in f.cell.artefact.facets.values()])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -63,6 +63,7 @@ def turning(f: Facts, t: Texts) -> dict[str, Any]:
             {"title": t("fit.set_after"), "values": np.round(f.result.residuals * 1e3 * u.per_micron, 2).tolist()},
         ],
         "unit": u.small,
+        "per_mm": 1e3 * u.per_micron,
         "size": round(float(np.linalg.norm(high - low)) / 2, 1) or 1.0,
         "words": {key: t(f"fit.{key}") for key in ("longer", "shorter", "reset", "top", "scale", "outside", "inside")},
     }
@@ -114,7 +115,8 @@ def still(data: dict[str, Any], which: int = 1, width: float = 560, height: floa
     for color, dash, key, up in ((RED, "", "outside", 14), (BLUE, ' stroke-dasharray="3 1.5"', "inside", 0)):
         parts.append(f'<path d="M8 {y - up - 4:g}h20" stroke="{color}" stroke-width="1.6"{dash}/>')
         parts.append(label(34, y - up, words[key], "start", INK))
-    parts += [label(width - 8, y, words["scale"].format(factor=f"{float(f'{length * 1e3:.1e}'):,.0f}"), "end"), "</svg>"]
+    times = float(f"{length * data['per_mm']:.1e}")
+    parts += [label(width - 8, y, words["scale"].format(factor=f"{times:,.0f}"), "end"), "</svg>"]
     return "".join(parts)
 
 

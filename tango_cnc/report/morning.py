@@ -158,6 +158,7 @@ def context(
         "count": len(still_open(found)),
         "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
         "has": bool(found and found[0]["decision"]),
+        "done": bool(found and found[0]["id"]) and not still_open(found[:1]),
         "next_kind": _next_kind(told, coming_night, t),
         "limit_for": _limit_for(told, record, before, t),
         "busy": busy,

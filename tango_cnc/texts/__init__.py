@@ -85,10 +85,14 @@ def unstopped(text: str) -> str:
 
 
 def instead(text: str, old: str, new: str) -> str:
-    """text, a value that was filled in, another → the text with that; of a text without a key, what follows the word since."""
+    """text, a value that was filled in, another → the text with that; of a text without a key, what follows the word since.
+
+    A `night` stays: it is what tonight is compared with, however the date of the change is told.
+    """
     if not isinstance(text, Said):
         return text.replace(f"since {old}", f"since {new}")
-    return text.but(**{name: new if v == old else instead(v, old, new) for name, v in text.values.items() if isinstance(v, str)})
+    told = {name: v for name, v in text.values.items() if isinstance(v, str) and name != "night"}
+    return text.but(**{name: new if v == old else instead(v, old, new) for name, v in told.items()})
 
 
 def translated(text: Any, texts: Mapping[str, str]) -> str:

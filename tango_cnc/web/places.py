@@ -38,6 +38,7 @@ Stamp = tuple[int, ...]  # of a file: when it was changed, how large it is
 CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
 STRIP = 30  # nights of the strip beside a machine
 MOST = 2000  # things that are kept
+STATED = "stated "  # of each machine, by its slug: what nightly.yaml says
 T = TypeVar("T")
 
 
@@ -111,10 +112,12 @@ class Places:
             return value
 
     def forget(self) -> None:
-        """What was read is read anew: something was decided."""
+        """What was read is read anew: something was decided. What histories answered stays where their files are as they were, and so
+        does what nightly.yaml states, which nobody decides on a page: else one decision would ask 200 databases.
+        """
         with self._lock:
-            self._kept.clear()
-            self._asked.clear()
+            for key in [k for k in self._kept if not k.startswith(STATED)]:
+                del self._kept[key]
 
     def asked(self, history: History, what: str, make: Callable[[], T], again: float = AGAIN) -> T:
         """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.
@@ -292,7 +295,7 @@ class Places:
             except TangoError:  # the night itself tells what is wrong with the file
                 return usual
 
-        return self.kept(f"stated {machine.slug}", read, 60)
+        return self.kept(f"{STATED}{machine.slug}", read, 60)
 
     def cell(self, folder: Path) -> Cell | str:
         """folder → its cell, or why it cannot be read; read again when its files have changed."""

@@ -31,7 +31,7 @@ function draw(){
  var px=k*length,unit=Math.pow(10,Math.floor(Math.log10(70/px))),size=unit*(70/px/unit>=5?5:70/px/unit>=2?2:1);
  pen.strokeStyle="#1f2933";pen.lineWidth=2;pen.beginPath();pen.moveTo(w-10-size*px,h-36);pen.lineTo(w-10,h-36);pen.moveTo(w-10-size*px,h-40);pen.lineTo(w-10-size*px,h-32);pen.moveTo(w-10,h-40);pen.lineTo(w-10,h-32);pen.stroke();
  pen.fillStyle="#1f2933";pen.textAlign="right";pen.fillText(+size.toPrecision(2)+" "+data.unit,w-16-size*px,h-32);
- pen.fillStyle="#52606d";pen.fillText(data.words.scale.replace("{factor}",(+(length*1000).toPrecision(2)).toLocaleString("en-US")),w-10,h-12);
+ pen.fillStyle="#52606d";pen.fillText(data.words.scale.replace("{factor}",(+(length*data.per_mm).toPrecision(2)).toLocaleString("en-US")),w-10,h-12);
  pen.textAlign="left";pen.strokeStyle="#d55e00";pen.lineWidth=2;pen.beginPath();pen.moveTo(w-150,18);pen.lineTo(w-128,18);pen.stroke();pen.fillText(data.words.outside,w-120,22);
  pen.strokeStyle="#0072b2";pen.setLineDash([4,2]);pen.beginPath();pen.moveTo(w-150,36);pen.lineTo(w-128,36);pen.stroke();pen.setLineDash([]);pen.fillText(data.words.inside,w-120,40);
 }

@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.alarm import sentence, size_of
+from ...report.alarm import sentence, size_of, with_its_date
 from ...report.answer import is_moving
 from ...report.days import at
 from ...report.faults import earlier, still_open
@@ -96,7 +96,7 @@ def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
         "open": asked,
         "simulated": made_up(row),
         "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
-        "call": "" if said is None else to_ask(asked_of(row, state), found, state.texts),
+        "call": "" if said is None else to_ask(asked_of(row, state), shown, state.texts),
         "todo": [] if said is None else orders_of(row, said, found, state),
     }
 
@@ -107,7 +107,8 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     newest = [] if history is None else list(enumerate(history.decisions(name)))[-PAST:]
     if history is None or not newest:
         return []
-    texts = {a["id"]: a["text"] for stored in reversed(history.alarmed(name)) for a in earlier(stored.record["alarms"])}
+    told = [a for stored in reversed(history.alarmed(name)) for a in earlier(stored.record["alarms"])]
+    texts = {a["id"]: with_its_date({**a, "night": a["id"][:10]}, a["text"], state.texts) for a in told}
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
         what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
