@@ -91,7 +91,9 @@ def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: st
 
 
 def with_its_date(a: Mapping[str, Any], raw: str, t: Texts) -> str:
-    """alarm with its night, its sentence, texts → the sentence with one date: of the night that found it where the one before was without it."""
+    """alarm with its night, its sentence, texts → the sentence with one date: of the night that found it, where the one before was
+    without it.
+    """
     since = str(a.get("since") or "")
     if not since:
         return raw

@@ -46,7 +46,7 @@ def _some(tips: list[str], rows: Any) -> tuple[str, ...]:
 
 
 def turning(f: Facts, t: Texts) -> dict[str, Any]:
-    """facts → data of the picture that can be turned: points mm, normals, residuals µm or µin by set, how many of these are 1 mm."""
+    """facts → data of the picture that can be turned: points mm, normals, residuals µm or µin, how many of them are 1 mm."""
     u, m = f.wishes.units, f.result.model.touches
     corners = np.array([facet.point for facet in f.cell.artefact.facets.values()])
     low, high = corners.min(axis=0), corners.max(axis=0)

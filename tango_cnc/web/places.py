@@ -112,8 +112,8 @@ class Places:
             return value
 
     def forget(self) -> None:
-        """What was read is read anew: something was decided. What histories answered stays where their files are as they were, and so
-        does what nightly.yaml states, which nobody decides on a page: else one decision would ask 200 databases.
+        """What was read is read anew: something was decided. What histories answered stays where their files are as they were, and
+        so does what nightly.yaml states, which nobody decides on a page: else one decision would ask 200 databases.
         """
         with self._lock:
             for key in [k for k in self._kept if not k.startswith(STATED)]:
