@@ -107,12 +107,11 @@ def context(
 
     `waiting`: alarms of earlier nights that nobody has closed; `before`: the last night that measured; `owner`: who is asked
     where the record names nobody, `deputy`: who is asked where the owner does not answer; `late`: date since when a complete
-    night is missing; `within`: date of the last night within
-    every limit, where that is over; `never`: date of the first night on record where none was within; `volumes`: {date: µm at the
-    tool tip} of the nights; `events`: what happened to compensations; `busy`: how long the machine
-    still measures; `now`: what the age of the night counts to; `newer`: how many nights came
-    after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the machine
-    was measured, where these are too many for an answer of today (None: as the record says).
+    night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
+    on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
+    compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
+    nights came after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights
+    since the machine was measured, where these are too many for an answer of today (None: as the record says).
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts

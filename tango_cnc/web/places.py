@@ -112,12 +112,9 @@ class Places:
             return value
 
     def forget(self) -> None:
-        """What was read is read anew: something was decided. What histories answered stays where their files are as they were, and
-        so does what nightly.yaml states, which nobody decides on a page: else one decision would ask 200 databases.
-        """
+        """What was read is read anew: something was decided. Histories whose files are as they were are not asked again."""
         with self._lock:
-            for key in [k for k in self._kept if not k.startswith(STATED)]:
-                del self._kept[key]
+            self._kept = {k: known for k, known in self._kept.items() if k.startswith(STATED)}
 
     def asked(self, history: History, what: str, make: Callable[[], T], again: float = AGAIN) -> T:
         """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.
