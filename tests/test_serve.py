@@ -476,6 +476,9 @@ def test_beside_an_alarm_that_is_closed_pages_lead_to_what_is_open_and_keep_one_
     answer = site.post("/machine/HU40T-like/decide", data={"csrf": csrf, "alarm": first["id"], "action": "accept"}).text
     past = answer.partition("Decisions so far")[2]
     assert "Open alarms: 1" in answer and "Sun 25 Oct 2026" in past and "24 Oct" not in past
+    card = answer.partition("Decisions so far")[0]  # what the No rests on stands first; only what is open can be answered
+    assert card.index("What stands behind it: <b>C axis has moved") < card.index("<b>Head has moved by +4")
+    assert card.count('name="alarm"') == 1 and 'value="2026-10-25-2"' in card and "not closed" not in card
     page = site.get("/machine/HU40T-like").text
     assert "ann (accepted)" in page and "Answer what else is open" in page and "Close this alarm" not in page
 

@@ -86,8 +86,13 @@ def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
     if history is None or not asked:
         return None
     answers = Counter(d.alarm for d in history.decisions(name))
-    shown = [a for a in found if a in asked or not a["id"]]  # and the cause behind a limit
-    shown = [{**a, "short": brief_of(a), "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())} for a in shown]
+    done = [a for a in found[:1] if a["id"] and a not in asked]  # closed, and yet first: it is what stands behind a limit
+    shown = [a for a in found if a in asked or not a["id"] or a in done]
+    waits = [a for a in shown if a not in done]
+    shown = [
+        {**a, "closed": a in done, "short": brief_of(a), "seen": sum(answers[i] for i in a.get("ids") or a.get("held") or ())}
+        for a in shown
+    ]
     said, moving = answer_of(row, found, state), is_moving(row.record or {}, row.machine.former)
     return {
         "machine": row.machine,
@@ -96,7 +101,7 @@ def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
         "open": asked,
         "simulated": made_up(row),
         "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
-        "call": "" if said is None else to_ask(asked_of(row, state), shown, state.texts),
+        "call": "" if said is None else to_ask(asked_of(row, state), waits, state.texts),
         "todo": [] if said is None else orders_of(row, said, found, state),
     }
 
