@@ -261,8 +261,13 @@ def test_a_history_whose_file_is_the_same_is_not_asked_again(tmp_path: Path) -> 
     assert machines() == 2, "another process has added a night"
     clock[0] += 2 * AGAIN
     assert machines() == 3, "what is late is a matter of the clock"
-    places.forget()
+    with opened(place / "history.db") as other:
+        places.forget(other)
+    assert machines() == 3, "something was decided in another history"
+    places.forget(served.history)
     assert machines() == 4
+    places.forget()
+    assert machines() == 5
     places.close()
 
 

@@ -111,10 +111,11 @@ class Places:
                     self._locks.pop(old, None)
             return value
 
-    def forget(self) -> None:
-        """What was read is read anew: something was decided. Histories whose files are as they were are not asked again."""
+    def forget(self, history: History | None = None) -> None:
+        """history in which something was decided (None: in any) → what was read is read anew, of others once their files differ."""
         with self._lock:
             self._kept = {k: known for k, known in self._kept.items() if k.startswith(STATED)}
+            self._asked = {k: known for k, known in self._asked.items() if history is not None and k[0] != id(history)}
 
     def asked(self, history: History, what: str, make: Callable[[], T], again: float = AGAIN) -> T:
         """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.

@@ -187,7 +187,7 @@ checks:
   - {kind: position, of: B, datum: [A, C, D]}
   - {kind: circularity, of: N95}
 """,
-    "present.yaml": "EX0C: 0.01\n'3,4': -2.5\n",
+    "present.yaml": "machine: M\nEX0C: 0.01\n'3,4': -2.5\n",
     "texts.toml": 'language = "en"\n[report]\n',
     "cmm.csv": "facet,x,y,z\n1,100.001,0,0\n2,0,100,0\ntop,0,0,20\n3,-100,0,0\n1,100.01,5,0\n4,0,-100,0\n"
     "5,100,50,0\n6,50,50,20\n7,50,100,0\n",
@@ -445,7 +445,7 @@ READERS = {
         limits=True,
     ),
     "features.yaml": Reader("features.yaml", _text("features.yaml"), lambda f: features.read(f / "features.yaml")),
-    "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: values_of(f / "present.yaml")),
+    "present.yaml": Reader("present.yaml", _text("present.yaml"), lambda f: values_of(f / "present.yaml", "M")),
     "layout.yaml": Reader("layout.yaml", lambda f: Path(STANDARD).read_bytes(), lambda f: read_layout(str(f / "layout.yaml"))),
     "opcua.yaml": Reader("opcua.yaml", lambda f: NODES.read_bytes(), lambda f: read_nodes(str(f / "opcua.yaml"))),
     "sensors.yaml": Reader("sensors.yaml", _text("sensors.yaml"), read_sensors),

@@ -152,11 +152,11 @@ def decide(request: Request) -> Response:
                 decision = Decision(alarm[:80], action, owner, signed, until if action == "ignore" else None)
                 found.history.decide(found.name, decision)
     except InputError as error:
-        state.places.forget()  # the page shows what is so now
+        state.places.forget(found.history)  # the page shows what is so now
         values = _values(request)
         said = _not_recorded(values, found.slug, form.get("alarm", ""), str(error), state)
         return page(request, "decisions.html", 400, said=said, told="", typed=form, **values)
-    state.places.forget()
+    state.places.forget(found.history)
     return RedirectResponse(f"/alarms?recorded={action}", 303)
 
 
