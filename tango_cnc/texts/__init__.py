@@ -87,7 +87,7 @@ def unstopped(text: str) -> str:
 def instead(text: str, old: str, new: str) -> str:
     """text, a value that was filled in, another → the text with that; of a text without a key, what follows the word since.
 
-    A `night` stays: it is what tonight is compared with, however the date of the change is told.
+    A `night` stays: tonight is compared with it, and the change may have another date.
     """
     if not isinstance(text, Said):
         return text.replace(f"since {old}", f"since {new}")

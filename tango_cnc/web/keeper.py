@@ -42,7 +42,7 @@ class Keeper:
         while not self._over.is_set():
             try:
                 self._look()
-            except Exception as error:  # whoever asks for the page is told what is wrong, and the next look may succeed
+            except Exception as error:  # the page itself says what is wrong, and the next look may succeed
                 if not self._over.is_set():  # else the histories were closed under it
                     LOG.warning("%s", error)
             self._first.set()

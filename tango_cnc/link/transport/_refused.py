@@ -70,7 +70,7 @@ def opens(paramiko: Any, options: dict[str, str]) -> None:
 
 
 def knows(client: Any) -> None:
-    """client of paramiko → it has the keys of known_hosts. A line that is damaged is none, as for OpenSSH; paramiko stops there."""
+    """client of paramiko → it has the keys of known_hosts. A damaged line is passed over, as OpenSSH does; paramiko stops there."""
     try:
         client.load_system_host_keys()
     except Exception:

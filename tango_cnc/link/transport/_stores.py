@@ -98,7 +98,7 @@ class Ftp:
             yield
         except ftplib.error_perm as error:
             raise LinkError(f"the control refuses: {_words(error)}") from None
-        except (ftplib.Error, ValueError, OverflowError) as error:  # or a number that is none, a line without end
+        except (ftplib.Error, ValueError, OverflowError) as error:  # or no number, or a line without end
             self._behind = True
             raise OSError(f"the control answers {_words(error)}") from None
 
