@@ -24,7 +24,8 @@ from tango_cnc.report.svg import dates
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
 from tango_cnc.web.app import create
-from tango_cnc.web.places import AGAIN, Places
+from tango_cnc.web.places import Places
+from tango_cnc.web.remembered import AGAIN
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
 
@@ -268,6 +269,11 @@ def test_a_history_whose_file_is_the_same_is_not_asked_again(tmp_path: Path) -> 
     assert machines() == 4
     places.forget()
     assert machines() == 5
+    clock[0] += AGAIN / 2
+    with places.early(2 * AGAIN):  # as the look of each minute asks, so that no page has to
+        assert machines() == 6, "it would be asked again before the next look is over"
+    clock[0] += AGAIN - 1
+    assert machines() == 6, "a page asks nothing that was asked early"
     places.close()
 
 
