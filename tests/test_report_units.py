@@ -31,6 +31,7 @@ def shown(folder: Path, system: str) -> tuple[str, str]:
         return site.get(f"{MACHINE}/report").text, site.get(f"{MACHINE}/report/alone").text
 
 
+@pytest.mark.few(0)
 def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one")
     assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)], standalone_mode=False).exception is None
