@@ -121,8 +121,8 @@ def command(
         from ..report import morning
         from ..report.units import Units
 
-        for name, unit in (("morning.html", "mm"), ("morning.inch.html", "inch")):  # as pages are asked for
-            page = morning.render(record, units=Units(unit), folder=settings.templates, **seen)
+        for name, units in (("morning.html", Units()), ("morning.inch.html", Units("inch"))):  # as pages are asked for
+            page = morning.render(record, units=units, folder=settings.templates, **seen)
             disk.write(Path(record["artefacts"]["folder"]).name, name, page)
     except (OSError, InputError) as error:  # a template that cannot be used hides no verdict
         why = str(error.strerror or error) if isinstance(error, OSError) else str(error)
