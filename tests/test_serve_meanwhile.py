@@ -123,6 +123,23 @@ def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> N
     assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining
 
 
+def test_a_machine_that_measures_says_so_beside_its_alarm(tmp_path: Path) -> None:
+    """The list said that it was being measured, and the page of alarms No."""
+    place = struck(tmp_path / "one")
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        card = site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+        assert "Yes, but" in card and "Measure the first part." in card and "Measuring" not in card
+        run = Recorded(place, 20)
+        run.begin()
+        run.touch()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        card = site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+        assert "Measuring" in card and "Measure the first part" not in card and "Yes, but" not in card
+        run.end()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        assert "Yes, but" in site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+
+
 def test_a_stopped_run_says_that_the_control_may_go_on(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[])
     run = Recorded(place, 20)
