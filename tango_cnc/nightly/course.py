@@ -42,7 +42,7 @@ def followed(k: Known) -> list[Place]:
 
 def name_of(k: Known, i: Place) -> str:
     """→ what an alarm calls it."""
-    return ALIKE if isinstance(i, tuple) else k.followed.selection.label(k.followed.names[i])
+    return ALIKE if isinstance(i, tuple) else k.labels[i]
 
 
 def places_of(i: Place) -> tuple[int, ...]:
@@ -52,7 +52,7 @@ def places_of(i: Place) -> tuple[int, ...]:
 
 def names_of(k: Known, i: Place) -> tuple[str, ...]:
     """→ the parameters on record that it is made of."""
-    return tuple(name_of(k, j) for j in i) if isinstance(i, tuple) else (name_of(k, i),)
+    return tuple(k.labels[j] for j in i) if isinstance(i, tuple) else (k.labels[i],)
 
 
 def on_record(k: Known, i: Place, record: Mapping[str, Any], after: State) -> tuple[float, float] | None:
