@@ -62,15 +62,16 @@ def on_record(k: Known, i: Place, record: Mapping[str, Any], after: State) -> tu
         return None
     if not isinstance(i, tuple):
         return float(own[0]["value"]), float(own[0]["std"])
-    share = float(np.mean([p["std"] / after.std[j] for p, j in zip(own, i, strict=True)]))
-    return float(np.mean([p["value"] for p in own])), share * now_of(i, after)[1]
+    std = after.std
+    share = sum([float(p["std"] / std[j]) for p, j in zip(own, i, strict=True)]) / len(i)
+    return sum([float(p["value"]) for p in own]) / len(i), share * now_of(i, after)[1]
 
 
 def now_of(i: Place, after: State) -> tuple[float, float]:
     """→ value and standard deviation tonight."""
     if not isinstance(i, tuple):
         return float(after.mean[i]), float(after.std[i])
-    return float(np.mean(after.mean[list(i)])), float(np.sqrt(after.covariance[np.ix_(i, i)].mean()))
+    return after.mean_of(i)
 
 
 def alone_or_alike(k: Known, i: Place, record: Mapping[str, Any], after: State) -> Place:

@@ -64,9 +64,7 @@ def creeping(
             own = [(float(c), float(s), i, n) for c, s, n in zip(chances, farthest, windows, strict=True)]
             best = min(best, *own, key=lambda one: one[:2])
     chance, sigmas, i, nights = best
-    if (i == -1 or tried * chance > CREEPS) and (
-        slow := _slow(k, back, after, dict(zip(places, reach, strict=True)))
-    ) is not None:
+    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after, dict(zip(places, reach, strict=True)))) is not None:
         tried, (chance, sigmas, i, nights) = len(places), slow
     if i == -1 or tried * chance > CREEPS:
         return None
