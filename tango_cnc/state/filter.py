@@ -53,7 +53,7 @@ class State:
         return np.sqrt(np.sum(self.root**2, axis=1))
 
     def mean_of(self, places: tuple[int, ...]) -> tuple[float, float]:
-        """places of unknowns → their mean and its standard deviation. A night asks for the same ones at every span it looks over."""
+        """places of unknowns → their mean and its standard deviation; a night asks for the same ones at every span."""
         if places not in self._means:
             spread = float(np.sqrt(self.covariance[np.ix_(places, places)].mean()))
             self._means[places] = float(np.mean(self.mean[list(places)])), spread
