@@ -121,7 +121,8 @@ def played(on: Bench, seed: int, code: str, nights: int = 365) -> dict[str, Any]
         while not over.wait(1.0):
             if year.number != last:
                 last, since, used = year.number, time.monotonic(), time.process_time()
-            if time.process_time() - used > HANGS or time.monotonic() - since > STANDS:  # nothing within Python can end it: the year is kept as one that hangs
+            # Nothing within Python can end it: the year is kept as one that hangs.
+            if time.process_time() - used > HANGS or time.monotonic() - since > STANDS:
                 keep(told | {"broken": f"night {year.number} hangs"})
                 os._exit(9)
 
