@@ -54,5 +54,6 @@ def _text(wanted: Select[Any], dialect: Dialect) -> _Text | None:
     columns = list(wanted.selected_columns)
     if made.post_compile_params or not all(isinstance(column.type, PLAIN) for column in columns):
         return None
-    row: Any = namedtuple("Answer", [column.name for column in columns], rename=True)  # of two columns of one name the first has it
+    names = [str(column.name) for column in columns]
+    row: Any = namedtuple("Answer", names, rename=True)  # type: ignore[misc]  # of two columns of one name the first has it
     return _Text(str(made), tuple(made.positiontup) if made.positional else None, made.params, row._make)

@@ -176,14 +176,15 @@ def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale:
         nights = float(record["state"].get("learned") or 0) or UNLEARNED
         own = [record["parameters"].get(name) for name in labels]
         known = [at for at, p in enumerate(own) if p is not None]
-        value, std = (np.array([own[at][key] for at in known], dtype=float) for key in ("value", "std"))
+        values, stds = (np.array([own[at][key] for at in known], dtype=float) for key in ("value", "std"))
         found += [(places[at], record) for at in known]
         wandered = rates[single[known]] * days
-        told_of.append(np.array([here[known] - value, sure[known] ** 2 + std**2, wandered, np.full(len(known), nights)]))
-        for i in places[len(single) :]:  # the scales together
-            if (then := on_record(k, i, record, after)) is not None:
-                now, rate = now_of(i, after), float(np.sum(rates[list(places_of(i))])) / len(places_of(i)) ** 2
-                found.append((i, record))
+        told_of.append(np.array([here[known] - values, sure[known] ** 2 + stds**2, wandered, np.full(len(known), nights)]))
+        for together in places[len(single) :]:  # the scales
+            if (then := on_record(k, together, record, after)) is not None:
+                them = list(places_of(together))
+                now, rate = now_of(together, after), float(np.sum(rates[them])) / len(them) ** 2
+                found.append((together, record))
                 told_of.append(np.array([[now[0] - then[0]], [now[1] ** 2 + then[1] ** 2], [rate * days], [nights]]))
     if not found:
         return None
