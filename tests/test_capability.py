@@ -177,6 +177,7 @@ def test_a_probe_test_with_a_touch_missing_is_refused(cell: Cell) -> None:
         capability.probing(touches.rows(np.arange(len(touches) - 1)))
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("draws", "least"), [(8, 6), pytest.param(40, 34, marks=pytest.mark.long)])
 def test_a_thermometer_has_no_more_of_a_walk_than_chance_gives_it(draws: int, least: int) -> None:
     """A walk of the machine and one of the air that know nothing of each other, and 2 µm/K beside such a walk."""

@@ -453,7 +453,7 @@ def test_from_the_command_line_only_what_is_new_is_tried(
     assert [item["belief"] for item in again["beliefs"]] == ["deflected", "rotary", "feed"]
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["hu40t", "huron", "trunnion", "fork_head", "split"])
 def test_every_rotary_axis_that_the_strategy_turns_is_turned_and_asked_about(name: str) -> None:
     """The swivel head of split stands still at the first six indexations, and at many of an order by chance."""

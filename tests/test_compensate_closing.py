@@ -71,7 +71,7 @@ def test_what_it_cannot_hold_is_said() -> None:
     assert example("three_axis_calibrated")[1].errors["EC0X"] != 0
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("more", [("vectors=no",), ("vectors=no", "tables=no"), ()], ids=" ".join)
 def test_the_zero_of_a_dynamic_fixture_offset_takes_away_what_the_center_of_the_table_does(
     more: tuple[str, ...], tmp_path: Path

@@ -27,6 +27,7 @@ from tango_cnc.loaded import AS_SEEN, HELPS
 WRONG = 0.05  # mm
 
 
+@pytest.mark.few(0)
 def test_touches_that_meet_a_row_are_those_that_a_wrong_one_moves(tmp_path: Path) -> None:
     cell, true, result = before("trunnion", 1)
     p = propose(result, "siemens", SETTINGS.get("siemens", ()))
@@ -81,6 +82,7 @@ def test_a_verdict_says_first_which_rows_no_touch_met() -> None:
     assert not replace(found, rows=()).in_any_case and "2 more tables" in replace(found, rows=rows * 6).said
 
 
+@pytest.mark.few(0)
 def test_a_proposal_says_which_rows_its_touches_meet(tmp_path: Path) -> None:
     cell = tmp_path / "cell"
     shutil.copytree(ROOT / "examples" / "trunnion", cell)

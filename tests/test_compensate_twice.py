@@ -45,6 +45,7 @@ def test_two_controls_do_not_hold_the_same_error(cell: Path) -> None:
     assert loop.other_control(cell, two) is None
 
 
+@pytest.mark.few(0)
 def test_readings_from_before_a_compensation_do_not_contain_it(cell: Path) -> None:
     rows = [f"{i:08x}" for i in range(10)]
     kept = loop.store(cell, proposed("trunnion", "haas"), NOW, rows=rows)

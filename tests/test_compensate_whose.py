@@ -227,7 +227,7 @@ FORMS = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("target", FORMS)
 def test_a_table_of_another_machine_that_was_read_back_is_named(target: str, tmp_path: Path) -> None:
     """The file of a machine with other axes and travels, and of one with other points, in place of what was written."""

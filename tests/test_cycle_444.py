@@ -224,6 +224,7 @@ def test_a_probe_that_stays_deflected_stops_it(made: Plan, how: dict[str, Any]) 
     assert len(ran.flags(made)) < 2
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
@@ -249,7 +250,7 @@ def test_what_the_post_writes_passes(made: Plan) -> None:
         assert read_back(lines_of("heidenhain", made, **options), made, "heidenhain", **options)
 
 
-@pytest.mark.few(20)
+@pytest.mark.few(9)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

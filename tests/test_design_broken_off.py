@@ -32,6 +32,7 @@ def again(found: Chosen) -> float:
     return order.again(found.problem.choice.cell, found.problem.feed)
 
 
+@pytest.mark.few(0)
 def test_what_is_known_of_all_visits_is_what_the_plan_determines(made: Chosen) -> None:
     parts = broken_off.Parts.of(made)
     known, seconds = parts.known(range(len(parts.visits)), (0.5, 0.75))

@@ -29,7 +29,7 @@ def of_its_own(cell: Cell) -> tuple[Setting, Chosen]:
     return ready, propose.same_time(ready, cell, plan(cell, "leave-out"))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ["trunnion", "hu40t"])
 def test_design_names_what_the_estimate_of_a_faultless_run_will_not_trust(name: str) -> None:
     cell = read_cell(EXAMPLES / name)

@@ -67,6 +67,7 @@ def unit(v: Array) -> Array:
     return np.asarray(2 * (v - v.min()) / np.ptp(v) - 1)
 
 
+@pytest.mark.few(0)
 def test_a_load_that_is_alike_to_both_sides_of_a_tilt_is_no_course_of_time() -> None:
     three = [("time × X", "machine z"), ("X × B", "machine z"), ("time × Z", "machine z")]
     (shape,) = told(lambda t: unit(t.axis("X")) ** 2 * np.abs(np.sin(t.axis("B"))), "machine z", three)
@@ -139,6 +140,7 @@ def test_what_reverses_with_the_side_is_a_rival_where_every_touch_came_from_one_
     assert shape[0] == "Z" and "dZ × Z" in shape[2]
 
 
+@pytest.mark.few(0)
 def test_one_shape_at_least_is_told() -> None:
     found = told(lambda t: np.zeros(len(t)) + 1e-9, "machine y", [("C", "machine y"), ("B × C", "machine y")])
     assert len(found) == 1

@@ -52,7 +52,7 @@ def compared(m: Rows, *named: str) -> Field:
     return Field(kernels, np.eye(n), np.ones(n), m)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("also", "told"), [(0.0, "time"), (1.0, "time × Z")])
 def test_a_pair_is_told_only_where_both_covariates_are_needed(also: float, told: str) -> None:
     m = means()

@@ -78,7 +78,7 @@ TESTS = Path(__file__).parent
 # Whole sessions, commands and campaigns, of which no test is quick.
 WHOLE = """
     best_judge compensate_verdicts compensate_walk demo diagnose_blind dialects exclude_outliers grblhal_commission
-    history_import iso230_exact
+    history_import hostile_texts iso230_exact
     link_9600 link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt night_in_control
     night_within plan_long plausible_copied repeated_varies run_stylus scales_said serve_abuse serve_attacks serve_browser

@@ -60,7 +60,7 @@ def seen(place: Path, path: str) -> str:
         return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("kind", "first"),
     [
@@ -146,6 +146,7 @@ def test_who_does_not_answer_or_has_no_telephone_has_somebody_else_beside(owner:
     assert to_ask({"owner": ""}, (), texts()).startswith("Ask whoever leads the shift: NOBODY is named")
 
 
+@pytest.mark.few(0)
 def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_message(tmp_path: Path) -> None:
     old = dated(4)
     alarm = knock(old["night"]) | {
@@ -168,6 +169,7 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
     assert "owner: Ann, 4711; if nobody answers: Bob, 4712" in told
 
 
+@pytest.mark.few(0)
 def test_age_and_simulated_are_the_same_on_every_page(tmp_path: Path) -> None:
     """The newest night measured nothing: the page counts the hours since the one that did, which a simulator made."""
     place = cell(tmp_path / "one", records=records("nothing"))

@@ -53,7 +53,7 @@ def code(name: str, made: Plan) -> list[str]:
     return [re.sub(r"\([A-Z0-9 .+-]*\)|;[A-Z0-9 .+-]*$", "", line) for line in text.split("\n")]
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", names())
 @settings(max_examples=10, deadline=None)
 @given(machine=TEXTS, artefact=TEXTS, strategy=TEXTS, facet=TEXTS)

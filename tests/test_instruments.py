@@ -27,7 +27,7 @@ def machine(example: str, seed: int) -> tuple[Truth, Estimate]:
     return machine_and_estimate(example, seed)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ["laser-X", "circle-XY", "rotary-C"])
 def test_the_interval_of_every_figure_holds_what_the_instrument_shows(name: str) -> None:
     truth, result = machine("hu40t", 5)

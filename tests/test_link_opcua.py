@@ -110,6 +110,7 @@ def test_a_program_that_was_cut_off_is_erased_and_keeps_no_later_one_out(server,
     line.close()
 
 
+@pytest.mark.few(0)
 def test_what_cannot_be_erased_is_said(server, monkeypatch):
     line = opened(server, f"?program={FOLDER}&name=KEPT.MPF")
     server.keep("KEPT.MPF", PROGRAM)

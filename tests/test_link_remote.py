@@ -421,6 +421,7 @@ def test_a_plus_in_a_setting_is_a_plus():
     assert parse("sftp://anna@host/x?hostkey=SHA256:gO%2BeaT", remote.OPTIONS).options["hostkey"] == "SHA256:gO+eaT"
 
 
+@pytest.mark.few(0)
 @pytest.mark.system(*NEEDED["sftp"])
 def test_a_private_key_that_does_not_open_is_no_login_that_was_refused(tmp_path, monkeypatch):
     server = ssh_server(tmp_path, tmp_path)

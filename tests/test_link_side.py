@@ -567,7 +567,7 @@ def test_salvage_names_what_verify_sees_and_writes_no_touch_twice(cell):
     assert (whole.code, whole.err) == (0, "")
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @POSIX
 @pytest.mark.parametrize("words", [("journal", "verify"), ("journal", "salvage"), ("run", "--resume", "--yes"), ("run", "--watch")])
 def test_a_pipe_in_the_place_of_the_journal_is_refused_and_not_waited_for(cell, words):

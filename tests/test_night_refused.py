@@ -83,6 +83,7 @@ def test_the_second_night_is_refused_on_record_and_told(cell: Path, tmp_path: Pa
     assert len(set(pages)) == 2 and all(re.fullmatch(r"2026-11-23T020000Z-refused-\d{6}", name) for name in pages)
     page = next(cell.glob("nights/*-refused-*/morning.html")).read_text(encoding="utf-8")
     assert "sends a message of its own" in page and "at work in this folder" in page
+    assert len(list(cell.glob("nights/*-refused-*/morning.inch.html"))) == 2  # pages in inch show that one
     assert len(list((cell / "nights" / "sent").glob("*-refused-*"))) == 2
 
 

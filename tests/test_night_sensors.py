@@ -167,7 +167,7 @@ def spoilt(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, story: S
         return [r for r, _ in nights(cell, truth, history, count, 2, story, settings)], history.verify()
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("way", ["silent", "gone", "frozen"])
 def test_a_machine_at_another_temperature_than_its_first_night_is_not_called_changed_when_its_sensor_falls_silent(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
@@ -193,6 +193,7 @@ def test_a_machine_at_another_temperature_than_its_first_night_is_not_called_cha
     assert "emperature sensor bed" in context(records[7], [], None, texts())["warm"]
 
 
+@pytest.mark.few(0)
 def test_the_names_of_alarms_are_names_of_trends(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What to do about a drift of the scales was 'tango history plot scales', which no history had as a parameter."""
     spoilt(root, tmp_path, monkeypatch, Story((), {}, 0.1), 2, lambda number, values: values)
@@ -203,6 +204,7 @@ def test_the_names_of_alarms_are_names_of_trends(root: Path, tmp_path: Path, mon
     assert isinstance(refused.exception, InputError) and "allowed: parameters" in str(refused.exception)
 
 
+@pytest.mark.few(0)
 def test_one_error_that_follows_the_bed_is_said_to_go_with_the_temperature(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

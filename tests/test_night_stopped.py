@@ -207,6 +207,7 @@ def invoked(args: list[str]) -> Result:
     return CliRunner().invoke(tango, args, standalone_mode=False)
 
 
+@pytest.mark.few(0)
 def test_a_night_that_was_cut_off_is_told_before_the_next_one(tmp_path: Path) -> None:
     """After a kill the machine may still move: status and fleet end with 1, and say to look at it. One at work is no trouble."""
     folder = tmp_path / "cell"

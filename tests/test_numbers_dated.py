@@ -58,6 +58,7 @@ def test_numbers_beside_a_night_that_was_cut_off_name_their_own_night(tmp_path: 
         assert f"(night ending {of})" in seen(place, path), path
 
 
+@pytest.mark.few(0)
 def test_the_tab_of_the_newest_night_has_its_date(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 0, **dated(2)), night(M, 1, **dated(1))])
     of = day(dated(1)["night"], texts(), False)

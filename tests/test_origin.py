@@ -215,6 +215,7 @@ def test_readings_that_are_all_alike_get_a_sentence(cell: Path, capsys: pytest.C
         assert "position of another one" in best or "is the same in all touches" in best
 
 
+@pytest.mark.few(0)
 def test_readings_of_another_machine_are_doubtful_and_no_check_of_this_one(
     cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

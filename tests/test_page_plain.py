@@ -36,6 +36,7 @@ def html(place: Path, path: str) -> str:
         return str(site.get(path).text)
 
 
+@pytest.mark.few(0)
 def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) -> None:
     """A date beside 'night of' was read as the evening, and 10 h ago as the time of day."""
     place = cell(tmp_path / "one", records=records("changed"))
@@ -81,6 +82,7 @@ def test_the_next_night_and_what_to_do_are_one_order(kind: str, wanted: str) -> 
         assert "stands in for no full measurement" in only
 
 
+@pytest.mark.few(0)
 def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> None:
     t = texts()
     assert to_ask({"owner": "", "deputy": "Bob, 4712"}, (), t) == "Call Bob, 4712. No owner is named for this machine."
@@ -96,6 +98,7 @@ def test_who_is_named_anywhere_is_asked_where_no_owner_is(tmp_path: Path) -> Non
         assert path.endswith("/run") or "Call Bob, 4712." in seen(place, path), path
 
 
+@pytest.mark.few(0)
 def test_a_limit_says_what_it_is_for_and_who_has_stated_it(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=records("beyond"))
     assert "Nobody has written what this limit is for" in seen(place, "/")

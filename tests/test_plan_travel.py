@@ -77,7 +77,7 @@ def wanted(bodies: Solid, travel: tuple[Array, Array, Array]) -> tuple[float, fl
     return (slanted, slanted) if 2 * slanted < 2 * level - low - high else (level - low, level - high)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("seed", range(4))
 def test_the_retract_is_the_lowest_that_keeps_the_margin(seed: int) -> None:
     rng = np.random.default_rng(seed)

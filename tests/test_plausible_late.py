@@ -84,7 +84,7 @@ def test_a_dozen_touches_that_met_nothing_bend_no_parameter(measured: Measured) 
     assert set(np.flatnonzero(wrong) + 1) <= set(honest(plain).outliers.tolist())
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("turns", [True, False])
 def test_a_spindle_that_stands_still_is_not_trusted_with_its_place(measured: Measured, turns: bool) -> None:
     cell, world, readings = measured

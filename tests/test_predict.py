@@ -119,6 +119,7 @@ def test_a_circularity_is_told_with_and_without_the_scatter_of_its_points(tmp_pa
     assert isinstance(refused.exception, InputError) and "C 720" in str(refused.exception) and "deg" in str(refused.exception)
 
 
+@pytest.mark.few(0)
 def test_terms_without_an_error_of_the_machine_predict_nothing_and_the_sentence_is_that_of_predict(tmp_path: Path) -> None:
     run, cell, program, _ = shop(tmp_path)
     common = ["predict", str(program), "-C", str(cell), "--zero", "X=0,Y=0,Z=60", "--tool-length", "150", "--despite"]

@@ -154,6 +154,7 @@ def test_a_thousand_random_plans_pass() -> None:
 # What does not
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("post", READ)
 def test_nothing_happens_behind_the_marks_of_a_program_and_its_plan(post: str) -> None:
     lines = [f"{line} G0 Z-50" if "PROGRAM " in line else line for line in lines_of(post, golden())]
@@ -361,6 +362,7 @@ def test_what_is_dangerous_in_klartext_is_named(old: str, new: str, words: str) 
     assert re.search(words, told), told
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("post", "options", "behind", "reset"),
     [
@@ -389,7 +391,7 @@ def test_a_dead_probe_stops_nothing_where_the_count_of_misses_is_forgotten_betwe
 SWITCHES = {"unclamp": {"C": "M711"}, "clamp": {"C": "M710"}, "probe_on": "M720", "probe_off": "M721"}
 
 
-@pytest.mark.few(29)
+@pytest.mark.few(14)
 @pytest.mark.parametrize("post", READ)
 @pytest.mark.parametrize(
     ("old", "new", "words"),
@@ -411,6 +413,7 @@ def test_the_words_of_the_profile_stand_where_they_belong(post: str, old: str, n
     assert words in refused(counted(post, lines), post, **SWITCHES)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("post", ["centroid", "fagor", "heidenhain", "linuxcnc", "okuma", "siemens"])
 def test_no_stop_leaves_the_probe_on(post: str) -> None:
     """On the others a stop is an alarm of the control, behind which nothing of the program is carried out."""
@@ -431,6 +434,7 @@ def test_an_alarm_between_the_probe_and_the_port_leaves_the_probe_on(post: str) 
     assert "nothing has gone wrong" in refused([*lines[:at], alarm, on, *lines[at:]], post, **SWITCHES)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("post", "options", "close"),
     [
@@ -448,11 +452,13 @@ def test_no_stop_leaves_the_file_open(post: str, options: dict[str, Any], close:
         assert refused(lines[:i] + lines[i + 1 :], post, **options)
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("post", READ)
 def test_every_header_says_what_to_do_after_a_stop(post: str) -> None:
     assert any("AFTER A STOP - RESET" in line for line in bare(post, golden())[:12])
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("post", READ)
 @pytest.mark.parametrize("instead", ["", "M3"])
 def test_nothing_moves_before_the_spindle_has_been_told_to_stand(post: str, instead: str) -> None:
@@ -543,7 +549,7 @@ def _said_again(lines: list[str], at: int) -> bool:
     )
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("post", "every"),
     [

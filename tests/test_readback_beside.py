@@ -25,7 +25,7 @@ def made() -> Plan:
     return plan(trunnion(*YOKE, SETTER, indexations=2))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("gate", ["none", "finger", "facet"])
 def test_what_keeps_off_passes(made: Plan, gate: str) -> None:
     assert read_back(lines_of("fanuc", made, gate=gate), made, "fanuc", gate=gate)

@@ -140,7 +140,7 @@ MAY_BE_MISSING = {
 }
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("post", "every"), [("okuma", 7), ("fagor", 23)])
 def test_no_line_that_moves_asks_stops_or_records_may_be_missing(post: str, every: int) -> None:
     lines = lines_of(post, golden())

@@ -21,6 +21,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_readings, read_world, readings_text, write_text
 from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
+from tango_cnc.nightly.words import headline
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings, TangoError
 from tango_cnc.report import page, pdf
@@ -30,6 +31,7 @@ from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, gather
 from tango_cnc.report.may import _after, may
+from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
 from tango_cnc.report.terminal import summary
 from tango_cnc.report.texts import texts, texts_of
@@ -37,6 +39,7 @@ from tango_cnc.report.units import Units
 from tango_cnc.report.verdict import Check, worst_of
 from tango_cnc.report.words import spoken
 from tango_cnc.terms import causes
+from tango_cnc.texts import say
 
 ROOT = Path(__file__).parents[1]
 EMPTY = {"meta", "img", "br", "hr"}
@@ -289,6 +292,33 @@ def test_old_readings_do_not_say_good_beside_a_night_that_does_not(facts: Facts)
     assert all(part in page.sentence(bad, t) for part in ("Sun 22 Nov 2026", "76 µm", "Open alarms: 4"))
     assert "Call Ann <owner> about its alarms." in bad.worst.todo and "tango " not in bad.worst.todo
     assert verdict(replace(facts, nights=NewestNight("2026-11-22", "good", "", 1)), t).worst.name == "nights"  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("since", "rate", "dated"), [("20", None, "night ending Sat 21 Nov 2026"), ("12", 0.002, "Thu 12 Nov 2026")]
+)
+@pytest.mark.parametrize("beyond", [True, False])
+def test_the_box_of_the_nights_dates_an_alarm_by_the_night_that_raised_it(
+    since: str, rate: float | None, dated: str, beyond: bool, facts: Facts
+) -> None:
+    """It had the date of the night before: one change with two dates on one page. A drift keeps the date since which it goes on."""
+    text = say("changed.unnamed", name="EY0C", size="+20 µm", since=f"2026-11-{since}")
+    alarm = {"id": "2026-11-21-020000-1", "night": "2026-11-21", "since": f"2026-11-{since}", "text": text, "rate_per_day": rate}
+    alarm |= {"parameter": "EY0C", "decision": None, "owner": None, "now": ""}
+    limits = [{"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": not beyond}]
+    record: dict[str, Any] = {"night": "2026-11-22", "kind": "check", "status": "complete", "standing": [alarm], "limits": limits}
+    record |= {"verdict": "out_of_limits" if beyond else "changed", "alarms": []}
+    record |= {"headline": headline(record)}
+
+    def boxed(nights: NewestNight) -> Check:
+        return next(c for c in verdict(replace(facts, nights=nights), texts()).checks if c.name == "nights")
+
+    for said in (as_decided(record, ()), record["headline"]):
+        box = boxed(NewestNight("2026-11-22", record["verdict"], said, 1, record=record))
+        assert f"+20 µm since {'the ' if rate is None else ''}{dated}" in box.text and "Fri 20" not in box.text
+    tonight = {**record, "night": "2026-11-21", "standing": [], "alarms": [alarm | {"text": text.but(since="last night")}]}
+    box = boxed(NewestNight("2026-11-21", record["verdict"], headline(tonight), 1, record=tonight))
+    assert "the night before" not in box.text and (rate is not None or f"since the {dated}" in box.text)
 
 
 def test_letters_of_pictures_are_legible_on_paper() -> None:

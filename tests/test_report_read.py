@@ -20,6 +20,7 @@ from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 
 
+@pytest.mark.few(0)
 def test_a_value_stands_beside_its_unit(facts: Facts) -> None:
     """On a phone the unit was in a column to the right of the screen."""
     text = page.render(facts)
@@ -29,6 +30,7 @@ def test_a_value_stands_beside_its_unit(facts: Facts) -> None:
     assert all(re.fullmatch(r"−?[\d.]+ (?:µm|µrad|µm/m)", value) for value in values), values
 
 
+@pytest.mark.few(0)
 def test_no_number_in_inches_is_followed_by_the_word_in(facts: Facts) -> None:
     """It read as 0.00084 in in the night."""
     keys = ("report.since_then", "todo.grown", "morning.now_of", "morning.knocks", "morning.knocks_tonight", "part.whole")
@@ -39,6 +41,7 @@ def test_no_number_in_inches_is_followed_by_the_word_in(facts: Facts) -> None:
     assert "scale bar 11.99483 in, standard uncertainty 19.7 µin" in text and "304.66" not in text
 
 
+@pytest.mark.few(0)
 def test_how_to_turn_the_picture_is_said_where_it_can_be_turned(facts: Facts) -> None:
     assert 'class="noprint turn-it">Turn it' in page.render(facts)
     assert "Turn it" not in texts()("fit.vectors")

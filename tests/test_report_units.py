@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from support.nights import night
 from support.server import cell
 
 pytest.importorskip("starlette")
@@ -30,6 +31,7 @@ def shown(folder: Path, system: str) -> tuple[str, str]:
         return site.get(f"{MACHINE}/report").text, site.get(f"{MACHINE}/report/alone").text
 
 
+@pytest.mark.few(0)
 def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one")
     assert CliRunner().invoke(tango, ["simulate", "-C", str(folder)], standalone_mode=False).exception is None
@@ -54,6 +56,32 @@ def test_a_report_of_before_says_that_it_may_be_in_the_other_unit(tmp_path: Path
     outside.write_text("secret", encoding="utf-8")
     (folder / "report.inch.html").symlink_to(outside)
     assert shown(folder, "inch")[1] == "<p>12 mm</p>"
+
+
+def test_a_kept_page_of_a_night_is_in_the_unit_of_the_pages(tmp_path: Path) -> None:
+    """morning.html stayed in mm; a night now keeps it in both units, and one of before says in which it is."""
+    one = night("HU40T-like", 0)
+    folder = cell(tmp_path / "one", records=[one])
+    kept = folder / one["artefacts"]["folder"]
+    kept.mkdir(parents=True)
+    outside = tmp_path / "outside.html"
+    outside.write_text("secret", encoding="utf-8")
+    (kept / "morning.html").write_text("<p>21 µm</p>", encoding="utf-8")
+    (kept / "morning.inch.html").symlink_to(outside)
+
+    def page_and_file(system: str) -> tuple[str, str]:
+        app = create(Settings((folder,)))
+        app.state.tango.units = Units("inch" if system == "inch" else "mm")
+        with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+            return site.get(f"{MACHINE}/night/1/morning.html").text, site.get(f"{MACHINE}/night/1/morning.html/alone").text
+
+    page, file = page_and_file("inch")
+    assert "This page was kept in mm." in page and file == "<p>21 µm</p>"
+    assert "kept in mm" not in page_and_file("mm")[0]
+    (kept / "morning.inch.html").unlink()
+    (kept / "morning.inch.html").write_text("<p>0.0008 in</p>", encoding="utf-8")
+    page, file = page_and_file("inch")
+    assert "kept in mm" not in page and file == "<p>0.0008 in</p>" and page_and_file("mm")[1] == "<p>21 µm</p>"
 
 
 def test_how_many_times_too_long_deviations_are_drawn_has_no_unit() -> None:

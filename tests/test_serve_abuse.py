@@ -21,7 +21,7 @@ from tango_cnc.records import InputError
 from tango_cnc.web import patience
 from tango_cnc.web.app import create
 from tango_cnc.web.guard import Buckets
-from tango_cnc.web.places import slug_of
+from tango_cnc.web.served import slug_of
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user, read_users
 

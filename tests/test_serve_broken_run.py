@@ -3,7 +3,9 @@
 from pathlib import Path
 
 from starlette.testclient import TestClient
+from support.nights import night
 from support.runs import Control, Result, cell  # noqa: F401
+from support.server import cell as served
 
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -31,3 +33,14 @@ def test_a_run_that_broke_off_is_not_yet_although_no_night_was_measured(cell: Pa
     assert "Look at the machine first: its control may still execute the program" in found[""]
     status = Result("nightly", "-C", cell, "--status")
     assert status.code == 1 and "May I make parts? Not yet. Look at the machine first" in status.out + status.err
+
+
+def test_the_list_counts_each_answer_by_its_own_word(cell: Path, tmp_path: Path) -> None:
+    """Machines that may still move were counted as a No."""
+    assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3
+    limit = {"what": "volume", "value": 51.0, "low": 50.0, "high": 52.0, "limit": 45.0, "unit": "µm", "passed": False}
+    others = {"Ash": [night("Ash", 0)], "Elm": [night("Elm", 0, "out_of_limits", limits=[limit])], "Fir": []}
+    folders = [served(tmp_path / name, name, records) for name, records in others.items()]
+    with TestClient(create(Settings((cell, *folders))), base_url="http://127.0.0.1") as site:
+        listed = site.get("/").text
+    assert "All: 4. Yes: 0. Yes, but: 1. No: 1. Not yet: 1. Nobody knows: 1." in listed

@@ -24,7 +24,8 @@ from tango_cnc.report.svg import dates
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
 from tango_cnc.web.app import create
-from tango_cnc.web.places import AGAIN, Places
+from tango_cnc.web.places import Places
+from tango_cnc.web.remembered import AGAIN
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
 
@@ -154,6 +155,7 @@ def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> No
             assert "never measured" not in site.get(path).text and "Its report says what it found." in site.get(path).text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["full", "check"])
 def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path, kind: str) -> None:
     """The list said Yes, and the page of the run showed the complete one of the day before."""
@@ -268,6 +270,11 @@ def test_a_history_whose_file_is_the_same_is_not_asked_again(tmp_path: Path) -> 
     assert machines() == 4
     places.forget()
     assert machines() == 5
+    clock[0] += AGAIN / 2
+    with places.early(2 * AGAIN):  # as the look of each minute asks, so that no page has to
+        assert machines() == 6, "it would be asked again before the next look is over"
+    clock[0] += AGAIN - 1
+    assert machines() == 6, "a page asks nothing that was asked early"
     places.close()
 
 

@@ -16,7 +16,7 @@ from starlette.routing import Route
 from starlette.testclient import TestClient
 
 from tango_cnc.web.app import create
-from tango_cnc.web.places import slug_of
+from tango_cnc.web.served import slug_of
 from tango_cnc.web.settings import Settings
 from tango_cnc.web.users import add_user
 

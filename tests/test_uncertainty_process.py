@@ -186,6 +186,7 @@ def test_what_acts_on_both_runs_alike_cancels_in_their_difference(cell: Cell) ->
     assert found.u_difference == pytest.approx(plain.u_difference, rel=0.05)
 
 
+@pytest.mark.few(0)
 def test_repeated_runs_are_also_judged_by_their_own_scatter(cell: Cell, days: Readings) -> None:
     runs = {"two days": days.rows(days.day <= 2), "two more": days.rows(days.day > 2)}
     both = compare_runs(cell.machine, cell.artefact, runs, ("S3",), 3, NOISE)

@@ -110,6 +110,7 @@ def test_what_windows_lacks_is_known() -> None:
     )
 
 
+@pytest.mark.few(0)
 @LINUX
 def test_one_writer_a_folder_and_a_journal_by_locked_bytes(tmp_path: Path) -> None:
     ran = python("-c", WINDOWS + LOCKS, tmp_path)

@@ -119,9 +119,11 @@ def command(
         raise
     try:
         from ..report import morning
+        from ..report.units import Units
 
-        page = morning.render(record, folder=settings.templates, **seen)
-        disk.write(Path(record["artefacts"]["folder"]).name, "morning.html", page)
+        for name, units in (("morning.html", Units()), ("morning.inch.html", Units("inch"))):  # as pages are asked for
+            page = morning.render(record, units=units, folder=settings.templates, **seen)
+            disk.write(Path(record["artefacts"]["folder"]).name, name, page)
     except (OSError, InputError) as error:  # a template that cannot be used hides no verdict
         why = str(error.strerror or error) if isinstance(error, OSError) else str(error)
         click.echo(t("night.night.not_written", name=f"{record['artefacts']['folder']}/morning.html", why=why), err=True)

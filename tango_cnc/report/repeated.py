@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..texts import Said, say
+from ..texts import Said, instead, say
 from .days import days_between
 
+LAST_NIGHT = "last night"
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
 OPEN = "night.words.open_alarm"
@@ -37,11 +38,34 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     own = [d for d in since if standing and not tonight and d.alarm == standing[0]["id"]]
     who = say(DECIDED[own[-1].action], owner=own[-1].owner, date=own[-1].utc[:10], until=own[-1].until or "") if own else None
     if headline.key == BEYOND:
-        return str(_answered(_of_night(headline, _found_on(record)), more, who))
+        own = _answered(_of_night(headline, _found_on(record)), more, who)
+        return str(own if tonight else as_found(own, record))
     if headline.key != STANDING:
         return str(_answered(headline, more, None)) if standing and tonight else str(headline)
     headline = headline.but(more=more)
     return headline if who is None else headline.but(who=who)
+
+
+def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
+    """headline of a night, its record → the same, to be read on another day: an alarm that came from one night to the next has the
+    date of the night that raised it, as on the page of the machine, and not that of the night before.
+    """
+    for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
+        since, night = str(a.get("since") or ""), str(a.get("night") or record.get("night"))
+        if since:
+            dated = instead(a["text"], LAST_NIGHT, since)
+            at_once = not a.get("rate_per_day") and days_between(since, night) == 1
+            headline = _put(headline, a["text"], instead(dated, since, say("morning.found", date=night)) if at_once else dated)
+    return headline
+
+
+def _put(text: Any, old: str, new: str) -> Any:
+    """sentence, a part of it, what stands there instead → the same with that."""
+    if text == old:
+        return new
+    if not isinstance(text, Said):
+        return text.replace(old, new) if isinstance(text, str) else text
+    return text.but(**{name: _put(x, old, new) for name, x in text.values.items() if isinstance(x, Said) or x == old})
 
 
 def _answered(text: Any, more: str, who: str | None) -> Any:

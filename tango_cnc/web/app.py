@@ -38,7 +38,8 @@ from . import pages
 from .guard import COOKIE, Buckets, Guard, same
 from .keeper import Keeper
 from .live import Journals, Looks
-from .places import STRIP, Places, Served
+from .places import STRIP, Places
+from .served import Served
 from .settings import Role, Settings, may
 from .users import SignIn, SignIns, UsersFile
 

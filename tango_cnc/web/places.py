@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
-import threading
 import time
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
@@ -27,139 +24,32 @@ from ..records import Cell, Machine, TangoError
 from ..report.age import nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from .newest import NewestRecords
+from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, looks_of
+from .served import Row, Served, slug_of
 from .settings import Settings
 
-FRESH = 5.0  # s that what was read of a history is taken for new
-AGAIN = 60.0  # s after which a history is asked again although its file is the same
-SELDOM = 900.0  # s after which that is done for what no clock changes, or whose key has the day and who is late
 LOOKED = 1.0  # s that the files of a cell are not looked at again
 FEW = 20  # machines whose nights are read one by one where only theirs have changed
-Stamp = tuple[int, ...]  # of a file: when it was changed, how large it is
 CELL = ("tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml")
 STRIP = 30  # nights of the strip beside a machine
-MOST = 2000  # things that are kept
-STATED = "stated "  # of each machine, by its slug: what nightly.yaml says
-T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Served:
-    """One machine: its place in addresses, its name, its cell where it is on this computer, its history where it has one."""
-
-    slug: str
-    name: str
-    folder: Path | None
-    history: History | None
-    trouble: str = ""  # why its cell cannot be read
-    former: tuple[str, ...] = ()  # nights cut off, what its cell has under other names, or dated in the future, as sentences
-
-
-@dataclass(frozen=True)
-class Row:
-    """A machine in the list of the fleet."""
-
-    machine: Served
-    standing: Standing | None
-    nights: tuple[Night, ...]  # of the strip, newest first
-    record: Mapping[str, Any] | None = None  # of the newest night
-    before: Mapping[str, Any] | None = None  # where that one did not measure: of the last that did
-
-
-def slug_of(name: str) -> str:
-    """name of a machine → its part of an address: letters, digits, - and _; with a mark of its own where letters were lost."""
-    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:60]
-    return plain if plain == name else f"{plain or 'machine'}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
-
-
-@dataclass
-class Places:
+class Places(Remembered):
     """All machines of a server."""
 
-    settings: Settings
-    clock: Callable[[], float] = time.monotonic
-    _stack: ExitStack = field(default_factory=ExitStack)
-    _histories: dict[str, History] = field(default_factory=dict)
-    _kept: dict[str, tuple[float, Any]] = field(default_factory=dict)
-    _lock: threading.RLock = field(default_factory=threading.RLock)
-    _locks: dict[str, threading.RLock] = field(default_factory=dict)
-    _read: dict[int, dict[int, Mapping[str, Any]]] = field(default_factory=dict)  # records of the list of machines, by entry
-    _nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = field(default_factory=dict)  # by history: entries, nights
-    _cells: dict[Path, tuple[float, Stamp, Cell | str]] = field(default_factory=dict)
-    _asked: dict[tuple[int, str], tuple[Stamp, float, Any]] = field(default_factory=dict)  # of histories that are files
-    _of: dict[str, tuple[object, Any]] = field(default_factory=dict)  # of single machines: end of the chain, what it says
-    _newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = field(default_factory=dict)  # by history: newest records
-    _where: dict[int, str] = field(default_factory=dict)  # by history
-    _nightlies: dict[Path, tuple[float, Nightly | TangoError]] = field(default_factory=dict)
+    def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__(clock)
+        self.settings, self._stack = settings, ExitStack()
+        self._histories: dict[str, History] = {}
+        self._read: dict[int, dict[int, Mapping[str, Any]]] = {}  # records of the list of machines, by entry
+        self._nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = {}  # by history: entries, nights
+        self._cells: dict[Path, tuple[float, Stamp, Cell | str]] = {}
+        self._newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = {}  # by history: newest records
+        self._nightlies: dict[Path, tuple[float, Nightly | TangoError]] = {}
 
     def close(self) -> None:
         """Lets go of the databases."""
         self._stack.close()
-
-    def kept(self, key: str, make: Callable[[], T], fresh: float = FRESH) -> T:
-        """key, how to compute → the value of at most `fresh` seconds ago; one thread computes it, the others wait for it."""
-        with self._lock:
-            own = self._locks.setdefault(key, threading.RLock())
-        with own:
-            at, value = self._kept.get(key, (-1e9, None))
-            if self.clock() - at <= fresh:
-                return value
-            value = make()
-            with self._lock:
-                self._kept[key] = (self.clock(), value)
-                for old in list(self._kept)[: max(0, len(self._kept) - MOST)]:
-                    self._kept.pop(old)
-                    self._locks.pop(old, None)
-            return value
-
-    def forget(self, history: History | None = None) -> None:
-        """history in which something was decided (None: in any) → what was read is read anew, of others once their files differ."""
-        with self._lock:
-            self._kept = {k: known for k, known in self._kept.items() if k.startswith(STATED)}
-            self._asked = {k: known for k, known in self._asked.items() if history is not None and k[0] != id(history)}
-
-    def asked(self, history: History, what: str, make: Callable[[], T], again: float = AGAIN) -> T:
-        """history, name of a question, how to ask it → the answer; that of before while the file of the history has not changed.
-
-        A list of 200 machines, each with a history of its own, would ask 200 databases at every look. Late is a matter of the
-        clock, so each question is asked again after one to two times `again` (s), not all of them at once.
-        """
-        stamp = self._stamp(history)
-        key, now = (id(history), what), self.clock()
-        known = self._asked.get(key)
-        if stamp and known is not None and known[0] == stamp and now < known[1]:
-            return cast("T", known[2])
-        answer = make()
-        self._asked[key] = (stamp, now + again * (1 + zlib.crc32(str(key).encode()) % 100 / 100), answer)
-        return answer
-
-    def written(self, history: History, machine: str) -> object:
-        """history, name of a machine → what differs once something is written of it: the end of its chain, and where the history
-        has no other machine its file, which need not be opened for that.
-        """
-        stamp = self._stamp(history)
-        if stamp and len(self.asked(history, "machines", history.machines, SELDOM)) < 2:
-            return stamp
-        return self._heads(history).get(machine)
-
-    def _heads(self, history: History) -> Mapping[str, object]:
-        """history → {machine: end of its chain}."""
-        if self._stamp(history):
-            return self.asked(history, "heads", history.newest_hashes, SELDOM)
-        return self.kept(f"heads {id(history)}", history.newest_hashes)
-
-    def of_machine(self, machine: Served, what: str, make: Callable[[], T]) -> T:
-        """machine, name of what its history says of it, how to read that → the same until something is written of the machine."""
-        key = f"of {machine.slug} {what}"
-        head = None if machine.history is None else self.written(machine.history, machine.name)
-        known = self._of.get(key)
-        if known is None or known[0] != head:
-            known = self._of[key] = head, make()  # the head is older than what was read, never newer
-        return cast("T", known[1])
-
-    def _stamp(self, history: History) -> Stamp:
-        """history → what its file and its log look like; empty for one on a server, which is asked every time."""
-        where = self._where.get(id(history), "://")
-        return () if "://" in where else (*_looks(where), *_looks(f"{where}-wal"))
 
     def nightly(self, folder: Path) -> Nightly:
         """folder → its nightly.yaml; read again when it has changed. Raises TangoError for one that cannot be read."""
@@ -197,7 +87,7 @@ class Places:
         for folder in self.settings.find() if self.settings.find else self.settings.cells:
             cell = self.cell(folder)
             name = cell.machine.name if isinstance(cell, Cell) else folder.name
-            own, why = (shared, "") if shared is not None else self._own(folder)
+            own, why = (shared, "") if shared is not None else self._of_cell(folder)
             slug = slug_of(name)
             if slug in found:
                 slug = slug_of(f"{name} {folder.name}")
@@ -230,7 +120,7 @@ class Places:
                 continue
             within = not self.settings.history and self._within(m.folder)
             asked = f"formers {m.name} {within} {zlib.crc32(repr(sorted(names)).encode())} {today()}"
-            read = NewestRecords(m.history, self._heads(m.history), self._newest.setdefault(id(m.history), {}))
+            read = NewestRecords(m.history, self.heads(m.history), self._newest.setdefault(id(m.history), {}))
             known = self.asked(m.history, asked, partial(formers, read, m.name, m.folder, within, names), SELDOM)
             told = tuple(f.told(m.name, new) for f in known if f.alarms or f.held or new)
             found[slug] = replace(m, former=(*m.former, *told))
@@ -300,7 +190,7 @@ class Places:
         known, now = self._cells.get(folder), self.clock()
         if known is not None and 0 <= now - known[0] < LOOKED:
             return known[2]
-        stamp = tuple(number for name in CELL for number in _looks(f"{folder}{os.sep}{name}"))
+        stamp = tuple(number for name in CELL for number in looks_of(f"{folder}{os.sep}{name}"))
         if known is not None and known[1] == stamp:
             self._cells[folder] = (now, stamp, known[2])
             return known[2]
@@ -311,7 +201,7 @@ class Places:
         self._cells[folder] = (now, stamp, cell)
         return cell
 
-    def _own(self, folder: Path) -> tuple[History | None, str]:
+    def _of_cell(self, folder: Path) -> tuple[History | None, str]:
         """folder → the history that its nightly.yaml names, None where it has none; why it cannot be read, else ''."""
         try:
             settings = self.nightly(folder)
@@ -328,7 +218,7 @@ class Places:
         if not must and "://" not in where and not Path(where).exists():
             return None
         history = self._stack.enter_context(opened(where, create=False)).as_of(lambda: datetime.now(UTC))
-        self._histories[where], self._where[id(history)] = history, where
+        self._histories[where], self.where[id(history)] = history, where
         return history
 
     def fleet(self) -> Sequence[Row]:
@@ -408,15 +298,6 @@ class Places:
 def today() -> str:
     """→ local date."""
     return f"{datetime.now().astimezone():%Y-%m-%d}"
-
-
-def _looks(name: str) -> tuple[int, int]:
-    """file → when it was changed and how large it is; zeros where there is none."""
-    try:
-        stat = os.stat(name)
-    except OSError:
-        return 0, 0
-    return stat.st_mtime_ns, stat.st_size
 
 
 def told(night: Night, limits: Mapping[str, float]) -> str:

@@ -22,7 +22,7 @@ from ...report.morning import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
-from ..places import Row
+from ..served import Row
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of, rows_of, unchanged
 
 NOTE = 500  # characters

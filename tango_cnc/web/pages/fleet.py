@@ -26,13 +26,15 @@ from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
-from ..places import Row, today
+from ..places import today
 from ..places import told as verdict_of
+from ..served import Row
 from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
 from .report import file_of_cell
 
 NAMED = 3  # machines that are late, by their names
 GROUPS = {"no": 1, "unknown": 2, "but": 3, "wait": 4, "yes": 5, "none": 6}  # in this order; 0: one that may still move
+ANSWERS = ("yes", "but", "no", "not_yet", "unknown", "measuring")  # each is counted by its own word
 T = TypeVar("T")
 
 
@@ -42,9 +44,8 @@ def fleet(request: Request) -> Response:
     state = state_of(request)
     rows = state.places.kept("fleet rows", lambda: rows_of(state))
     late = [r["name"] for r in rows if r["late"]]
-    counts = {key: sum(r["may"] == key for r in rows) for key in ("yes", "but", "no", "unknown", "wait", "none")}
-    counts["not_yet"] = sum(r["may"] == "no" and r["word"] == state.texts("may.not_yet") for r in rows)
-    counts["no"] -= counts["not_yet"]
+    answers = Counter(r["answer"] for r in rows)
+    counts = {key: answers.pop(state.texts(f"may.{key}"), 0) for key in ANSWERS}  # a shop may have one word for two of them
     hours = f"{state.settings.late_hours:g}"
     names = ", ".join(late[:NAMED]) + (f" … ({len(late)})" if len(late) > NAMED else "")
     made_up = bool(rows) and all(r["simulated"] for r in rows)

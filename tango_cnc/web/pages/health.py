@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ..app import needs, state_of
-from ..places import Row
+from ..served import Row
 from ..settings import LOOPBACK
 
 VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")

@@ -30,7 +30,8 @@ from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
-from ..places import STRIP, Served, measured_before, told
+from ..places import STRIP, measured_before, told
+from ..served import Served
 from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list

@@ -15,7 +15,8 @@ from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
-from ..places import Served, told
+from ..places import told
+from ..served import Served
 from .machine import ANOTHER, happened_to, limits_of, record_before
 from .report import NAMES, file_of_night
 

@@ -16,7 +16,7 @@ from starlette.routing import Route
 
 from ..app import machine_of, needs, page, state_of
 from ..guard import POLICY
-from ..places import Served
+from ..served import Served
 
 SANDBOX = (
     "sandbox allow-scripts; default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:; "
@@ -47,16 +47,18 @@ def report_alone(request: Request) -> Response:
 def of_night(request: Request) -> Response:
     """request → a page around one that the night wrote. Raises HTTPException 404."""
     found, record, name = _asked(request)
-    if file_of_night(found, record, name) is None:
+    unit = state_of(request).units.system
+    if (file := file_of_night(found, record, name, unit)) is None:
         raise HTTPException(404)
+    kept = unit == "inch" and file.name == name == "morning.html"  # no night before has written it in both units
     back = f"/machine/{found.slug}/night/{request.path_params['entry']}"
-    return _framed(request, found, str(record.get("night") or ""), back, bool(record.get("simulated")))
+    return _framed(request, found, str(record.get("night") or ""), back, bool(record.get("simulated")), kept)
 
 
 def of_night_alone(request: Request) -> Response:
     """request → a page that the night wrote, as its file is. Raises HTTPException 404."""
     found, record, name = _asked(request)
-    return sandboxed(file_of_night(found, record, name))
+    return sandboxed(file_of_night(found, record, name, state_of(request).units.system))
 
 
 def _asked(request: Request) -> tuple[Served, Mapping[str, Any], str]:
@@ -67,8 +69,10 @@ def _asked(request: Request) -> tuple[Served, Mapping[str, Any], str]:
     return found, record_of(found, int(request.path_params["entry"])), str(request.path_params["name"])
 
 
-def _framed(request: Request, machine: Served, night: str, back: str, made_up: bool) -> Response:
-    """request, machine, date of a night or '', address of its page, whether no machine was measured → the page around a report."""
+def _framed(request: Request, machine: Served, night: str, back: str, made_up: bool, in_mm: bool = False) -> Response:
+    """request, machine, date of a night or '', address of its page, whether no machine was measured, whether a file of the night is
+    in mm on pages in inch → the page around a report.
+    """
     from .machine import answer_today
 
     values: dict[str, Any] = {
@@ -77,6 +81,7 @@ def _framed(request: Request, machine: Served, night: str, back: str, made_up: b
         "back": back,
         "source": f"{request.url.path}/alone",
         "simulated": made_up,
+        "in_mm": in_mm,
         "in_doubt": not back and _in_doubt(machine, state_of(request).units.system),
     }
     answer = page(request, "framed.html", **values, today=answer_today(request, machine))
@@ -118,14 +123,19 @@ def file_of_cell(machine: Served, unit: str = "") -> Path | None:
     return file if kept else other
 
 
-def file_of_night(machine: Served, record: Mapping[str, Any], name: str) -> Path | None:
-    """machine, record, name of a page → its file, None where it is not there or not in the folder of the cell."""
+def file_of_night(machine: Served, record: Mapping[str, Any], name: str, unit: str = "") -> Path | None:
+    """machine, record, name of a page, mm or inch → its file, in that unit where the night has written it so; None where it is not
+    there or not in the folder of the cell.
+    """
     folder = (record.get("artefacts") or {}).get("folder")
     if machine.folder is None or not isinstance(folder, str) or name not in NAMES:
         return None
     root = machine.folder.resolve()
     file = (root / folder / name).resolve()
-    return file if file.is_relative_to(root) and file.is_file() else None
+    if not (file.is_relative_to(root) and file.is_file()):
+        return None
+    other = file.with_name(f"{file.stem}.{unit}.html")
+    return other if unit and other.is_file() and not other.is_symlink() else file
 
 
 ROUTES = [

@@ -27,7 +27,7 @@ from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plott
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
-from ..places import Served
+from ..served import Served
 from .machine import answer_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it

@@ -19,7 +19,7 @@ from ...report.course import course, drift_told, jumps_of
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
-from ..places import Served
+from ..served import Served
 from .machine import LAST, alarms_by_entry, busy_of, course_of_tip, curves, events_of, limits_of, morning_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
