@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import postprocessors as posts
 import pytest
 import yaml
 from support.histories import record
@@ -23,6 +22,7 @@ from support.nights_parts import machine_of, settings_of
 from support.readers import READERS, TEXTS, cell
 from support.shopfiles import marked, touched
 
+import postprocessors as posts
 from tango_cnc import files
 from tango_cnc.asked import as_run, asked
 from tango_cnc.files import checked
