@@ -70,9 +70,10 @@ lint: .venv/test.stamp
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-# One simulated year of nights again, step for step: make nights SEED=17. Without SEED a thousand years; TANGO_YEARS=5 for less.
+# A simulated year of nights: make nights SEED=17. make nights YEARS=1000 SEED=0 JOBS=2 plays those years in two processes; years that
+# are done on this code (build/years.jsonl) are not played again, and the last line is the sum of all. MINUTES=10 stops after that time.
 nights: .venv/test.stamp
-	TANGO_SEED=$(SEED) $(BIN)/python -m pytest tests/test_nights.py -m campaign -k years -s
+	$(BIN)/python benchmarks/years.py $(if $(YEARS),--years $(YEARS)) $(if $(SEED),--seed $(SEED)) $(if $(JOBS),--jobs $(JOBS)) $(if $(MINUTES),--minutes $(MINUTES))
 
 # Bugs planted one at a time in the nights and the history: does the year of nights find each of them?
 planted: .venv/test.stamp

@@ -9,6 +9,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +20,9 @@ from support.histories import record
 from support.mutants import campaign
 from support.nights_parts import machine_of, settings_of
 from support.readers import READERS, TEXTS, cell
-from support.shopfiles import marked
+from support.shopfiles import marked, touched
 
+import postprocessors as posts
 from tango_cnc import files
 from tango_cnc.asked import as_run, asked
 from tango_cnc.files import checked
@@ -29,6 +32,7 @@ from tango_cnc.link.lock import NAME, holding
 from tango_cnc.link.process import alive
 from tango_cnc.nc import blocks
 from tango_cnc.nearest import printable
+from tango_cnc.plan import plan_hash
 from tango_cnc.readback.expressions import expression
 from tango_cnc.records import InputError, LinkError
 from tango_cnc.report import morning
@@ -57,6 +61,20 @@ MANY = int(os.environ.get("TANGO_MUTANTS", "100000"))
 FIRST = int(os.environ.get("TANGO_SEED") or "1000000")
 
 
+MEMORY = Path("/dev/shm")  # a folder of this name is in memory: writing a file takes longer than reading most of them
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """→ an empty folder in memory where the computer has such, with the files that a reader makes for a while."""
+    if not (MEMORY.is_dir() and os.access(MEMORY, os.W_OK)):
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        yield Path(folder)
+
+
 @pytest.mark.few(5)
 @pytest.mark.untrusted
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -70,15 +88,36 @@ def test_a_few_spoilt_files(kind: str, tmp_path: Path) -> None:
 @pytest.mark.untrusted
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", READERS)
-def test_many_spoilt_files(kind: str, tmp_path: Path) -> None:
-    cell(tmp_path)
-    came = campaign(READERS[kind], tmp_path, range(FIRST, FIRST + MANY))
+def test_many_spoilt_files(kind: str, place: Path) -> None:
+    cell(place)
+    came = campaign(READERS[kind], place, range(FIRST, FIRST + MANY))
     print(
         f"\n{kind}, seeds {FIRST} to {FIRST + MANY - 1}: {came.files} files, {came.refused} refused, {len(came.wrong)} wrong, "
         f"{came.seconds:.0f} s"
     )
     assert came.wrong == {}
     assert came.refused > 0 or kind in SILENT, "a reader that takes everything does not read this file"
+
+
+def kinds_of_lines(program: str) -> set[str]:
+    """program → its lines without numbers, signs, marks, letters of axes and how many there are: what a reader distinguishes."""
+    found = set()
+    for line in program.splitlines():
+        kind = re.sub(r"[0-9A-F]{12}", "MARK", line.replace("FACET TOP", "FACET 1"))
+        kind = re.sub(r"#?(?:\d+\.?\d*|\.\d+)", "#", re.sub(r"[][() ]+", " ", kind))
+        kind = re.sub(r"(?:[-+] ?)*#(?: ?[-+]? ?#)*", "#", kind)
+        kind = re.sub(r"(?<![A-Z])[XYZBC](?![A-Z])|(?<=VAPA)[XYZBC]", "A", kind)
+        found.add(re.sub(r"(?<!\S)(\S+(?: \S+)*?)(?: \1)+(?!\S)", r"\1", kind))
+    return found
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("post", posts.names())
+def test_the_program_that_is_spoilt_has_every_kind_of_line_of_a_longer_one(post: str, tmp_path: Path) -> None:
+    cell(tmp_path)
+    short, longer = (touched(tmp_path, which)[1] for which in (slice(-1, None), slice(None)))
+    one, other = ("\n".join(posts.program(posts.load(post), made, {}, plan_hash(made))[2]()) for made in (short, longer))
+    assert len(one) < len(other) and kinds_of_lines(other) - kinds_of_lines(one) == set()
 
 
 @pytest.mark.parametrize("name", ["m" * 300 + ".yaml", "x/" * 3000, "a\\0b"], ids=["long", "deep", "with a NUL"])

@@ -52,7 +52,7 @@ def test_a_full_disk_before_anything_was_sent_sends_nobody_to_the_control() -> N
             disk=SimpleNamespace(free_mb=lambda: 1e6),
             past=SimpleNamespace(of_now=lambda: None),
         )
-        record, *_ = _measured(Nightly(), cast(Ports, world), 0.0)
+        record, *_ = _measured(Nightly(), cast(Ports, world), cast(Ports, world), 0.0)
         assert record.get("moved") is moved and record["kind"] == "none"
 
 

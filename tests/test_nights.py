@@ -1,34 +1,32 @@
 """Nights by the thousand, each out of one seed: nothing lost, nothing invented, machine safe, something said, an end.
 
-make nights SEED=17          the year of that seed again, step for step
-TANGO_YEARS=1000             how many the campaign plays
+make nights SEED=17              the year of that seed again, step for step
+make nights YEARS=1000 JOBS=2    a thousand years, and their sum; TANGO_YEARS=5 for those of the campaign below
 """
 
 from __future__ import annotations
 
 import importlib
 import os
-from collections import Counter
+import re
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
+from types import FrameType
 
 import pytest
-from scipy import special
-from support.years import FAULTS, Bench, Broken, Year, bench
-
-from tango_cnc.files import read_cell, read_world
+from support import yearbook
+from support.imports import modules
+from support.years import FAULTS, Bench, Broken, Year
 
 MANY = {name: 3 * p for name, p in FAULTS.items()} | {"power": 0.15, "mail down": 0.06, "database down": 0.04}
 
 
 @pytest.fixture(scope="module")
-def small(root: Path) -> Bench:
+def small() -> Bench:
     """Every fourth indexation of the example machine."""
-    cell = read_cell(root / "examples" / "hu40t")
-    strategy = replace(cell.strategy, indexations=cell.strategy.indexations[::4])
-    return bench(replace(cell, strategy=strategy), read_world(root / "examples" / "hu40t" / "world.yaml"))
+    return yearbook.small()
 
 
 @pytest.mark.long
@@ -47,24 +45,70 @@ def test_a_seed_is_the_same_year_again(small: Bench) -> None:
 
 @pytest.mark.campaign
 def test_years_of_nights(small: Bench) -> None:
-    seed = os.environ.get("TANGO_SEED")
-    seeds = [int(seed)] if seed else range(int(os.environ.get("TANGO_YEARS", "1000")))
-    became: Counter[str] = Counter()
-    false = true = measured = knocks = 0
-    for number in seeds:
-        result = Year(small, number).run()
-        became.update(result["became"])
-        false, true = false + result["false"], true + result["true"]
-        measured, knocks = measured + result["measured"], knocks + result["knocks"]
-        low = float(special.gammaincinv(false, 0.025)) if false else 0.0
-        high = float(special.gammaincinv(false + 1, 0.975))
-        print(
-            f"seed {number}: {dict(became)}; {false} false alarms in {measured} measured nights, "
-            f"one in {measured / max(false, 1):.0f} ({measured / high:.0f} … {measured / low if low else float('inf'):.0f}), "
-            f"{true} true ones of {knocks} knocks",
-            flush=True,
-        )
-    assert low <= 1.2 * measured / 730, "false alarms are more frequent than stated"
+    code = yearbook.code()
+    years = [yearbook.played(small, seed, code) for seed in range(int(os.environ.get("TANGO_YEARS", "1000")))]
+    print(yearbook.summary(years, code))
+    assert not [year for year in years if "broken" in year]
+    low, _ = yearbook.bounds(sum(year["false"] for year in years))
+    assert low <= 1.2 * sum(year["measured"] for year in years) / 730, "false alarms are more frequent than stated"
+
+
+@pytest.mark.long
+def test_a_year_that_is_done_is_kept_and_counted_once(small: Bench, tmp_path: Path) -> None:
+    kept, code = tmp_path / "years.jsonl", "0123456789abcdef"
+    line = yearbook.played(small, 3, code, 10)
+    assert line["nights"] == 10 and sum(line["became"].values()) == 10 and line["measured"] <= 10
+    yearbook.keep(line, kept)
+    yearbook.keep(line | {"false": 1}, kept)
+    yearbook.keep(line | {"seed": 4, "code": "of another code"}, kept)
+    yearbook.keep({"seed": 5, "code": code, "broken": "seed 5, night 0, fault '': a night without a message"}, kept)
+    with kept.open("a", encoding="utf-8") as file:
+        file.write('{"seed": 6, "code": "0123456789abc')  # the power went
+    years = yearbook.years(code, kept)
+    assert sorted(year["seed"] for year in years) == [3, 5]
+    said = yearbook.summary(years, code)
+    assert f"2 years (10 nights) on code {code}: 1 false alarms in {line['measured']} measured nights" in said
+    assert "0 moves after a preflight that failed, 1 nights without a message" in said and "seeds 3, 5" in said
+
+
+def test_the_hash_of_the_code_is_of_what_a_night_does() -> None:
+    """Another comment is the same code, another number is not; and what a night imports belongs to it, as far as it goes."""
+    one = '"""What it does."""\n\ndef found(a: int) -> int:\n    """a → a."""\n    return a + 1  # one more\n'
+    assert yearbook.meaning(one) == yearbook.meaning(
+        one.replace("one more", "else").replace("a → a", "else").replace("What", "That")
+    )
+    assert yearbook.meaning(one) != yearbook.meaning(one.replace("a + 1", "a + 2"))
+    needed = {"nightly.night", "nightly.analysis", "state.filter", "history.store", "history.migrations", "texts", "model"}
+    assert {f"tango_cnc.{name}" for name in needed} <= set(yearbook.reached())
+
+
+@pytest.mark.long
+def test_what_is_left_out_of_that_hash_does_nothing_in_a_night(small: Bench) -> None:
+    ran = set[str]()
+
+    def called(frame: FrameType, what: str, _: object) -> None:
+        if what == "call" and frame.f_code.co_name not in ("<module>", "<genexpr>", "<listcomp>", "<dictcomp>", "<lambda>"):
+            ran.add(frame.f_code.co_filename)
+
+    Year(small, 3, rates=MANY).run(1)  # what is imported late runs what makes its tables
+    sys.setprofile(called)
+    try:
+        Year(small, 3, rates=MANY | {"knock": 0.1}).run(30)
+    finally:
+        sys.setprofile(None)
+    known = {str(file): name for name, file in modules(yearbook.ROOT).items() if not name.startswith("tests")}
+    aside = {known[file] for file in ran if file in known} - set(yearbook.reached())
+    assert not aside and len(ran & set(known)) > 50
+
+
+def test_years_are_counted_by_what_they_broke() -> None:
+    """A sentence of the campaign that no word fits would be counted as another thing."""
+    said = re.findall(r'Broken\(f?"([^"]+)"', (Path(__file__).parent / "support" / "years.py").read_text(encoding="utf-8"))
+    kinds = {text: yearbook.kind_of(text) for text in said}
+    assert kinds["moved after a failed preflight"] == kinds["the machine moves and the folder is not locked"] == "moves"
+    assert kinds["a night without a message"] == "silent" and kinds["a night that does not end"] == "hangs"
+    assert kinds["readings are lost or invented"] == "history"
+    assert yearbook.spans([9, 3, 4, 5, 7]) == "3 … 5, 7, 9"
 
 
 # What a programmer could get wrong: module, what stands there, what it becomes.

@@ -103,6 +103,8 @@ PARAMETERS = select(_p.name, _p.value, _p.std, _p.unit, _p.start_utc, _p.machine
 DECISIONS = (
     select(t.decision).where(t.decision.c.machine_id == bindparam("machine")).order_by(t.decision.c.utc, t.decision.c.entry_id)
 )
+MACHINES = select(t.machine.c.name).order_by(t.machine.c.name)
+ID = select(t.machine.c.id).where(t.machine.c.name == bindparam("name"))
 MACHINE = select(t.machine.c.id).where(t.machine.c.name == bindparam("name")).with_for_update()
 LAST = (  # entry of a machine
     select(t.entry.c.number, t.entry.c.hash)

@@ -9,6 +9,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy import Column, Float, Integer, LargeBinary, Row, Select
 
 from ..files.readjson import parse_json
@@ -122,11 +123,17 @@ def knowledge(names: str, packed: bytes | None) -> Knowledge:
     except (ValueError, TypeError, zlib.error):
         raise InputError(f"history: found an estimate that cannot be unpacked; {AGAIN}") from None
     covariance = np.zeros((p, p))
-    covariance[np.tril_indices(p)] = data[p:]
+    covariance[lower_of(p)] = data[p:]
     whole, values = covariance + np.tril(covariance, -1).T, np.array(data[:p])
     for shared in (whole, values):
         shared.setflags(write=False)
     return Knowledge(tuple(known), values, whole)
+
+
+@lru_cache(4)
+def lower_of(count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """p unknowns → rows and columns of the lower triangle of their covariance, in the order in which it is packed."""
+    return np.tril_indices(count)
 
 
 def _unpacked(packed: bytes) -> bytes:

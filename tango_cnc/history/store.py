@@ -28,6 +28,7 @@ from ..records import InputError, LinkError
 from . import _asked as asked
 from . import _chain, _fleet, _whole
 from . import _tables as t
+from ._answers import answers
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
 from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
@@ -170,7 +171,7 @@ class History:
 
     def machines(self) -> tuple[str, ...]:
         """→ names, in the order of the alphabet."""
-        return tuple(row.name for row in self._rows(select(t.machine.c.name).order_by(t.machine.c.name)))
+        return tuple(row.name for row in self._rows(asked.MACHINES))
 
     def knows(self, machine: str) -> bool:
         """machine → whether there is one of that name."""
@@ -382,7 +383,7 @@ class History:
 
     def _machine(self, name: str) -> int:
         if name not in self._ids:
-            rows = self._rows(select(t.machine.c.id).where(t.machine.c.name == name))
+            rows = self._rows(asked.ID, {"name": name})
             if not rows:
                 raise InputError(f"history: found no machine {name!r}; allowed: {_listed(self.machines())}")
             self._ids[name] = int(rows[0].id)
@@ -398,8 +399,7 @@ class History:
 
     def _asked(self, wanted: Select[Any], given: Mapping[str, Any] | None) -> list[Row[Any]]:
         try:
-            with self.engine.connect() as connection:
-                found = list(connection.execute(wanted, given).all())
+            found = answers(self.engine, wanted, given)
         except (DBAPIError, UnicodeDecodeError) as error:
             raise LinkError(f"history: it cannot be read ({first_line(error)}); {self._look_at(error)}") from None
         _whole.rows(wanted, found)

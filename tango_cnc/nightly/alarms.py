@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..records import Array, Cell
 from ..report.texts import texts
-from ..state import Frame, Named, State, Tonight
+from ..state import Frame, Hypothesis, Named, State, Tonight, hypotheses
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
 from ..texts import say
@@ -31,6 +32,16 @@ class Known:
     cell: Cell
     followed: Frame
     lever: Array
+
+    @cached_property
+    def tried(self) -> tuple[Hypothesis, ...]:
+        """→ every cause of a change, but for that of a temperature: the same every night."""
+        return hypotheses(self.followed, None)
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """→ (p,) names under which the record has what is followed."""
+        return tuple(self.followed.selection.label(name) for name in self.followed.names)
 
     def worst(self, moved: Array) -> float:
         """(p,) change of the unknowns → µm at the worst pose of the volume."""

@@ -360,7 +360,7 @@ class Nights(BeforeNight):
     def _within(self, ahead: State, readings: Readings, tonight: Tonight) -> Within | None:
         """prediction, readings, their judgement → the step of the machine within this run, where that alone explains it."""
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
-        return stepped(ahead, what, readings.time, hypotheses(self.followed, None), tonight.scale)
+        return stepped(ahead, what, readings.time, self.known.tried, tonight.scale)
 
     def _moves(self, ahead: State, readings: Readings, tonight: Tonight, named: Named | None) -> float:
         """prediction, readings, their judgement, its best story → by how much a machine that moves on while it is measured explains

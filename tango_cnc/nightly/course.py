@@ -42,7 +42,7 @@ def followed(k: Known) -> list[Place]:
 
 def name_of(k: Known, i: Place) -> str:
     """→ what an alarm calls it."""
-    return ALIKE if isinstance(i, tuple) else k.followed.selection.label(k.followed.names[i])
+    return ALIKE if isinstance(i, tuple) else k.labels[i]
 
 
 def places_of(i: Place) -> tuple[int, ...]:
@@ -52,7 +52,7 @@ def places_of(i: Place) -> tuple[int, ...]:
 
 def names_of(k: Known, i: Place) -> tuple[str, ...]:
     """→ the parameters on record that it is made of."""
-    return tuple(name_of(k, j) for j in i) if isinstance(i, tuple) else (name_of(k, i),)
+    return tuple(k.labels[j] for j in i) if isinstance(i, tuple) else (k.labels[i],)
 
 
 def on_record(k: Known, i: Place, record: Mapping[str, Any], after: State) -> tuple[float, float] | None:
@@ -62,15 +62,16 @@ def on_record(k: Known, i: Place, record: Mapping[str, Any], after: State) -> tu
         return None
     if not isinstance(i, tuple):
         return float(own[0]["value"]), float(own[0]["std"])
-    share = float(np.mean([p["std"] / after.std[j] for p, j in zip(own, i, strict=True)]))
-    return float(np.mean([p["value"] for p in own])), share * now_of(i, after)[1]
+    std = after.std
+    share = sum([float(p["std"] / std[j]) for p, j in zip(own, i, strict=True)]) / len(i)
+    return sum([float(p["value"]) for p in own]) / len(i), share * now_of(i, after)[1]
 
 
 def now_of(i: Place, after: State) -> tuple[float, float]:
     """→ value and standard deviation tonight."""
     if not isinstance(i, tuple):
         return float(after.mean[i]), float(after.std[i])
-    return float(np.mean(after.mean[list(i)])), float(np.sqrt(after.covariance[np.ix_(i, i)].mean()))
+    return after.mean_of(i)
 
 
 def alone_or_alike(k: Known, i: Place, record: Mapping[str, Any], after: State) -> Place:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from ..records import Array
@@ -30,6 +31,7 @@ from .lookback import drifting
 
 WINDOWS = (5, 7, 9, 11, 14, 17, 21, 28, 40)  # measured nights over which steps that go one way are looked for
 SLOW = 12  # measured nights that the likelihood needs before it distinguishes a slow drift from a wander
+ROUNDED = 0.9  # of a limit: what is nearer to it is reckoned exactly
 CREEPS = 1e-3  # chance a night of a sentence about steps that go one way by chance
 
 
@@ -51,19 +53,19 @@ def creeping(
     best: tuple[float, float, Place, int] = (CREEPS, 0.0, -1, 0)
     back = [r for r in records if r.get("parameters") and r.get("state")][: WINDOWS[-1] - 1]
     said = [told_of(r) for r in back]
-    courses = {i: _course(k, i, after, back, said) for i in followed(k)}
-    for i, (day, values) in courses.items():
-        windows = [n for n in WINDOWS if n <= len(day)]
+    places = followed(k)
+    steps, reach = _courses(k, places, after, back, said)
+    far = _far(steps)
+    for column, i in enumerate(places):
+        windows = [n for n in WINDOWS if n <= reach[column]]
         tried += len(windows)
-        if windows:
-            chances, farthest = _one_way(np.diff(values) / np.diff(day), windows)
+        if far[: len(windows), column].any():
+            chances, farthest = _one_way(steps[: reach[column] - 1, column].copy(), windows)
             own = [(float(c), float(s), i, n) for c, s, n in zip(chances, farthest, windows, strict=True)]
             best = min(best, *own, key=lambda one: one[:2])
     chance, sigmas, i, nights = best
-    if (i == -1 or tried * chance > CREEPS) and (
-        slow := _slow(k, back, after, {i: len(day) for i, (day, _) in courses.items()})
-    ) is not None:
-        tried, (chance, sigmas, i, nights) = len(courses), slow
+    if (i == -1 or tried * chance > CREEPS) and (slow := _slow(k, back, after, dict(zip(places, reach, strict=True)))) is not None:
+        tried, (chance, sigmas, i, nights) = len(places), slow
     if i == -1 or tried * chance > CREEPS:
         return None
     record = back[nights - 2]
@@ -112,20 +114,48 @@ def _one_way(steps: Array, windows: Sequence[int]) -> tuple[Array, Array]:
     return 2 * special.stdtr(many - 1, -sigmas), sigmas
 
 
-def _course(
-    k: Known, i: Place, after: State, back: Sequence[Mapping[str, Any]], said: Sequence[frozenset[str]]
-) -> tuple[Array, Array]:
-    """what is known, a parameter, state after tonight, measured nights newest first, what each told a change of → (m,) days,
-    (m,) values, back to its last alarm or repair.
+def _far(steps: Array) -> NDArray[np.bool_]:
+    """(n, m) steps a day of each parameter, newest first → (windows that fit, m) whether they may go one way by more than chance
+    does (`CREEPS`): from sums of all parameters at once, with room for how these are rounded. Nearly none does, any night.
     """
-    days, values, names = [after.day], [now_of(i, after)[0]], names_of(k, i)
-    ends = {*names, ALIKE} if names[0] in SCALES else {*names}
-    for r, changed in zip(back, said, strict=True):
-        own, day = [r["parameters"].get(name) for name in names], float(r["state"]["day"])
-        if None in own or not day < days[-1]:
+    windows = [w for w in WINDOWS if w <= len(steps) + 1]
+    many = np.array(windows)[:, None] - 1.0
+    last = np.array(windows, dtype=np.int64) - 2
+    total, squares = np.cumsum(steps, axis=0)[last], np.cumsum(steps**2, axis=0)[last]
+    spread = np.maximum(squares - total**2 / many, 0.0) / (many - 1)
+    return np.asarray(~(total**2 / many < (ROUNDED * special.stdtrit(many - 1, CREEPS / 2)) ** 2 * spread))
+
+
+def _courses(
+    k: Known, places: Sequence[Place], after: State, back: Sequence[Mapping[str, Any]], said: Sequence[frozenset[str]]
+) -> tuple[Array, list[int]]:
+    """what is known, m parameters, state after tonight, measured nights newest first, what each told a change of → (n, m) steps a
+    day, newest first; nights of each, back to its last alarm or repair.
+    """
+    days = [after.day]
+    for r in back:
+        if not (day := float(r["state"]["day"])) < days[-1]:
             break
         days.append(day)
-        values.append(sum(float(p["value"]) for p in own) / len(names))
-        if not changed.isdisjoint(ends):
-            break
-    return np.array(days), np.array(values)
+    single = {j: at for at, j in enumerate(dict.fromkeys(j for i in places for j in places_of(i)))}
+    labels = [k.labels[j] for j in single]
+    nights = np.empty((len(days), len(single)))
+    nights[0] = after.mean[list(single)]
+    for row, r in zip(nights[1:], back, strict=False):
+        known = [r["parameters"].get(name) for name in labels]
+        row[:] = [np.nan if p is None else p["value"] for p in known]
+    values = np.empty((len(days), len(places)))
+    reach = []
+    for column, i in enumerate(places):
+        own = [nights[:, single[j]] for j in places_of(i)]
+        values[:, column] = sum(own[1:], own[0]) / len(own) if len(own) > 1 else own[0]
+        values[0, column] = now_of(i, after)[0]
+        gaps = np.flatnonzero(np.isnan(values[1:, column]))
+        reach.append(1 + (int(gaps[0]) if len(gaps) else len(days) - 1))
+    for night, changed in enumerate(said[: len(days) - 1], 1) if any(said) else ():
+        for column, i in enumerate(places if changed else ()):
+            names = names_of(k, i)
+            ends = {*names, ALIKE} if names[0] in SCALES else {*names}
+            if night < reach[column] and not changed.isdisjoint(ends):
+                reach[column] = night + 1
+    return np.diff(values, axis=0) / np.diff(np.array(days))[:, None], reach

@@ -151,7 +151,7 @@ def drifting(records: Sequence[Mapping[str, Any]], name: str, rates: Mapping[str
     if s is None:
         return 1.0
     base = np.column_stack([np.ones(len(s.day)), s.steps])
-    gain = _fitted(s, np.column_stack([base, s.day - s.day.mean()]))[0] - _fitted(s, base)[0]
+    gain = _likeliest(s, np.column_stack([base, s.day - s.day.mean()]))[0] - _likeliest(s, base)[0]
     return float(special.chdtrc(1, max(2 * gain, 0.0)))
 
 
@@ -344,8 +344,8 @@ def _date(day: float) -> str:
     return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=float(day))).strftime("%Y-%m-%d")
 
 
-def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
-    """series, (n, k) what may explain it → log likelihood at the best rate of wandering, (k,) sizes, (k, k) covariance."""
+def _likeliest(s: _Series, columns: Array) -> tuple[float, float]:
+    """series, (n, k) what may explain it → log likelihood at the best rate of wandering, logarithm of that rate."""
     ratio, mixed = s.apart
     across, long, _ = np.linalg.svd(columns, full_matrices=False)
     apart = mixed @ np.column_stack([across[:, long > TELLS * long[0]], s.value])  # columns that say the same are one
@@ -365,7 +365,14 @@ def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
         tried = np.clip(rate + step * FINER, LOG_RATES[0], LOG_RATES[-1])
         found, step = at(tried), step * float(FINER[1] - FINER[0])
     best = int(np.argmax(found))
-    white = mixed / np.sqrt(1 + np.exp(tried[best]) * ratio)[:, None]
+    return float(found[best]), float(tried[best])
+
+
+def _fitted(s: _Series, columns: Array) -> tuple[float, Array, Array]:
+    """series, (n, k) what may explain it → log likelihood at the best rate of wandering, (k,) sizes, (k, k) covariance."""
+    found, rate = _likeliest(s, columns)
+    ratio, mixed = s.apart
+    white = mixed / np.sqrt(1 + np.exp(rate) * ratio)[:, None]
     rows = white @ columns
     spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
-    return float(found[best]), spread @ rows.T @ (white @ s.value), spread
+    return found, spread @ rows.T @ (white @ s.value), spread

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..history import Knowledge
 from ..records import Array
-from ..state import Hypothesis, State, hypotheses
+from ..state import Hypothesis, State
 from .alarms import Known
 from .dates import LISTED
 from .ports import Past
@@ -110,7 +110,7 @@ def _sound(record: Mapping[str, Any], after: State, p: int) -> Array:
 
 def hypothesis_of(k: Known, alarm: Mapping[str, Any]) -> Hypothesis | None:
     """what is known, alarm → the directions that it names; None for one without."""
-    tried = hypotheses(k.followed, None)
+    tried = k.tried
     return next((h for h in tried if (h.cause, h.parameter) == (alarm["cause"], alarm["parameter"])), None)
 
 

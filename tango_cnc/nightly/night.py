@@ -11,6 +11,7 @@ import json
 import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -69,14 +70,16 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
         "artefacts": {"folder": f"nights/{stamp}"},
     }
     left = [*world.noticed]
+    # The history is asked once before the machine moves and once after it: minutes may lie between, and answers of somebody.
+    before, after = (replace(world, past=world.past.of_now()) for _ in range(2))
     try:
         with world.lock:
-            left += _left_behind(machine, cell, settings, world, begun)
-            base |= known_before(machine, world, cell)
-            base |= dated(base, world.past, machine, begun, settings.every_days)
+            left += _left_behind(machine, cell, settings, before, begun)
+            base |= known_before(machine, before, cell)
+            base |= dated(base, before.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
-            found, knowledge, files, readings = _measured(settings, world, day_of(begun))
-            record = asked(base | found | _edited(machine, cell, world, stamp, found))
+            found, knowledge, files, readings = _measured(settings, before, after, day_of(begun))
+            record = asked(base | found | _edited(machine, cell, after, stamp, found))
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
@@ -121,9 +124,13 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
     return record, own
 
 
-def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
-    """→ members of the record, unknowns, files, text of the readings."""
-    kind, why_kind, touches = world.analysis.choice(world.past.of_now(), day)
+def _measured(
+    settings: Nightly, world: Ports, after: Ports, day: float
+) -> tuple[dict[str, Any], Knowledge | None, dict[str, str], str | None]:
+    """settings, the world before the machine moves and after it, day → members of the record, unknowns, files, text of the
+    readings.
+    """
+    kind, why_kind, touches = world.analysis.choice(world.past, day)
     points = [room(world.disk, settings), *world.control.preflight(kind, touches)]
     found: dict[str, Any] = {"preflight": [p.as_json() for p in points], "asked": {"kind": kind, "why": why_kind}}
     failed = [p for p in points if not p.passed]
@@ -145,7 +152,7 @@ def _measured(settings: Nightly, world: Ports, day: float) -> tuple[dict[str, An
         return found | {"kind": "none", "why": measured.why or say("night.night.no_touch_was_made")}, None, {}, measured.text
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
     try:
-        more, knowledge, files = world.analysis.analysed(world.past.of_now(), day, kind, measured)
+        more, knowledge, files = world.analysis.analysed(after.past, day, kind, measured)
     except LinkError as error:  # the history went away: nothing is wrong with the readings, and nobody has judged them
         why = say("night.night.not_judged", touches=len(measured.readings), why=sentence(error))
         return (

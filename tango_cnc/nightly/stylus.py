@@ -15,7 +15,7 @@ from scipy import special
 
 from ..records import Array
 from ..report.texts import texts
-from ..state import Hypothesis, Named, State, hypotheses
+from ..state import Hypothesis, Named, State
 from .alarms import Known, of_cause
 from .course import told
 from .dates import Since, date_of
@@ -89,4 +89,4 @@ def _alarm(k: Known, h: Hypothesis, record: Mapping[str, Any], after: State) -> 
 
 def _stylus(k: Known) -> Hypothesis | None:
     """→ the directions of the stylus; None where no touch shows them."""
-    return next((h for h in hypotheses(k.followed, None) if h.cause == "stylus"), None)
+    return next((h for h in k.tried if h.cause == "stylus"), None)

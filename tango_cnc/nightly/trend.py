@@ -164,23 +164,31 @@ def _beyond(k: Known, records: Sequence[Mapping[str, Any]], after: State, scale:
             back.append(record)
         if told(record) or len(back) == SPANS[-1]:
             break
-    now = {i: now_of(i, after) for i in followed(k)}
+    places = followed(k)
+    single = np.array([i for i in places if not isinstance(i, tuple)], dtype=np.int64)
+    labels, here, sure = [k.labels[i] for i in single], after.mean[single], after.std[single]
     found: list[tuple[Place, Mapping[str, Any]]] = []
-    told_of: list[tuple[float, float, float, float]] = []
+    told_of: list[Array] = []
     for record in [back[span - 1] for span in SPANS if span <= len(back)]:
         days = max(after.day - float(record["state"]["day"]), 0.0)
         rates = np.array(record["state"]["rates"], dtype=float)
         rates = rates if len(rates) == len(k.followed.names) else k.followed.wander
         nights = float(record["state"].get("learned") or 0) or UNLEARNED
-        for i, (here, sure) in now.items():
-            if (then := on_record(k, i, record, after)) is None:
-                continue
-            rate = float(np.sum(rates[list(i)])) / len(i) ** 2 if isinstance(i, tuple) else float(rates[i])
-            found.append((i, record))
-            told_of.append((here - then[0], sure**2 + then[1] ** 2, rate * days, nights))
+        own = [record["parameters"].get(name) for name in labels]
+        known = [at for at, p in enumerate(own) if p is not None]
+        values, stds = (np.array([own[at][key] for at in known], dtype=float) for key in ("value", "std"))
+        found += [(places[at], record) for at in known]
+        wandered = rates[single[known]] * days
+        told_of.append(np.array([here[known] - values, sure[known] ** 2 + stds**2, wandered, np.full(len(known), nights)]))
+        for together in places[len(single) :]:  # the scales
+            if (then := on_record(k, together, record, after)) is not None:
+                them = list(places_of(together))
+                now, rate = now_of(together, after), float(np.sum(rates[them])) / len(them) ** 2
+                found.append((together, record))
+                told_of.append(np.array([[now[0] - then[0]], [now[1] ** 2 + then[1] ** 2], [rate * days], [nights]]))
     if not found:
         return None
-    sizes, knowns, wandered, learned = np.array(told_of).T
+    sizes, knowns, wandered, learned = np.concatenate(told_of, axis=1)
     far = np.abs(sizes) / np.sqrt((knowns + wandered) * max(scale, 1.0))
     chances = by_chance(far, knowns, wandered, learned)
     best = int(np.argmin(chances))

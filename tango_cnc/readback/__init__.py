@@ -17,6 +17,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from functools import cache
 from itertools import islice
 from typing import Any
 
@@ -32,7 +33,12 @@ HEAD = 200  # lines within which a program shows what it is
 
 def names() -> list[str]:
     """→ the languages that are read back: the files and folders of `languages/`."""
-    return sorted(found.name for found in pkgutil.iter_modules(languages.__path__))
+    return list(_names())
+
+
+@cache
+def _names() -> tuple[str, ...]:
+    return tuple(sorted(found.name for found in pkgutil.iter_modules(languages.__path__)))
 
 
 def language(name: str) -> Language:

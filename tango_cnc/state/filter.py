@@ -52,6 +52,17 @@ class State:
         """→ (p,) standard deviations."""
         return np.sqrt(np.sum(self.root**2, axis=1))
 
+    def mean_of(self, places: tuple[int, ...]) -> tuple[float, float]:
+        """places of unknowns → their mean and its standard deviation; a night asks for the same ones at every span."""
+        if places not in self._means:
+            spread = float(np.sqrt(self.covariance[np.ix_(places, places)].mean()))
+            self._means[places] = float(np.mean(self.mean[list(places)])), spread
+        return self._means[places]
+
+    @cached_property
+    def _means(self) -> dict[tuple[int, ...], tuple[float, float]]:
+        return {}
+
 
 @dataclass(frozen=True)
 class Tonight:

@@ -54,9 +54,14 @@ NAMES = {"one": [1, 2.5], "two": (lambda x: x)}
 
 @cache
 def whole(folder: Path) -> tuple[Cell, Plan]:
-    """folder → its cell, and the plan of the first touch of each of its indexations, made once: a program of every kind of line."""
+    """folder → its cell, and the plan of one touch where both rotary axes have turned, made once: it has every kind of line."""
+    return touched(folder, slice(-1, None))
+
+
+def touched(folder: Path, which: slice) -> tuple[Cell, Plan]:
+    """folder, which indexations → its cell, and the plan of the first touch of each of them."""
     cell = read_cell(folder)
-    few = tuple(replace(one, facets=one.facets[:1]) for one in cell.strategy.indexations)
+    few = tuple(replace(one, facets=one.facets[:1]) for one in cell.strategy.indexations[which])
     return cell, plan(replace(cell, strategy=replace(cell.strategy, indexations=few)))
 
 

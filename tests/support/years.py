@@ -254,6 +254,7 @@ class Year:
     cut_at: int = -1
     steps: int = 0
     trace: list[str] = field(default_factory=list)
+    number: int = -1  # of the night that is played
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
@@ -453,6 +454,7 @@ class Year:
         """→ what became of every night, and alarms that nothing caused. Raises Broken, with the night."""
         became: list[str] = []
         for number in range(nights):
+            self.number = number
             try:
                 became.append(self.one(number))
             except Broken as error:
