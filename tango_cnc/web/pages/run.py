@@ -207,7 +207,7 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="12">'
     ]
     scaled = (points - (low + high) / 2)[:, :2] / span * (np.array(MAP) - 60) * (1, -1)
-    own = tuple(map(tuple, (np.array(MAP) / 2 + scaled).tolist()))
+    own = tuple((float(x), float(y)) for x, y in np.array(MAP) / 2 + scaled)
     squares = apart(own)
     for (a, b), (x, y) in zip(own, squares, strict=True):
         if math.hypot(x - a, y - b) > SQUARE / 2:
@@ -248,7 +248,7 @@ def apart(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
         free &= (abs(at[:, None] - taken) >= APART).any(axis=2).all(axis=1)
         nearest = at[np.argmax(free)] if free.any() else np.array(own)  # more facets than there is room for
         taken = np.vstack([taken, nearest])
-    return tuple(map(tuple, taken.tolist()))
+    return tuple((float(x), float(y)) for x, y in taken)
 
 
 ROUTES = [Route("/machine/{slug}/run", run, name="run"), Route("/machine/{slug}/run/step", step, name="step")]
