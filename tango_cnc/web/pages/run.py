@@ -245,7 +245,8 @@ def apart(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
     for own in places:
         at = own + ways
         free = ((at >= (14, 26)) & (at <= np.array(MAP) - (14, 16))).all(axis=1)
-        free &= (abs(at[:, None] - taken) >= APART).any(axis=2).all(axis=1)
+        beside = np.abs(at[:, None] - taken) >= np.array(APART)
+        free &= beside.any(axis=2).all(axis=1)
         nearest = at[np.argmax(free)] if free.any() else np.array(own)  # more facets than there is room for
         taken = np.vstack([taken, nearest])
     return tuple((float(x), float(y)) for x, y in taken)
