@@ -244,9 +244,9 @@ def apart(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float],
     taken = np.empty((0, 2))
     for own in places:
         at = own + ways
-        free = ((at >= (14, 26)) & (at <= np.array(MAP) - (14, 16))).all(axis=1)
+        free = np.all((at >= (14, 26)) & (at <= np.array(MAP) - (14, 16)), axis=1)
         beside = np.abs(at[:, None] - taken) >= np.array(APART)
-        free &= beside.any(axis=2).all(axis=1)
+        free &= np.all(np.any(beside, axis=2), axis=1)
         nearest = at[np.argmax(free)] if free.any() else np.array(own)  # more facets than there is room for
         taken = np.vstack([taken, nearest])
     return tuple((float(x), float(y)) for x, y in taken)
