@@ -81,6 +81,9 @@ def test_two_numbers_of_one_event_name_their_nights() -> None:
     (found,) = faults(night(M, 14, "changed", standing=[alarm | {"total": 0.0186}]), (), {}, Units(), texts())
     of = day(night(M, 14)["night"], texts())
     assert f"Still there: +19 µm (night ending {of})." in found["text"]
+    sure = alarm | {"total": 0.0215, "now": say("night.alarms.still_there", told="+21.5 ± 0.3 µm")}
+    (found,) = faults(night(M, 14, "changed", standing=[sure]), (), {}, Units(), texts())
+    assert "by +22 µm since" in found["text"] and "it was +20 µm." in found["text"] and found["on_part_um"] == pytest.approx(21.5)
     half = alarm | {"total": 0.008, "now": say("night.alarms.now", told="+8.0 ± 0.4 µm")}
     (found,) = faults(night(M, 14, "changed", standing=[half]), (), {}, Units(), texts())
     assert "by +8 µm since" in found["text"]
