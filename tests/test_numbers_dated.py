@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from support.nights import knock, night
@@ -14,6 +14,7 @@ from support.server import cell
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
+from tango_cnc.nightly.words import headline
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
 from tango_cnc.report.days import day
@@ -160,3 +161,21 @@ def test_of_two_nights_of_one_day_the_earlier_one_may_have_been_within() -> None
     beyond = [("2026-11-30", "out_of_limits"), ("2026-11-29", "out_of_limits")]
     assert beyond_before([*beyond, ("2026-11-28", "good")], "2026-11-30") == "2026-11-29"
     assert beyond_before([beyond[0], ("2026-11-30", "good"), *beyond[1:]], "2026-11-30") == ""
+
+
+@pytest.mark.parametrize(("system", "row", "box"), [("mm", "85 µm", "85 µm"), ("inch", "0.0034 in", "0.0034 in")])
+def test_a_number_of_a_night_is_rounded_once(system: Literal["mm", "inch"], row: str, box: str, tmp_path: Path) -> None:
+    """85.47 was 85 in the box of the answer, and in the row of the night 86: the sentence has 85.5, which was rounded again."""
+    limit = {"what": "volume", "value": 85.4702, "unit": "µm", "low": 84.0, "high": 87.0, "limit": 60.0, "passed": False}
+    one = night(M, 1, "out_of_limits", limits=[limit], volume={"worst_um": 85.4702, "rms_um": 9.8, "std_um": 0.9})
+    two = {**night(M, 0), "volume": {"worst_um": 51.47, "rms_um": 9.8, "std_um": 0.9}}
+    two["change"] = two["change"] | {"p_value": None}
+    place = cell(tmp_path / "one", records=[two | {"headline": headline(two)}, one | {"headline": headline(one)}])
+    app = create(Settings((place,)))
+    app.state.tango.units = Units(system)
+    with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        text = site.get(f"/machine/{M}").text
+    assert f"Volume is {row}, " in text and f"Largest error at the tool tip: {box}, " in text.replace("<b>", "")
+    assert f"the largest error at the tool tip is {'51 µm' if system == 'mm' else '0.0020 in'}" in text
+    engineer = text.partition("For the engineer")[2]
+    assert ("Volume is 85.5 µm, 60 µm" if system == "mm" else "Volume is 3365.0 µin, ") in engineer
