@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
+from click.testing import CliRunner
 from support.nights import knock, night
 from support.server import cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
+from tango_cnc.cli import tango
 from tango_cnc.nightly.words import headline
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
@@ -179,3 +181,16 @@ def test_a_number_of_a_night_is_rounded_once(system: Literal["mm", "inch"], row:
     assert f"the largest error at the tool tip is {'51 µm' if system == 'mm' else '0.0020 in'}" in text
     engineer = text.partition("For the engineer")[2]
     assert ("Volume is 85.5 µm, 60 µm" if system == "mm" else "Volume is 3365.0 µin, ") in engineer
+
+
+@pytest.mark.parametrize("rate", [None, 0.004])
+def test_an_alarm_has_the_date_of_its_night_in_every_line(rate: float | None, tmp_path: Path) -> None:
+    """A drift had the date of the night before as soon as it was known to be one, and an open alarm at the computer always."""
+    text = say("changed.unnamed", name="EX0C", size="+20 µm", since="last night")
+    alarm = knock("2026-11-05") | {"text": text, "since": "2026-11-04", "night": "2026-11-05", "rate_per_day": rate}
+    (found,) = faults(night(M, 12, "changed", alarms=[alarm]), (), {}, Units(), texts())
+    assert "since the night ending Thu 5 Nov 2026" in found["text"] and "Wed 4 Nov" not in found["text"]
+    place = cell(tmp_path / "one", records=[night(M, 0), night(M, 12, "changed", headline=text, alarms=[alarm])])
+    said = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(place)], standalone_mode=False).output
+    line = next(x for x in said.splitlines() if "open alarm 2026-11-05-1" in x)
+    assert "since the night ending 2026-11-05" in line and "2026-11-04" not in line and "last night" not in line
