@@ -120,6 +120,25 @@ def label(x: float, y: float, text: str, anchor: str = "middle", fill: str = SOF
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{fill}">{escape(text)}</text>'
 
 
+def apart(points: Array, room: tuple[float, float], within: tuple[float, float, float, float]) -> list[tuple[float, float]]:
+    """(n, 2) px, room that each needs across and down, frame (left, top, right, bottom) → where they stand: there, or at the nearest
+    free place in the frame; where none is free, there all the same.
+
+    What has room keeps its place, whatever is crowded elsewhere.
+    """
+    crowd = [int(np.sum(np.all(np.abs(points - p) < room, axis=1))) for p in points]
+    reach = range(-24, 25)
+    steps = sorted(((i * room[0] / 2, j * room[1] / 2) for i in reach for j in reach), key=lambda s: s[0] ** 2 + s[1] ** 2)
+    found: dict[int, tuple[float, float]] = {}
+    for k in sorted(range(len(points)), key=lambda k: crowd[k]):
+        x, y = points[k].tolist()
+        tried = ((x + a, y + b) for a, b in steps if within[0] <= x + a <= within[2] and within[1] <= y + b <= within[3])
+        taken = found.values()
+        free = (t for t in tried if all(abs(t[0] - a) >= room[0] or abs(t[1] - b) >= room[1] for a, b in taken))
+        found[k] = next(free, (x, y))
+    return [found[k] for k in range(len(points))]
+
+
 def chart(series: Sequence[Plotted], frame: Canvas, marks: Sequence[Mark] = ()) -> str:
     """series, frame, lines across → one <svg>; the title is also what a screen reader says."""
     plot = _Plot(series, frame, marks)
@@ -138,7 +157,8 @@ class _Plot:
         self.left, self.right = 58.0, frame.width - 14.0
         self.title = textwrap.wrap(frame.title, max(int((frame.width - 72) / 6.9), 12))
         self.head = 8.0 + 16.0 * len(self.title) if self.title else 10.0
-        self.top = self.head + 17.0 * len(self.rows)
+        self.above = 12.0 * max((m.row + 1 for m in marks if m.x is not None and m.text), default=0)  # texts stand above all points
+        self.top = self.head + 17.0 * len(self.rows) + self.above
         self.bottom = frame.height - (38.0 if frame.x_label else 24.0)
 
     def _legend_rows(self) -> list[list[Plotted]]:
@@ -293,9 +313,10 @@ class _Plot:
         if m.x is not None:
             x = self.x(m.x)
             end = x > self.left + 0.75 * (self.right - self.left)
-            parts = [_path(f"M{x:.1f} {self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
+            foot = self.top - self.above + 9 + 12 * m.row
+            parts = [_path(f"M{x:.1f} {foot - 8 if m.text else self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
             side = f'x="{x - 4:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
-            return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
+            return [*parts, f'<text {side} y="{foot:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
         place, foot = self._free(m.text, y)
