@@ -120,25 +120,6 @@ def label(x: float, y: float, text: str, anchor: str = "middle", fill: str = SOF
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{fill}">{escape(text)}</text>'
 
 
-def apart(points: Array, room: tuple[float, float], within: tuple[float, float, float, float]) -> list[tuple[float, float]]:
-    """(n, 2) px, room that each needs across and down, frame (left, top, right, bottom) → where they stand: there, or at the nearest
-    free place in the frame; where none is free, there all the same.
-
-    What has room keeps its place, whatever is crowded elsewhere.
-    """
-    crowd = [int(np.sum(np.all(np.abs(points - p) < room, axis=1))) for p in points]
-    reach = range(-24, 25)
-    steps = sorted(((i * room[0] / 2, j * room[1] / 2) for i in reach for j in reach), key=lambda s: s[0] ** 2 + s[1] ** 2)
-    found: dict[int, tuple[float, float]] = {}
-    for k in sorted(range(len(points)), key=lambda k: crowd[k]):
-        x, y = points[k].tolist()
-        tried = ((x + a, y + b) for a, b in steps if within[0] <= x + a <= within[2] and within[1] <= y + b <= within[3])
-        taken = found.values()
-        free = (t for t in tried if all(abs(t[0] - a) >= room[0] or abs(t[1] - b) >= room[1] for a, b in taken))
-        found[k] = next(free, (x, y))
-    return [found[k] for k in range(len(points))]
-
-
 def chart(series: Sequence[Plotted], frame: Canvas, marks: Sequence[Mark] = ()) -> str:
     """series, frame, lines across → one <svg>; the title is also what a screen reader says."""
     plot = _Plot(series, frame, marks)

@@ -23,7 +23,7 @@ from ...records import Cell
 from ...report.days import at
 from ...report.morning import who_of
 from ...report.plain import office, shop
-from ...report.svg import BLUE, GOOD, GREEN, HALO, INK, LINE, RED, SOFT, Canvas, Plotted, apart, chart
+from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
@@ -190,7 +190,7 @@ def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
 
 
 def _map(run: LiveRun, cell: Cell, heading: str) -> str:
-    """Facets from above, each below its name; of those on top of each other a line leads from the square to the place."""
+    """Facets from above, each below its name; those on top of each other are moved apart, so that each can be seen."""
     made = Counter(e.facet for e in run.readings)
     facets = [f for f in cell.artefact.facets.values() if f.id in made or f.id in run.left]
     if not facets:
@@ -199,38 +199,34 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     low, high = points.min(axis=0), points.max(axis=0)
     span = max(float((high - low)[:2].max()), 1.0)
     wide, high_px = 420.0, 400.0
+    taken: list[tuple[float, float]] = []
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high_px:g}" width="{wide:g}" height="{high_px:g}" '
         f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="12">'
     ]
     centre = (low + high) / 2
-    there = (points - centre)[:, :2] / span * [wide - 60, 60 - high_px] + [wide / 2, high_px / 2]
-    places = apart(there, APART, (14, 30, wide - 14, high_px - 24))
-    for (x, y), (a, b) in zip(places, there.tolist(), strict=True):
-        if (x, y) != (a, b):
-            parts.append(f'<path d="M{a:.1f} {b:.1f}L{x:.1f} {y:.1f}" stroke="{SOFT}" stroke-width="0.8"/>')
-            parts.append(f'<circle cx="{a:.1f}" cy="{b:.1f}" r="2.2" fill="{SOFT}"/>')
-    parts += [_square(str(f.id), at, made[str(f.id)], run.left.get(f.id, 0)) for f, at in zip(facets, places, strict=True)]
+    for f, p in zip(facets, points, strict=True):
+        x = wide / 2 + (p[0] - centre[0]) / span * (wide - 60)
+        y = high_px / 2 - (p[1] - centre[1]) / span * (high_px - 60)
+        while any(abs(x - a) < APART[0] and abs(y - b) < APART[1] for a, b in taken):
+            x, y = (x + APART[0] + 1, y) if x + APART[0] + 1 < wide - 10 else (14, y + APART[1] + 1)
+        taken.append((x, y))
+        left = run.left.get(f.id, 0)
+        share = made[str(f.id)] / (made[str(f.id)] + left) if made[str(f.id)] + left else 0.0
+        ink = "#fff" if not left else INK
+        stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
+        tip = f"<title>{escape(str(f.id))}: {left}</title>"
+        corner = f'x="{x - SQUARE / 2:.1f}" width="{SQUARE:g}"'
+        parts.append(f'<g>{tip}<rect {corner} y="{y - SQUARE / 2:.1f}" height="{SQUARE:g}" fill="#fff" {stroke}/>')
+        full = GOOD if not left else "#9fd0bf"
+        top, high = y + SQUARE * (0.5 - share), SQUARE * share
+        parts.append(f'<rect {corner} y="{top:.1f}" height="{high:.1f}" fill="{full}"/>')
+        name = f'<text x="{x:.1f}" y="{y - SQUARE / 2 - 3:.1f}" text-anchor="middle" font-size="11" fill="{SOFT}">'
+        name += f"{escape(str(f.id)[:6])}</text>"
+        parts.append(f'{name}<text x="{x:.1f}" y="{y + 4.4:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
     axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
     parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
     return "".join([*parts, "</svg>"])
-
-
-def _square(facet: str, at: tuple[float, float], made: int, left: int) -> str:
-    """facet, place in px, touches made, touches to come → its square, filled as far as it is done, with its name above."""
-    x, y = at
-    share = made / (made + left) if made + left else 0.0
-    stroke = f'stroke="{SOFT}" stroke-dasharray="3 2"' if left else f'stroke="{LINE}"'
-    corner = f'x="{x - SQUARE / 2:.1f}" width="{SQUARE:g}"'
-    top, high = y + SQUARE * (0.5 - share), SQUARE * share
-    return (
-        f"<g><title>{escape(facet)}: {left}</title>"
-        f'<rect {corner} y="{y - SQUARE / 2:.1f}" height="{SQUARE:g}" fill="#fff" {stroke}/>'
-        f'<rect {corner} y="{top:.1f}" height="{high:.1f}" fill="{"#9fd0bf" if left else GOOD}"/>'
-        f'<text x="{x:.1f}" y="{y - SQUARE / 2 - 3:.1f}" text-anchor="middle" font-size="11" fill="{SOFT}" {HALO}>'
-        f"{escape(facet[:6])}</text>"
-        f'<text x="{x:.1f}" y="{y + 4.4:.1f}" text-anchor="middle" fill="{INK if left else "#fff"}">{left or "✓"}</text></g>'
-    )
 
 
 ROUTES = [Route("/machine/{slug}/run", run, name="run"), Route("/machine/{slug}/run/step", step, name="step")]
