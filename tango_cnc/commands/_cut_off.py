@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
@@ -17,7 +18,7 @@ from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
 from ..link.measure import silence_after
 from ..link.process import endings
-from ..link.readings import readings_of
+from ..link.readings import provenance, readings_of
 from ..link.rest import durations
 from ..plan import plan_hash
 from ..records import LinkError, Plan, TangoError
@@ -84,10 +85,21 @@ def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -
         with suppress(TangoError, OSError, ValueError, KeyError, TypeError):
             asked = parse_json((night / PLANNED).read_text(encoding="utf-8"))
             made = planned(str(asked["kind"]), [int(number) for number in asked["touches"]])
-            entries, _ = salvaged(look_at(night / JOURNAL))
-            runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
-            if runs == {plan_hash(made)} and (readings := readings_of(entries, made)) is not None:
-                write_text(night / KEPT[1], readings_text(readings))
+            if (found := from_journal(night, made)) is not None:
+                write_text(night / KEPT[1], found[0])
+
+
+def from_journal(night: Path, made: Plan) -> tuple[str, dict[str, Any]] | None:
+    """folder of a night, plan of its run → text of the readings in its journal, where they come from (`missing`: touches that are
+    not there); None where it has none of this plan.
+
+    Raises TangoError, OSError for a journal that cannot be read.
+    """
+    entries, _ = salvaged(look_at(night / JOURNAL))
+    runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    if runs != {plan_hash(made)} or (readings := readings_of(entries, made)) is None:
+        return None
+    return readings_text(readings), provenance(entries, made)
 
 
 @contextmanager
