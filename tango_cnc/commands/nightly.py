@@ -104,10 +104,10 @@ def command(
                 recorded(folder, history)
             else:  # the nights there are those of another machine
                 past = OfAnother()
-            keep_readings(folder, control.planned)
+            unwritten = keep_readings(folder, control.planned)
             control.twin = lambda: other
             with told_of_signals() as ending:
-                open_ = _noticed(history)
+                open_ = (*_noticed(history), *unwritten)
                 world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending, open_)
                 record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(past, record)

@@ -208,7 +208,11 @@ class Walk:
         self.trials += 1
         first = disk.refused[0]
         where = f"{kind}, call {at} {how}: {first.what} of {first.site} to {Path(first.path).name}: exit {told.code}"
-        for text in (*self._at_once(told, disk, how), *_changed(files, _files(self.cell)), *self._next(kind, told, before)):
+        for text in (
+            *self._at_once(told, disk, how),
+            *_changed(files, _files(self.cell)),
+            *self._next(kind, told, before, disk.on),
+        ):
             yield f"{where}: {text}"
 
     def _at_once(self, told: Told, disk: Disk, how: str) -> Iterator[str]:
@@ -239,7 +243,7 @@ class Walk:
             return all(one["sent"] for one in sent)
         return (first.what, first.site) in HARMLESS
 
-    def _next(self, kind: str, told: Told, before: dict[str, Any]) -> Iterator[str]:
+    def _next(self, kind: str, told: Told, before: dict[str, Any], on: bool) -> Iterator[str]:
         """The next night, on a disk that takes everything."""
         after = self.night(NUMBER[kind] + 1)
         if after.code != 0 or "Traceback" in after.said:
@@ -264,8 +268,9 @@ class Walk:
         for folder in (self.cell / "nights").glob("2026*"):
             if (many := _journaled(folder)) > _rows(folder):
                 yield f"then {_rows(folder)} of {many} touches of {folder.name} are in files of readings"
-        left = [str(f.relative_to(self.cell)) for f in self.cell.rglob("*") if f.name.startswith(".") and f.name != ".tango.lock"]
-        left += [str(f.relative_to(self.cell)) for name in ("begun", "outbox") for f in (self.cell / "nights" / name).glob("*")]
+        hidden = () if on else self.cell.rglob(".*")  # where nothing could be taken away any more
+        left = [str(f.relative_to(self.cell)) for f in hidden if f.name != ".tango.lock"]
+        left += [str(f.relative_to(self.cell)) for name in ("begun", "outbox") for f in (self.cell / "nights" / name).glob("[!.]*")]
         if left:
             yield f"then {left} are left"
 
