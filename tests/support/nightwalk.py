@@ -26,10 +26,10 @@ from unittest.mock import patch
 
 import yaml
 
+from support.nights_parts import RealDisk
 from support.refusingdisk import SHORT, Call, Disk, refusing
 from support.refusingsqlite import refusing_sqlite
 from support.runs import Result
-from tango_cnc.commands import _night_world as world
 from tango_cnc.commands.init import write_example
 from tango_cnc.history import History, opened
 from tango_cnc.link.lock import NAME as LOCK
@@ -161,7 +161,7 @@ class Walk:
         out.unlink(missing_ok=True)
         now = FIRST + timedelta(days=number)
         with contextlib.ExitStack() as stack:
-            stack.enter_context(patch.object(world, "RealClock", lambda: SimpleNamespace(now=lambda: now)))
+            stack.enter_context(patch(f"{RealDisk.__module__}.RealClock", lambda: SimpleNamespace(now=lambda: now)))
             stack.enter_context(patch.object(write, "proven", _proven))
             if disk is not None:
                 stack.enter_context(refusing(disk))
@@ -257,6 +257,8 @@ class Walk:
         if after.code != 0 or "Traceback" in after.said:
             yield f"then exit {after.code}: {after.said[:700]}"
             return
+        if not (self.cell / str(after.record["artefacts"]["folder"]) / "morning.html").exists():
+            yield "then the next night has no page"
         with opened(self.cell / "history.db", create=False) as history:
             if broken := history.verify():
                 yield f"then the history is {broken}"
@@ -360,8 +362,8 @@ def _cut_off(walk: Walk) -> None:
     folder.mkdir(parents=True)
     (folder / "planned.json").write_bytes(planned)
     (folder / "readings.journal").write_bytes(b"".join(journal[: len(journal) // 2]))
-    world.RealDisk(walk.cell).begin(night.name, "2026-11-24T02:00:00Z")
-    world.RealDisk(walk.cell).post(night.name, "a message that waits\n")
+    RealDisk(walk.cell).begin(night.name, "2026-11-24T02:00:00Z")
+    RealDisk(walk.cell).post(night.name, "a message that waits\n")
 
 
 _PREPARED = {"check": _good, "unkept": _unkept, "cut off": _cut_off}
