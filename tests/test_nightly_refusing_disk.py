@@ -21,7 +21,7 @@ pytestmark = [
     pytest.mark.skipif(system() is None, reason="the SQLite of this Python cannot be asked"),
 ]
 SEED = int(os.environ.get("TANGO_SEED") or "1")
-SOME = 9  # refusals of each kind of night
+SOME = 5  # refusals of each kind of night
 
 
 @pytest.fixture(scope="module")
