@@ -4,7 +4,7 @@
 
 Each year is a machine of its own and follows one seed (tests/support/years.py). With `--seed` alone it is one year. What a year
 came to is a line in build/years.jsonl; a year that is done on this code is not played again, so a sum may take several sessions.
-The last line is that sum, with the hash of the code that it is of: every module that a night reaches, texts, cell and its world.
+The last line is that sum, with the hash of the code that it is of: every module that a night reaches, the cell and its world.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Any:
     """(nights, 20) values oldest first, nights with an alarm about P0 → name of the parameter that is told, or None."""
     monkeypatch.setattr(creep, "drift_of", lambda k, i, *_, alarms: None if alarms else k.followed.names[i])
     followed = SimpleNamespace(machine=range(20), names=NAMES, selection=SimpleNamespace(label=lambda name: name))
-    known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
+    known = SimpleNamespace(followed=followed, labels=NAMES, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
 
     def of(values: Array, alarms: tuple[int, ...] = ()) -> str | None:
         records = [
@@ -72,7 +72,7 @@ def test_what_does_less_than_two_micrometres_is_for_the_table(said: Any) -> None
 def test_a_plain_change_is_said_while_nobody_knows_how_far_the_machine_wanders(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trend, "drift_of", lambda k, i, *_, alarms=True: None if alarms else k.followed.names[i])
     followed = SimpleNamespace(machine=range(20), names=NAMES, wander=np.full(20, 1e-6), selection=SimpleNamespace(label=str))
-    known = SimpleNamespace(followed=followed, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
+    known = SimpleNamespace(followed=followed, labels=NAMES, worst=lambda moved: 1e3 * float(np.abs(moved).max()))
     tonight = np.zeros(20)
     tonight[3] = 18 * STD
 

@@ -40,12 +40,11 @@ class _Night(NamedTuple):
 
 
 class _Gain(NamedTuple):
-    """What the likelihood says of (p,) rates: itself, its slope by the logarithm of each, and how curved it is."""
+    """What the likelihood says of (p,) rates, and what its slopes are made of."""
 
     likelihood: float
-    slope: Array
-    curve: Array
     squares: Array  # (n,) of the innovations of each night
+    kept: Sequence[tuple[Array, Array, Array]]  # of each night: innovations, rows and rows by covariance, all made independent
 
 
 class Learned(NamedTuple):
@@ -99,7 +98,8 @@ def learn(followed: Frame, begin: State, nights: Sequence[tuple[float, Seen]], o
         if value < best_value:  # too long a step
             step = step / 4
         else:
-            best, best_value, slope, curve, squares = factors, value, gain.slope[own], gain.curve[own], gain.squares
+            best, best_value, squares = factors, value, gain.squares
+            slope, curve = (of_all[own] for of_all in _slopes(told, rates, gain))
             bend = spread.T @ (curve[:, None] * spread) + np.diag(weight)
             step = linalg.solve(bend, spread.T @ slope - weight * factors, assume_a="pos")
             step = step * min(1.0, LONGEST / max(float(np.max(np.abs(spread @ step))), 1e-9))
@@ -156,9 +156,17 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
         mean = mean + seen.T @ ahead
         spread = spread - seen.T @ seen
         kept.append((ahead, rows, seen))
+    return _Gain(likelihood, np.array(squares), kept)
+
+
+def _slopes(nights: Sequence[_Night], rates: Array, gain: _Gain) -> tuple[Array, Array]:
+    """touches of the nights, (p,) rates, what the likelihood says of them → (p,) its slope by the logarithm of each, and (p,) how
+    curved it is. As much work as the likelihood itself, and not needed for rates that are less likely than the last ones.
+    """
+    p = len(rates)
     slope, curve = np.zeros(p), np.zeros(p)
     back, sure = np.zeros(p), np.zeros((p, p))
-    for night, (ahead, rows, seen) in zip(reversed(nights), reversed(kept), strict=True):
+    for night, (ahead, rows, seen) in zip(reversed(nights), reversed(gain.kept), strict=True):
         # Through the update, L = 1 − seenᵀ rows, and what this night adds.
         back = back + rows.T @ (ahead - seen @ back)
         both = seen @ sure
@@ -170,4 +178,4 @@ def _gain(begin: State, nights: Sequence[_Night], rates: Array) -> _Gain:
         share, own = rates * night.days, np.diag(sure)
         slope += 0.5 * share * (back**2 - own)
         curve += 0.5 * share * own  # between what all steps would say if they were seen, and what single ones say
-    return _Gain(likelihood, slope, np.maximum(curve, 0.0), np.array(squares))
+    return slope, np.maximum(curve, 0.0)

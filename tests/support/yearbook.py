@@ -2,7 +2,7 @@
 
 A year is a line of JSON in `build/years.jsonl`. A year that is there on this code is not played again, so years are added to a sum
 in as many sessions as they take. The code is what a night is made of: every module that one reaches by its imports, without
-comments and docstrings, the English texts, and the cell and the world that the years are played in.
+comments and docstrings, and the cell and the world that the years are played in. How a sentence is worded changes no night.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import json
 import os
 import threading
 import time
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -98,8 +97,6 @@ def code() -> str:
         whole.update(f"{name}\n{meaning(file.read_text(encoding='utf-8'))}\n".encode())
     for own in HARNESS:
         whole.update(meaning((ROOT / own).read_text(encoding="utf-8")).encode())
-    texts = tomllib.loads((ROOT / "tango_cnc" / "texts" / "en.toml").read_text(encoding="utf-8"))
-    whole.update(json.dumps(texts, sort_keys=True).encode())
     for file in sorted(CELL.glob("*.yaml")):
         whole.update(file.name.encode() + file.read_bytes())
     return whole.hexdigest()[:16]
