@@ -1,11 +1,14 @@
 """How long pages take with 200 machines and 10 000 nights, how fifty follow a run, and what 10 000 requests leave in memory.
 
-    python benchmarks/serve.py [--quick] [--requests N] [--folder DIR] [--alarms tenth|every] [--own]
+    python benchmarks/serve.py [--quick] [--requests N] [--minutes N] [--folder DIR] [--alarms tenth|every] [--own]
 
 A server of its own process is asked over a real socket. The floor beside each number is `/healthz` of the same server; beside
 the clock stands the processor time of the server, which other programs on the computer do not make longer. Of the machines one in
 ten (with `--alarms every` each) was knocked ten nights ago, and nobody has answered. With --own every machine has a folder with a
 cell and a history of its own. With --folder the nights are written once and found again the next time.
+
+Last, somebody with a sign-in decides about alarms and looks at Machines and Alarms after each decision, and then for some minutes
+every seven seconds, when what was kept of these pages is old: the worst of these looks tells whether one waits for something.
 """
 
 from __future__ import annotations
@@ -15,12 +18,13 @@ import contextlib
 import os
 import re
 import selectors
+import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -30,12 +34,19 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 from support.nights import knock, night
-from support.server import Recorded, cell
+from support.server import PASSWORD, Recorded, cell
 
 from tango_cnc.history import opened
+from tango_cnc.web.users import add_user
 
 PORT = 18_026
 FOLLOWERS = 50
+DECISIONS = 14
+APART = 7.0  # s between two looks: what is kept of a page for five seconds is old
+LOOKS = ("/", "/alarms")
+FORM = re.compile(
+    r'action="(/machine/[^"]+/decide)".*?name="csrf" value="([^"]+)".*?name="alarm" value="([^"]+)".*?"seen" value="(\d+)"', re.S
+)
 KNOCKED = {"tenth": 10, "every": 1}  # one machine of so many
 
 
@@ -140,6 +151,7 @@ def asked_of(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
     parser.add_argument("--requests", type=int, default=10_000, help="after which the memory is looked at again [default: 10000]")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of looks at the end [default: 10]")
     parser.add_argument("--folder", type=Path, help="where the nights are kept for the next time [default: nowhere]")
     parser.add_argument("--alarms", choices=list(KNOCKED), default="tenth", help="on which machines [default: one in ten]")
     parser.add_argument("--own", action="store_true", help="a cell and a history for each machine")
@@ -181,6 +193,70 @@ def pages(client: httpx.Client, pid: int, floor: float, paths: Sequence[tuple[st
         )
 
 
+@contextlib.contextmanager
+def served(*more: str) -> Iterator[tuple[httpx.Client, int]]:
+    """what `tango serve` is called with → a client of it, and its process."""
+    command = [sys.executable, "-m", "tango_cnc", "serve", *more, "--port", str(PORT)]
+    server = subprocess.Popen(command, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)
+    try:
+        client = httpx.Client(base_url=f"http://127.0.0.1:{PORT}", timeout=600)
+        for _ in range(600):
+            try:
+                client.get("/healthz")
+                break
+            except httpx.TransportError:
+                time.sleep(0.1)
+        yield client, server.pid
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def looks(label: str, taken: Sequence[tuple[float, float]]) -> None:
+    """label, (s, ms of a processor) of each look → prints the median and the worst of both."""
+    clock, cpu = (np.array(column) for column in zip(*taken, strict=True))
+    own = f"({np.median(cpu):.0f} and {cpu.max():.0f} ms of a processor)"
+    print(
+        f"{label:34} {1e3 * np.median(clock):7.1f} ms, worst {1e3 * clock.max():.0f} ms {own}; "
+        f"{len(taken)} looks, load {os.getloadavg()[0]:.1f}"
+    )
+
+
+def decided(root: Path, own: bool, users: Path, minutes: float) -> None:
+    """a copy of the nights, whether each machine has its own, users, minutes → prints looks after decisions and as time passes."""
+    add_user(users, "ann", PASSWORD, "operate")
+    where = ["-C", str(root)] if own else ["--history", str(root / "fleet.db")]
+    with served("--users", str(users), *where) as (client, pid):
+
+        def look(path: str) -> tuple[tuple[float, float], str]:
+            began, cpu = time.perf_counter(), spent(pid)
+            answer = client.get(path)
+            assert answer.status_code == 200, answer.text[:300]
+            return (time.perf_counter() - began, spent(pid) - cpu), answer.text
+
+        client.post("/sign-in", data={"user": "ann", "password": PASSWORD, "next": "/"})
+        while client.get("/").status_code == 503:
+            time.sleep(0.5)
+        after: list[tuple[float, float]] = []
+        text = client.get("/alarms").text
+        for number in range(DECISIONS):
+            if (form := FORM.search(text)) is None:  # --quick has fewer alarms
+                break
+            address, *fields = form.groups()
+            fields_ = dict(zip(("csrf", "alarm", "seen"), fields, strict=True)) | {"action": "repaired"}
+            assert client.post(address, data=fields_).status_code == 303
+            for path in LOOKS[:: 1 if number % 2 else -1]:
+                taken, shown = look(path)
+                after.append(taken)
+                text = shown if path == "/alarms" else text
+        looks("a look after a decision", after)
+        until, passing = time.monotonic() + 60 * minutes, []
+        while time.monotonic() < until:
+            time.sleep(APART)
+            passing.append(look(LOOKS[len(passing) % 2])[0])
+        looks(f"a look within {minutes:g} minutes", passing)
+
+
 def main() -> None:
     asked = asked_of()
     machines, nights, requests = (20, 20, 1000) if asked.quick else (200, 50, asked.requests)
@@ -198,17 +274,8 @@ def main() -> None:
         for _ in range(200):
             run.touch()
         where = ["-C", str(root)] if asked.own else ["--history", str(root / "fleet.db")]
-        command = [sys.executable, "-m", "tango_cnc", "serve", "-C", str(own), *where, "--port", str(PORT)]
-        server = subprocess.Popen(command, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, stdout=subprocess.DEVNULL)
-        try:
-            client = httpx.Client(base_url=f"http://127.0.0.1:{PORT}", timeout=600)
-            for _ in range(600):
-                try:
-                    client.get("/healthz")
-                    break
-                except httpx.TransportError:
-                    time.sleep(0.1)
-            read(client, server.pid)
+        with served("-C", str(own), *where) as (client, pid):
+            read(client, pid)
             floor = timed(lambda: client.get("/healthz"), 200)
             print(f"{'/healthz (floor)':34} {floor[0]:7.1f} ms, 95 % {floor[1]:7.1f} ms")
             slug = "machine-001-" + re.findall(r"machine-001-([0-9a-f]+)", client.get("/").text)[0]
@@ -219,24 +286,24 @@ def main() -> None:
                 ("a night", f"{one}/night/{1 if asked.own else nights + 1}"),
             ]
             paths += [("nights", f"{one}/nights"), ("alarms", "/alarms"), ("alarms, a night was written", "/alarms")]
-            pages(client, server.pid, floor[0], paths, lambda: one_more(root, asked.own, nights))
+            pages(client, pid, floor[0], paths, lambda: one_more(root, asked.own, nights))
             steps = 4 if asked.quick else 20
-            began_cpu = spent(server.pid)
+            began_cpu = spent(pid)
             step = followed(PORT, run, steps)
-            each = (spent(server.pid) - began_cpu) / steps / FOLLOWERS
+            each = (spent(pid) - began_cpu) / steps / FOLLOWERS
             print(
                 f"{f'step of a run, {FOLLOWERS} followers':34} {step[0]:7.1f} ms, 95 % {step[1]:7.1f} ms; "
                 f"{each:.2f} ms of a processor each"
             )
             for i in range(500):
                 client.get(("/", one, "/machine/HU40T-like/run")[i % 3])
-            before = resident(server.pid)
+            before = resident(pid)
             for i in range(requests):
                 client.get(("/", one, "/machine/HU40T-like/run", "/nothing", f"{one}/trend")[i % 5])
-            print(f"memory over {requests} requests: {before:.1f} → {resident(server.pid):.1f} MB")
-        finally:
-            server.terminate()
-            server.wait()
+            print(f"memory over {requests} requests: {before:.1f} → {resident(pid):.1f} MB; load {os.getloadavg()[0]:.1f}")
+        copy = Path(live) / "copy"
+        shutil.copytree(root, copy)
+        decided(copy, asked.own, Path(live) / "users.json", asked.minutes / 10 if asked.quick else asked.minutes)
 
 
 if __name__ == "__main__":

@@ -56,6 +56,17 @@ def test_csv_and_parquet_have_one_row_a_night_and_parameter(where: str, tmp_path
     assert [{k: str(v) for k, v in row.items()} for row in parquet] == rows
 
 
+@pytest.mark.parametrize("name", ["=1+1", "@SUM(A1)", "+M 1", "-M 1"])
+def test_a_name_that_begins_like_a_formula_is_none_in_a_spreadsheet(name: str, tmp_path: Path) -> None:
+    with opened(tmp_path / "h.db") as history:
+        history.add_night(record(1, machine=name, parameters=dict(PARAMETERS), owner="Ann"), "touch\n1\n", knowledge(1))
+    assert command("export", "--history", tmp_path / "h.db", tmp_path / "m.csv").exception is None
+    with (tmp_path / "m.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["machine"] for row in rows} == {f"'{name}"} and "EYY1-EXX1" in {row["parameter"] for row in rows}
+    assert all(float(row["value"]) == PARAMETERS[row["parameter"]]["value"] for row in rows)  # minus stays minus
+
+
 def test_the_q_das_file_is_read_back_by_its_own_rules(where: str, tmp_path: Path) -> None:
     """K0100 characteristics; then a line a night, characteristics set apart by SI, value, attribute and time by DC4."""
     assert command("export", "--history", where, tmp_path / "m.dfq").exception is None

@@ -18,7 +18,7 @@ from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
 from tango_cnc.report.days import day
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import LEVELS, strip
+from tango_cnc.report.morning import LEVELS, beyond_before, strip
 from tango_cnc.report.pdf import TONES
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
@@ -150,3 +150,10 @@ def test_a_night_that_ended_before_anything_was_sent_has_not_moved_the_machine(t
     for path in ("", "/nights"):
         text = seen(place, f"/machine/{M}{path}")
         assert "the machine has not moved" in text and "may still be moving" not in text and "What changed Nothing." not in text
+
+
+def test_of_two_nights_of_one_day_the_earlier_one_may_have_been_within() -> None:
+    """Parts were those "since Mon 30 Nov, the last night within. Those since Mon 30 Nov, too: it was beyond then"."""
+    beyond = [("2026-11-30", "out_of_limits"), ("2026-11-29", "out_of_limits")]
+    assert beyond_before([*beyond, ("2026-11-28", "good")], "2026-11-30") == "2026-11-29"
+    assert beyond_before([beyond[0], ("2026-11-30", "good"), *beyond[1:]], "2026-11-30") == ""

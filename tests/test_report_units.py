@@ -76,6 +76,7 @@ def test_a_kept_page_of_a_night_is_in_the_unit_of_the_pages(tmp_path: Path) -> N
             return site.get(f"{MACHINE}/night/1/morning.html").text, site.get(f"{MACHINE}/night/1/morning.html/alone").text
 
     page, file = page_and_file("inch")
+    assert "That page alone, to print or keep" in page and "The report alone" not in page
     assert "This page was kept in mm." in page and file == "<p>21 µm</p>"
     assert "kept in mm" not in page_and_file("mm")[0]
     (kept / "morning.inch.html").unlink()

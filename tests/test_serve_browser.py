@@ -150,6 +150,26 @@ def test_a_phone_shows_several_alarms_at_once(tmp_path: Path, browser: webdriver
     assert len(bottoms) == 4 and sum(b <= PHONE[1] for b in bottoms) >= 3, bottoms
 
 
+def test_a_machine_of_two_nights_has_signs_no_larger_than_others(tmp_path: Path, browser: webdriver.Chrome) -> None:
+    """A row of two signs was drawn as wide as one of thirty: each was as high as the name of the machine four times over."""
+    short = Site(tmp_path / "short", tmp_path / "users.json", [night("HU40T-like", 0), night("HU40T-like", 1)])
+    base = short.base.replace("127.0.0.1", "localhost")  # a cookie is of a host, whatever the port: the session of `site` stays
+    try:
+        browser.get(f"{base}/")
+        browser.switch_to.active_element.send_keys("ann", Keys.TAB, PASSWORD, Keys.ENTER)
+        wait(lambda: "Sign out" in browser.page_source)
+        sized(browser, DESK)
+        browser.get(f"{base}/")
+        row = browser.find_element(By.CSS_SELECTOR, ".strips svg")
+        assert 0 < row.rect["height"] <= 16 and 0 < row.rect["width"] <= 28, row.rect
+        sized(browser, PHONE)
+        made, tab = (browser.find_element(By.CSS_SELECTOR, x).rect for x in (".made", ".top a[aria-current]"))
+        size = float(browser.find_element(By.CSS_SELECTOR, ".made").value_of_css_property("padding-top").removesuffix("px"))
+        assert made["y"] + size >= tab["y"] + tab["height"] + 3, "the line below the name of the page runs through the date"
+    finally:
+        short.server.should_exit = True
+
+
 def test_what_can_be_pressed_is_reached_by_keyboard_and_seen(site: Site, browser: webdriver.Chrome) -> None:
     sized(browser, DESK)
     browser.get(f"{site.base}/alarms")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 import re
 from datetime import date
@@ -24,6 +26,7 @@ from tango_cnc.report.svg import dates
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import say
 from tango_cnc.web.app import create
+from tango_cnc.web.pages.run import APART, MAP, apart
 from tango_cnc.web.places import Places
 from tango_cnc.web.remembered import AGAIN
 from tango_cnc.web.settings import Settings
@@ -123,6 +126,23 @@ def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> N
     assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining
 
 
+def test_a_machine_that_measures_says_so_beside_its_alarm(tmp_path: Path) -> None:
+    """The list said that it was being measured, and the page of alarms No."""
+    place = struck(tmp_path / "one")
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        card = site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+        assert "Yes, but" in card and "Measure the first part." in card and "Measuring" not in card
+        run = Recorded(place, 20)
+        run.begin()
+        run.touch()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        card = site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+        assert "Measuring" in card and "Measure the first part" not in card and "Yes, but" not in card
+        run.end()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        assert "Yes, but" in site.get("/alarms").text.partition("<article")[2].partition("</p>")[0]
+
+
 def test_a_stopped_run_says_that_the_control_may_go_on(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[])
     run = Recorded(place, 20)
@@ -165,10 +185,10 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
     first.touch()
     first.end()
     (place / "readings.journal").rename(place / "kept")
-    second, folder = Recorded(place, 20), place / "nights" / "2026-10-25T020000Z"
+    second, folder = Recorded(place, 30), place / "nights" / "2026-10-25T020000Z"
     second.begin()
-    second.touch()
-    second.touch()
+    for _ in range(5):
+        second.touch()
     folder.mkdir(parents=True)
     (folder / "planned.json").write_text(json.dumps({"kind": kind, "touches": []}))
     (place / "nights" / "begun").mkdir()
@@ -181,7 +201,7 @@ def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path
         for path in ("/", f"/machine/{M}"):
             assert "Measuring" in site.get(path).text, path
         page = site.get(f"/machine/{M}/run").text
-        assert "2 of 20" in page and "2026-10-25T020000Z" in page
+        assert "5 of 30" in page and "2026-10-25T020000Z" in page
         for asked in (["nightly", "--status"], ["fleet"]):  # they said Yes as well
             assert "Measuring, 2 min left" in CliRunner().invoke(tango, [*asked, "-C", str(place)]).output
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
@@ -292,6 +312,36 @@ def test_pages_of_something_older_or_narrower_say_the_answer_of_today(tmp_path: 
             assert re.search(r"May I make parts\?\s+Yes, but\s+Measure the first part", text), path
         (place / "report.html").unlink()
         assert "Yes, but" in site.get(f"/machine/{M}/report").text
+
+
+def test_squares_of_the_map_stay_beside_their_facets_and_cover_no_other() -> None:
+    """One that was in the way of another went to the other end of the table."""
+    places = ((100.0, 100.0), (102.0, 101.0), (103.0, 98.0), (400.0, 100.0), (398.0, 102.0), (210.0, 390.0))
+    found = apart(places)
+    assert found[0] == places[0]
+    assert all(math.hypot(x - a, y - b) < 2 * max(APART) for (x, y), (a, b) in zip(found, places, strict=True))
+    pairs = itertools.combinations(found, 2)
+    assert all(abs(a[0] - b[0]) >= APART[0] or abs(a[1] - b[1]) >= APART[1] for a, b in pairs)
+    assert all(0 < x < MAP[0] and 0 < y < MAP[1] for x, y in found)
+    assert apart(100 * places) == 100 * places  # more than there is room for: where they are
+
+
+def test_a_run_that_has_only_begun_names_no_minutes(tmp_path: Path) -> None:
+    """Half an hour was "1 min left" before the first touch, and an hour after it: it comes after the proof of the probe."""
+    place = cell(tmp_path / "one", records=[night(M, 0)])
+    run = Recorded(place, 200)
+    run.begin()
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for made in range(5):
+            site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+            text = site.get("/").text
+            assert "just begun" in text and "min left" not in text, made
+            assert "just begun" in CliRunner().invoke(tango, ["fleet", str(place)]).output
+            run.touch()
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+        assert "13 min left" in site.get("/").text  # 195 touches of 4 s
+        assert "13 min left" in CliRunner().invoke(tango, ["fleet", str(place)]).output
+    run.end()
 
 
 def test_squares_of_the_map_have_the_names_of_their_facets(tmp_path: Path) -> None:

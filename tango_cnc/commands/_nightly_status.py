@@ -134,7 +134,7 @@ def _answer(folder: Path, place: str | Path, left: int | None, t: Texts) -> str:
     """
     from .report import nights
 
-    busy = "" if left is None else t("web.left_short", minutes=left)
+    busy = "" if left is None else t("web.left_short" if left else "web.begun_short", minutes=left)
     with suppress(TangoError):  # what is wrong with the cell is printed on its own line
         machine, u = read_cell(folder).machine, Units()
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)

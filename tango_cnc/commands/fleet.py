@@ -219,7 +219,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
         size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
-        busy = row.left is not None and f"{t('may.measuring')}, {t('web.left_short', minutes=row.left)}"
+        how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
+        busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
         late = busy or row.moving or late
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()

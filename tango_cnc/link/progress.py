@@ -13,6 +13,7 @@ from .entries import Again, Begun, Doubted, End, Entry, Reading, Segment
 from .journal import read_on
 from .lock import JOURNAL, at_work, begun, newest_run
 
+PACED = 5  # touches since the start from which a pace is known: before the first one probe and path are proven
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on
 
 
@@ -25,11 +26,18 @@ class Progress:
     wanted: tuple[int, ...]  # touches
     done: frozenset[int]
     seconds: float  # since the start mark, of the last entry
-    remaining: float | None  # s, at the pace so far; None where it does not run
+    remaining: float | None  # s, at the pace so far; None where it does not run, or has made fewer touches than PACED
 
     def minutes_left(self, since: float) -> int | None:
-        """s since its last entry → minutes that it still takes, None where nothing runs, or was heard of it for `QUIET`."""
-        return None if self.state != "running" or since > QUIET else max(1, math.ceil((self.remaining or 0.0) / 60))
+        """s since its last entry → minutes that it still takes, 0 where it has only begun; None where nothing runs, or was heard of
+        it for `QUIET`.
+        """
+        return None if self.state != "running" or since > QUIET else in_minutes(self.remaining)
+
+
+def in_minutes(remaining: float | None) -> int:
+    """s that a run still takes, None where its pace is not known yet → minutes, at least one; 0 for None."""
+    return 0 if remaining is None else max(1, math.ceil(remaining / 60))
 
 
 def journals(folder: Path) -> list[Path]:
@@ -56,7 +64,8 @@ def progress(entries: Sequence[Entry]) -> Progress:
 
 
 def minutes_left(folder: Path, now: float) -> int | None:
-    """cell, time (s since 1970) → minutes that its run or its night still takes; None where none is at work.
+    """cell, time (s since 1970) → minutes that its run or its night still takes, 0 where that is not known yet; None where none is
+    at work.
 
     A journal that cannot be read says nothing of a run that goes on: the page of the run, and whoever resumes it, name the damage.
     """
@@ -70,10 +79,12 @@ def minutes_left(folder: Path, now: float) -> int | None:
 
 
 def _pace(entries: Sequence[Entry]) -> float | None:
-    """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock)."""
+    """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock), and of
+    few touches since then s a touch before it; None where neither is known.
+    """
     last = max((i for i, e in enumerate(entries) if isinstance(e, Begun)), default=0)
     for part in (entries[last:], entries):
-        times = [e.time_s for e in part if isinstance(e, Begun | Reading)]
-        if len(times) > 1 and times[-1] > times[0]:
+        times = [e.time_s for e in part if isinstance(e, Reading)]
+        if len(times) >= PACED and times[-1] > times[0]:
             return (times[-1] - times[0]) / (len(times) - 1)
     return None

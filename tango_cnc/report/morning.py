@@ -385,7 +385,7 @@ def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
         if night > date or verdict in ("not_measured", "doubtful"):
             continue
         if verdict != "out_of_limits":
-            break
+            return "" if night == date else first  # of two nights of one day the earlier one was within
         first = night
     return first
 

@@ -23,7 +23,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import BaseRoute, Route
 
@@ -181,8 +181,11 @@ def _failed(request: Request, error: Exception) -> Response:
 
 
 async def form_of(request: Request) -> dict[str, str]:
-    """request with a form → its fields, the last of equal names. Raises HTTPException for what is no form."""
-    body = await request.body()
+    """request with a form → its fields, the last of equal names. Raises HTTPException for what is no form, or not whole."""
+    try:
+        body = await request.body()
+    except ClientDisconnect:  # who sends too slowly, too
+        raise HTTPException(400, state_of(request).texts("web.csrf")) from None
     try:
         pairs = parse_qsl(
             body.decode("ascii"), keep_blank_values=True, strict_parsing=bool(body), max_num_fields=20, errors="strict"

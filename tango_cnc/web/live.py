@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import threading
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -18,7 +17,7 @@ from ..files.readjson import parse_json
 from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
 from ..link.journal import ReadSoFar, read_on
 from ..link.lock import at_work
-from ..link.progress import QUIET, progress
+from ..link.progress import QUIET, in_minutes, progress
 from ..records import Cell, InputError
 from ..report.days import at
 from ..report.texts import Texts
@@ -120,10 +119,12 @@ def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None
 
 
 def minutes_left(run: LiveRun | None, now: float) -> int | None:
-    """run, time (s) → minutes that it still takes, None where none goes on, or where nothing was heard of it for `QUIET`."""
+    """run, time (s) → minutes that it still takes, 0 where it has only begun; None where none goes on, or nothing was heard of it
+    for `QUIET`.
+    """
     if run is None or run.state != "running" or quiet(run, now) is not None:
         return None
-    return max(1, math.ceil((run.remaining or 0.0) / 60))
+    return in_minutes(run.remaining)
 
 
 def quiet(run: LiveRun, now: float) -> int | None:

@@ -8,7 +8,7 @@ import shutil
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ PHONE, DESK = (390, 844), (1200, 900)
 class Site:
     """A server in a thread, with a user ann who may operate."""
 
-    def __init__(self, folder: Path, users: Path) -> None:
-        self.folder = cell(folder)
+    def __init__(self, folder: Path, users: Path, nights: Sequence[dict[str, Any]] | None = None) -> None:
+        self.folder = cell(folder, records=nights)
         (self.folder / "readings.20261122T184120467949.journal").write_bytes(b"")  # an earlier run, whose name is long
         add_user(users, "ann", PASSWORD, "operate")
         with socket.socket() as found:

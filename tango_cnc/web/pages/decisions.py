@@ -14,9 +14,9 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.alarm import sentence, size_of, with_its_date
-from ...report.answer import is_moving
-from ...report.days import at
+from ...report.alarm import decided, sentence, size_of, with_its_date
+from ...report.answer import is_moving, measuring
+from ...report.days import at, day
 from ...report.faults import earlier, still_open
 from ...report.morning import brief_of
 from ...report.plain import plain
@@ -24,6 +24,7 @@ from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of, rows_of, unchanged
+from .machine import busy_for, run_of
 
 NOTE = 500  # characters
 PAST = 20  # decisions of a machine that are shown
@@ -35,7 +36,9 @@ def decisions(request: Request) -> Response:
     """request → all alarms of all machines that are not closed: unanswered ones, and those that somebody has."""
     needs(request, "view")
     done = request.query_params.get("recorded", "")
-    told = state_of(request).texts(f"decision.recorded_{done}") if done in ACTIONS else ""
+    until, t = request.query_params.get("until", ""), state_of(request).texts
+    dated = DATE.fullmatch(until) is not None
+    told = t(f"decision.recorded_{done}", until=day(until, t)) if done in ACTIONS and (dated or done != "ignore") else ""
     return page(request, "decisions.html", said="", told=told, typed={}, **_values(request))
 
 
@@ -76,11 +79,13 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
     """row, state → the card of its machine, None where nothing is open; what was decided about it, oldest first."""
     if row.machine.history is None or row.standing is None:
         return None, []
-    return unchanged(row, state, "", lambda: (_card(row, state), _past(row, state)), "alarms")
+    asked = row.standing.alarms_open or row.standing.alarms_held
+    busy = busy_for(run_of(state, row.machine), state) if asked else ""
+    return unchanged(row, state, busy, lambda: (_card(row, busy, state), _past(row, state)), "alarms")
 
 
-def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
-    """row, state → what is open of its machine, the answer and what to do; None where nothing is."""
+def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
+    """row, how long its machine still measures, state → what is open of it, the answer and what to do; None where nothing is."""
     history, name, found = row.machine.history, row.machine.name, faults_of(row, state)
     asked = still_open(found)
     if history is None or not asked:
@@ -94,6 +99,7 @@ def _card(row: Row, state: PagesState) -> dict[str, Any] | None:
         for a in shown
     ]
     said, moving = answer_of(row, found, state), is_moving(row.record or {}, row.machine.former)
+    said = measuring(said, state.texts) if busy and said is not None else said
     return {
         "machine": row.machine,
         "answer": said,
@@ -117,7 +123,8 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
         what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
-        past.append({"machine": row.machine, "d": d, "place": number, "what": sentence(what, state.units)})
+        done, text = decided(d, state.texts), sentence(what, state.units)
+        past.append({"machine": row.machine, "d": d, "done": done, "place": number, "what": text})
     return past
 
 
@@ -157,7 +164,7 @@ def decide(request: Request) -> Response:
         said = _not_recorded(values, found.slug, form.get("alarm", ""), str(error), state)
         return page(request, "decisions.html", 400, said=said, told="", typed=form, **values)
     state.places.forget(found.history)
-    return RedirectResponse(f"/alarms?recorded={action}", 303)
+    return RedirectResponse(f"/alarms?recorded={action}" + (f"&until={until}" if action == "ignore" else ""), 303)
 
 
 def _incomplete(action: str, until: str | None, today: str) -> str:

@@ -213,7 +213,7 @@ def busy_of(request: Request, machine: Served) -> str:
 def busy_for(run: LiveRun | None, state: PagesState) -> str:
     """run, state → how long it still measures, in words; '' where it does not."""
     left = minutes_left(run, time.time())
-    return "" if left is None else state.texts("web.left_short", minutes=left)
+    return "" if left is None else state.texts("web.left_short" if left else "web.begun_short", minutes=left)
 
 
 def limits_of(request: Request, machine: Served) -> Mapping[str, float]:

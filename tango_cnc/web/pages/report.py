@@ -81,6 +81,7 @@ def _framed(request: Request, machine: Served, night: str, back: str, made_up: b
         "back": back,
         "source": f"{request.url.path}/alone",
         "simulated": made_up,
+        "kept": request.path_params.get("name") == "morning.html",
         "in_mm": in_mm,
         "in_doubt": not back and _in_doubt(machine, state_of(request).units.system),
     }

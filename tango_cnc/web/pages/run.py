@@ -7,6 +7,7 @@ import math
 import time
 from collections import Counter
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any
 from urllib.parse import quote
 
@@ -33,6 +34,8 @@ from .machine import answer_today
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
 APART = (30.0, 36.0)  # px between facets of the map, across and down: a square with a name above it
+MANY = 100  # facets, more than which the map has no room for
+MAP = (420.0, 400.0)  # px, how wide and high it is
 SQUARE = 22.0  # px
 WIDE, NARROW = 860.0, 360.0  # px of a chart on a desk and on a phone
 
@@ -190,7 +193,7 @@ def _drift(run: LiveRun, heading: str, unit: str, k: float, wide: float) -> str:
 
 
 def _map(run: LiveRun, cell: Cell, heading: str) -> str:
-    """Facets from above, each below its name; those on top of each other are moved apart, so that each can be seen."""
+    """Facets from above, each below its name; those on top of each other are moved apart, and a line leads to where each is."""
     made = Counter(e.facet for e in run.readings)
     facets = [f for f in cell.artefact.facets.values() if f.id in made or f.id in run.left]
     if not facets:
@@ -198,19 +201,18 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     points = np.array([f.point for f in facets])
     low, high = points.min(axis=0), points.max(axis=0)
     span = max(float((high - low)[:2].max()), 1.0)
-    wide, high_px = 420.0, 400.0
-    taken: list[tuple[float, float]] = []
+    wide, high_px = MAP
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {high_px:g}" width="{wide:g}" height="{high_px:g}" '
         f'role="img" aria-label="{escape(heading)}" font-family="sans-serif" font-size="12">'
     ]
-    centre = (low + high) / 2
-    for f, p in zip(facets, points, strict=True):
-        x = wide / 2 + (p[0] - centre[0]) / span * (wide - 60)
-        y = high_px / 2 - (p[1] - centre[1]) / span * (high_px - 60)
-        while any(abs(x - a) < APART[0] and abs(y - b) < APART[1] for a, b in taken):
-            x, y = (x + APART[0] + 1, y) if x + APART[0] + 1 < wide - 10 else (14, y + APART[1] + 1)
-        taken.append((x, y))
+    scaled = (points - (low + high) / 2)[:, :2] / span * (np.array(MAP) - 60) * (1, -1)
+    own = tuple((float(x), float(y)) for x, y in np.array(MAP) / 2 + scaled)
+    squares = apart(own)
+    for (a, b), (x, y) in zip(own, squares, strict=True):
+        if math.hypot(x - a, y - b) > SQUARE / 2:
+            parts.append(f'<path d="M{a:.1f} {b:.1f}L{x:.1f} {y:.1f}" stroke="{SOFT}"/><circle cx="{a:.1f}" cy="{b:.1f}" r="2"/>')
+    for f, (x, y) in zip(facets, squares, strict=True):
         left = run.left.get(f.id, 0)
         share = made[str(f.id)] / (made[str(f.id)] + left) if made[str(f.id)] + left else 0.0
         ink = "#fff" if not left else INK
@@ -227,6 +229,27 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
     axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
     parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
     return "".join([*parts, "</svg>"])
+
+
+@lru_cache(64)
+def apart(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """(x, y) of facets on the map, px → (x, y) of their squares: as near to them as there is room without covering another one.
+
+    Of too many they are the same.
+    """
+    if len(places) > MANY:
+        return places
+    far, turn = np.meshgrid(np.arange(0.0, 420.0, 10.0), np.arange(16) * math.pi / 8, indexing="ij")
+    ways = np.stack([far * np.cos(turn), far * np.sin(turn)], axis=-1).reshape(-1, 2)
+    taken = np.empty((0, 2))
+    for own in places:
+        at = own + ways
+        free = np.all((at >= (14, 26)) & (at <= np.array(MAP) - (14, 16)), axis=1)
+        beside = np.abs(at[:, None] - taken) >= np.array(APART)
+        free &= np.all(np.any(beside, axis=2), axis=1)
+        nearest = at[np.argmax(free)] if free.any() else np.array(own)  # more facets than there is room for
+        taken = np.vstack([taken, nearest])
+    return tuple((float(x), float(y)) for x, y in taken)
 
 
 ROUTES = [Route("/machine/{slug}/run", run, name="run"), Route("/machine/{slug}/run/step", step, name="step")]
