@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4
 SHARED := $(BIN)/python -m pytest -n 3 --dist loadgroup -vv --durations=25 --timeout 1800
 
-.PHONY: demo test check-long check compiled campaign campaign-link campaign-net campaign-gateway campaign-readers mutants blind design-table nights lint format clean planted
+.PHONY: demo test check-long check compiled campaign campaign-link campaign-net campaign-gateway campaign-readers campaign-nights-disk mutants blind design-table nights lint format clean planted
 
 demo: .venv/base.stamp
 	$(BIN)/tango demo
@@ -50,6 +50,10 @@ campaign-gateway: .venv/test.stamp
 READERS := tests/test_files_spoilt.py::test_many_spoilt_files
 campaign-readers: .venv/test.stamp
 	TANGO_MUTANTS=$(or $(N),100000) TANGO_SEED=$(SEED) $(BIN)/python -m pytest -m campaign '$(READERS)$(if $(READER),[$(READER)])' -s
+
+# Every call of a whole night that writes, SQLite's own with it, refused once, from then on and half taken.
+campaign-nights-disk: .venv/test.stamp
+	$(BIN)/python -m pytest tests/test_nightly_refusing_disk.py -m campaign -s
 
 # Forty small mistakes in link, plan, check, read-back and posts: would the tests notice? make mutants SEED=7 draws the same ones again
 # and goes on where it stopped; COUNT=100 for more; MINUTES=10 stops after that time; PART=2/4 beside parts 1, 3 and 4 shares the work.

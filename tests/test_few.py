@@ -81,8 +81,8 @@ WHOLE = """
     history_import hostile_texts iso230_exact
     link_9600 link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
     linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt night_in_control
-    night_within plan_long plausible_copied repeated_varies run_stylus scales_said serve_abuse serve_attacks serve_browser
-    serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage uncertainty_fleet
+    night_within nightly_refusing_disk plan_long plausible_copied repeated_varies run_stylus scales_said serve_abuse serve_attacks
+    serve_browser serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage uncertainty_fleet
 """
 
 

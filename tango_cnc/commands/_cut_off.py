@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
@@ -17,7 +18,7 @@ from ..link.entries import Entry, Segment
 from ..link.journal import look_at, salvaged
 from ..link.measure import silence_after
 from ..link.process import endings
-from ..link.readings import readings_of
+from ..link.readings import provenance, readings_of
 from ..link.rest import durations
 from ..plan import plan_hash
 from ..records import LinkError, Plan, TangoError
@@ -28,6 +29,8 @@ JOURNAL = "readings.journal"
 STAMP = "%Y-%m-%dT%H%M%SZ"
 LONGER = 1.5  # times its predicted time that a program is taken to last at most, with the wait for its start
 KEPT = ("readings.csv", "readings.partial.csv")
+READING = b'"kind":"reading"'  # of a journal in which a touch is
+LOOKED = 30  # nights looked back over
 
 
 def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
@@ -72,22 +75,51 @@ def executed_until(folder: Path, stamp: str, whole: Plan) -> datetime | None:
     return moment + timedelta(seconds=LONGER * sum(durations(whole).values()))
 
 
-def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -> None:
-    """cell, (kind, touches) → plan of a night → readings.partial.csv beside the journal of every night that was cut off.
+def keep_readings(folder: Path, planned: Callable[[str, Sequence[int]], Plan]) -> tuple[str, ...]:
+    """cell, (kind, touches) → plan of a night → readings.partial.csv beside the journal of every night that was cut off, or whose
+    readings the disk refused; a sentence on each that it refuses again.
 
     A journal that no plan of the cell fits stays as it is, and so does one that cannot be read: a night is not held up by it.
     """
-    for stamp in lock.cut_off(folder):
+    refused = []
+    for stamp in _without_readings(folder):
         night = folder / "nights" / stamp
-        if not (night / JOURNAL).is_file() or any((night / name).exists() for name in KEPT):
-            continue
-        with suppress(TangoError, OSError, ValueError, KeyError, TypeError):
+        try:
+            if READING not in (night / JOURNAL).read_bytes():
+                continue
             asked = parse_json((night / PLANNED).read_text(encoding="utf-8"))
-            made = planned(str(asked["kind"]), [int(number) for number in asked["touches"]])
-            entries, _ = salvaged(look_at(night / JOURNAL))
-            runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
-            if runs == {plan_hash(made)} and (readings := readings_of(entries, made)) is not None:
-                write_text(night / KEPT[1], readings_text(readings))
+            found = from_journal(night, planned(str(asked["kind"]), [int(number) for number in asked["touches"]]))
+        except (TangoError, OSError, ValueError, KeyError, TypeError):
+            continue
+        try:
+            if found is not None:
+                write_text(night / KEPT[1], found[0])
+        except OSError as error:
+            name = f"nights/{stamp}/{KEPT[1]}"
+            refused.append(say("night.night.not_written", name=name, why=error.strerror or error))
+    return tuple(refused)
+
+
+def _without_readings(folder: Path) -> list[str]:
+    """cell → stamps of nights that have a journal and no readings, while nobody is at work there; of those on record the newest."""
+    if lock.at_work(folder):
+        return []
+    newest = sorted(f.parent.name for f in (folder / "nights").glob(f"*/{JOURNAL}"))[-LOOKED:]
+    nights = {stamp: folder / "nights" / stamp for stamp in sorted({*lock.cut_off(folder), *newest})}
+    return [stamp for stamp, f in nights.items() if (f / JOURNAL).is_file() and not any((f / name).exists() for name in KEPT)]
+
+
+def from_journal(night: Path, made: Plan) -> tuple[str, dict[str, Any]] | None:
+    """folder of a night, plan of its run → text of the readings in its journal, where they come from (`missing`: touches that are
+    not there); None where it has none of this plan.
+
+    Raises TangoError, OSError for a journal that cannot be read.
+    """
+    entries, _ = salvaged(look_at(night / JOURNAL))
+    runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    if runs != {plan_hash(made)} or (readings := readings_of(entries, made)) is None:
+        return None
+    return readings_text(readings), provenance(entries, made)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..files import read_readings, write_text
+from ..files import read_readings_text, write_text
 from ..files.nightly import Nightly
 from ..link.lock import HeldError, holding
 from ..nightly import Measured, PreflightPoint
@@ -23,7 +23,7 @@ from ..records import Cell, LinkError, Plan, TangoError
 from ..texts import say
 from ._cell_nights import again
 from ._common import address_of, dialect, writing
-from ._cut_off import executed_until, newest_run, note_planned
+from ._cut_off import executed_until, from_journal, newest_run, note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
 from ._start import disproven_of
@@ -112,6 +112,13 @@ def _texts(folder: Path) -> list[tuple[str, str]]:
         with suppress(FileNotFoundError, IsADirectoryError):  # another night has just taken it away
             found.append((file.name, file.read_text(encoding="utf-8", errors="replace")))
     return found
+
+
+def _journaled(folder: Path, made: Plan) -> tuple[str, Mapping[str, Any]] | None:
+    """folder of a night, plan of its run → text of the readings in its journal, where they come from; None for none."""
+    with suppress(TangoError, OSError, ValueError):
+        return from_journal(folder, made)
+    return None
 
 
 def _cell_hash(folder: Path) -> str:
@@ -262,21 +269,27 @@ class RealControl:
         began = time.monotonic()
         if self._cold:
             self._warmed(own, made, folder)
-        why = ""
+        why = trouble = ""
         origin: Mapping[str, Any] = {}
+        text: str | None = None
         try:
             origin = self._run(own, made, target)
         except LinkError as error:
             why, target = str(error), target.with_suffix(".partial.csv")
-            if not target.exists():
-                raise
-        text = target.read_text(encoding="utf-8")
-        read = read_readings(target, self.cell.machine, self.cell.artefact)
+            if not target.exists():  # nothing was measured, or the disk has refused the readings: then the journal has them
+                if (found := _journaled(folder, made)) is None:
+                    raise
+                text, origin = found
+                why, trouble = (why, "") if origin["missing"] else ("", why)
+        if text is None:
+            text = target.read_text(encoding="utf-8")
+        read = read_readings_text(text, self.cell.machine, self.cell.artefact)
         hashes = (
             *(("cell", _cell_hash(self.cell.folder)), ("plan", plan_hash(made))),
             *(("program", str(origin.get("program_hash", ""))), ("readings", hashlib.sha256(text.encode()).hexdigest())),
         )
-        return Measured(read, text, len(made.touches), time.monotonic() - began, why, hashes, tuple(touches), self.simulated)
+        spent, many = time.monotonic() - began, len(made.touches)
+        return Measured(read, text, many, spent, why, hashes, tuple(touches), self.simulated, trouble)
 
     def _run(self, own: Cell, made: Plan, target: Path) -> Mapping[str, Any]:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""

@@ -15,7 +15,7 @@ import click
 
 from ..files import read_cell, write_text
 from ..files.nightly import NAME, Nightly, history_of
-from ..records import Cell, InputError, TangoError
+from ..records import Cell, InputError, LinkError, TangoError
 from ..report.texts import Texts
 from ..texts import say
 from ._common import cell_option, controller_of, json_option, write_json
@@ -104,10 +104,10 @@ def command(
                 recorded(folder, history)
             else:  # the nights there are those of another machine
                 past = OfAnother()
-            keep_readings(folder, control.planned)
+            unwritten = keep_readings(folder, control.planned)
             control.twin = lambda: other
             with told_of_signals() as ending:
-                open_ = _noticed(history)
+                open_ = (*_noticed(history), *unwritten)
                 world = Ports(_Held(begun), disk, control, mail, past, analysis, locked(folder), analysis.happened, ending, open_)
                 record = night(cell.machine.name, str(folder.resolve()), settings, world)
             newest = _newest(past, record)
@@ -116,6 +116,8 @@ def command(
         if not dry_run and kind is None and ((folder / NAME).exists() or (folder / "nights").exists()):
             known = error if isinstance(error, TangoError) else TangoError(sentence(error))
             _unread(folder, settings, where, begun, disk, mail, known)
+            if isinstance(error, OSError):  # it is no wrong input: the night was not measured
+                raise LinkError(str(known)) from None
         raise
     try:
         from ..report import morning

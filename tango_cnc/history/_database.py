@@ -54,6 +54,8 @@ def connect(where: str | Path, create: bool = True) -> Engine:
         where = f"history {url.render_as_string()}"
         if isinstance(error, OperationalError):
             raise LinkError(f"{where}: {first_line(error)}; {_look_at(error)}") from None
+        if isinstance(error, OSError):  # the folder of a new file
+            raise LinkError(f"{where}: {error.strerror or error}; is there room on its disk, and may this user write?") from None
         if isinstance(error, DBAPIError | UnicodeDecodeError):  # names in a damaged schema are no text
             raise InputError(f"{where}: {first_line(error)}; found no history of tango_cnc there") from None
         raise

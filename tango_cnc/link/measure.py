@@ -153,7 +153,8 @@ def measure(
                 then = wanted.then or f"'tango run {wanted.how}' makes the missing touches"
                 advice = "" if isinstance(error, Moved) else f"; {then}"
                 raise type(error)(f"{error} {_keep(journal, plan, wanted.readings, cell.folder, advice)}".rstrip()) from None
-            return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder)
+            then = "the night takes them from there" if wanted.then else ""  # no run is resumed in its folder
+            return _finish(journal.entries, journal.digest, plan, wanted.readings, cell.folder, then)
         finally:
             journal.close()
     finally:
@@ -348,13 +349,13 @@ def _keep(journal: Journal, plan: Plan, file: Path, folder: Path, advice: str) -
     return f"What was measured is in {_partial(file)}{advice}."
 
 
-def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folder: Path) -> dict[str, Any]:
+def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folder: Path, then: str = "") -> dict[str, Any]:
     readings = readings_of(entries, plan)
     assert readings is not None  # nothing is missing, and a plan has touches
     origin = provenance(entries, plan, digest)
     journal = file.with_suffix(".journal")
     how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
-    with _written(f"every touch is in {journal}, but the readings", f"make room, then 'tango run {how}' writes them"):
+    with _written(f"every touch is in {journal}, but the readings", then or f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
         same = file.is_file() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before
         kept = None if same else set_aside(file)

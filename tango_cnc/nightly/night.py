@@ -148,6 +148,8 @@ def _measured(
     }
     if measured.simulated:
         found["simulated"] = True
+    if measured.trouble:
+        found["trouble"] = [measured.trouble]
     if measured.readings is None or not len(measured.readings):
         return found | {"kind": "none", "why": measured.why or say("night.night.no_touch_was_made")}, None, {}, measured.text
     found |= {"touches": len(measured.readings), "status": "partial" if measured.why else "complete", "why": measured.why}
@@ -328,7 +330,7 @@ def _kept(
             silent = unheard(world.past, record["machine"], day_of(ended), {}, "none")
             record |= ({"standing": waiting} if waiting else {}) | ({"unheard": silent} if silent else {})
     record["headline"] = headline(record)
-    trouble: list[str] = []
+    trouble: list[str] = [*record.pop("trouble", ())]
     if readings is not None:
         files = {"readings.csv": readings, **files}
     for name, text in files.items():

@@ -51,6 +51,7 @@ class Measured:
     hashes: tuple[tuple[str, str], ...] = ()
     asked: tuple[int, ...] = ()  # numbers of the touches that were asked for; empty: the whole strategy
     simulated: bool = False  # by no machine
+    trouble: str = ""  # what the disk has refused, though every touch was made
 
 
 @dataclass(frozen=True)
