@@ -149,7 +149,7 @@ def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -
     """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
     alarm that stands: a change that is both is said once, with the size that it has by now.
     """
-    first = next(iter(record.get("standing") or ()), {})
+    first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
     key = first.get("parameter"), first.get("since")
     one = next((x for x in behind if all(key) and (x.get("parameter"), x.get("since")) == key), None)
     if one is None:
