@@ -72,9 +72,10 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
             "errors are corrected twice",
             err=True,
         )
+    cut = not read_text(source).endswith(("\n", "\r"))
     if last is None or last.record["target"] != options["target"]:
-        return Present(numbers, {}), {}
-    return Present(numbers, uncorrected(last.record)), {}
+        return Present(numbers, {}, cut), {}
+    return Present(numbers, uncorrected(last.record), cut), {}
 
 
 def contained(folder: Path, options: dict[str, Any], twice: str = "The program would correct the same errors once more") -> None:

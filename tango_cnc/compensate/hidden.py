@@ -24,6 +24,7 @@ class Present:
 
     numbers: Mapping[str, float]
     uncorrected: Mapping[str, float]
+    open_end: bool = False  # whether the file of the numbers ends within a line: it may be cut off
 
     def before(self, held: Iterable[Held]) -> dict[str, float]:
         """entries → {place: number of a control that corrects nothing} of those that act in tool center point control only."""

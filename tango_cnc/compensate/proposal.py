@@ -88,7 +88,7 @@ def propose(
     if not held:
         raise InputError(f"--target {target}: found settings with which nothing is stored; see 'tango compensate --facts {target}'")
     places = {h.place for h in held}
-    there = Present({}, {}) if present is None else present
+    there = Present({}, {}) if present is None else whose.matched(present, held)
     for place in there.numbers:
         if place not in places:
             if why := whose.unknown(place, there.numbers, held, request, target):

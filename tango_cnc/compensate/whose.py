@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,10 @@ MOST_MM, MOST_DEG = 1.0, 1.0  # that a number of a table or a direction takes aw
 ON_GRID = 1e-3  # of an increment: what decimal numbers leave
 TABLE = re.compile(r"(?P<table>.+) at (?P<axis>[A-Z]) (?P<at>[-+.\de]+) (?P<unit>mm|deg)(?:, moving (?:up|down))?")
 LETTER = re.compile(r"(?<![A-Za-z\d_.])([A-CU-Z])(?![A-Za-z\d_.])|\bE[A-CU-Z]0?([A-CU-Z])(?:\d|b)?\b")
+NEAR = 0.1  # mm, degrees: a point of a table that far from where it would be put today is the same point
+MUCH_MM, MUCH_DEG = 0.2, 0.1  # that a number of a table or a direction takes away on few machines
+ALONE = 3.0  # times what all other rows of a table span: a row farther from them than that stands alone
+ROWS = 5  # of a table that are compared with each other, at least
 CONTROL_OF = "read back from the control of the machine {machine!r}"
 
 
@@ -144,6 +149,30 @@ def size(h: Held, number: float, limits: Limits, machine: Machine) -> tuple[floa
     return (math.degrees(value), "deg", MOST_DEG) if turns else (value, "mm", MOST_MM)
 
 
+def matched(there: Present, held: Sequence[Held]) -> Present:
+    """what a control is said to hold, what its target stores → the same, with points of tables that lie where today's would lie but
+    for some hundredths under the names of those: the volume of other touches has other ends.
+    """
+    own: dict[tuple[str, ...], list[tuple[float, str]]] = {}
+    for h in held:
+        if (found := TABLE.fullmatch(h.place)) is not None:
+            own.setdefault(_column(found), []).append((float(found["at"]), h.place))
+    known = {h.place for h in held}
+    names: dict[str, str] = {}
+    for place in there.numbers:
+        with suppress(ValueError):
+            if place not in known and (found := TABLE.fullmatch(place)) is not None and (rows := own.get(_column(found))):
+                far, name = min((abs(at - float(found["at"])), name) for at, name in rows)
+                if far <= NEAR and name not in there.numbers and name not in names.values():
+                    names[place] = name
+    return replace(there, numbers={names.get(place, place): number for place, number in there.numbers.items()})
+
+
+def _column(found: re.Match[str]) -> tuple[str, ...]:
+    """point of a table → all of its name but where it is."""
+    return found["table"], found["axis"], found["unit"], found[0][found.end("unit") :]
+
+
 def looked_at(there: Present, held: Sequence[Held], request: Request) -> tuple[str, ...]:
     """what a control is said to hold, what its target stores, job → doubts, for a person.
 
@@ -164,9 +193,66 @@ def looked_at(there: Present, held: Sequence[Held], request: Request) -> tuple[s
                 f"increments, has another unit, or is of another machine: take numbers {CONTROL_OF.format(machine=machine.name)}"
                 + (f", in{own}" if own else "")
             )
+    _whole(there, given, held, machine)
     centers = [(h, h.value(number)) for h, number in given.values() if h.tcp and h.kind == "length"]
     _same_zero(centers, machine)
-    return tuple(_doubts(there, given, held, centers, machine))
+    return (*_doubts(there, given, held, centers, machine), *_unlikely(given, request))
+
+
+def _whole(there: Present, given: Mapping[str, tuple[Held, float]], held: Sequence[Held], machine: Machine) -> None:
+    """what a control is said to hold → nothing. Raises InputError for a table without some of its rows, and for a file cut off."""
+    lost = [h for h in held if h.place not in given]
+    for h in lost:
+        rows = [other for other in held if other.table == h.table and other.at is not None]
+        count = sum(other.place in given for other in rows)
+        if h.at is not None and count:
+            raise InputError(
+                f"--present: {h.table}: found {count} of its {len(rows)} rows; absent: {h.place!r}; allowed: every row of a table, "
+                f"or none of it. The file has lost rows, or was cut off: take all numbers {CONTROL_OF.format(machine=machine.name)}"
+            )
+    if there.open_end and lost and given:
+        raise InputError(
+            f"--present: found {len(given)} of the {len(held)} numbers that this target stores, and a last line without an end; "
+            f"allowed: a whole file. It was cut off, perhaps within a number: take all numbers "
+            f"{CONTROL_OF.format(machine=machine.name)}, and end the last line"
+        )
+
+
+def _unlikely(given: Mapping[str, tuple[Held, float]], request: Request) -> Iterable[str]:
+    """numbers of a control, job → doubts: what takes away more than few machines need; a row far from all others of its table."""
+    large = []
+    for place, (h, number) in given.items():
+        if not (h.tcp and h.kind == "length"):
+            found, unit, _ = size(h, number, request.limits, request.machine)
+            large.append((found / (MUCH_DEG if unit == "deg" else MUCH_MM), place, found, unit))
+    share, place, found, unit = max(large, default=(0.0, "", 0.0, ""))
+    if share > 1:
+        most = MUCH_DEG if unit == "deg" else MUCH_MM
+        yield (
+            f"--present: {place} takes away {found:.3g} {unit}; few machines need more than {most:g} {unit}. Compare it with the "
+            "control: it may count other increments"
+        )
+    tables: dict[tuple[str, int], list[tuple[Held, float]]] = {}
+    for h, number in given.values():
+        if h.at is not None:
+            tables.setdefault((h.table, h.sense), []).append((h, number))
+    for rows in tables.values():
+        if len(rows) >= ROWS and (alone := _alone(rows)):
+            yield (
+                f"--present: {alone} is more than {ALONE:g} times as far from the other rows of its table as these are from each "
+                "other. Compare it with the control: it may be a slip of the pen"
+            )
+
+
+def _alone(rows: Sequence[tuple[Held, float]]) -> str:
+    """rows of a table with the control's numbers → the place of one that stands alone; '' where none does."""
+    values = np.array([number - h.base for h, number in rows])
+    for i, (h, _) in enumerate(rows):
+        own, others = float(values[i]), np.delete(values, i)
+        low, high = float(others.min()), float(others.max())
+        if max(low - own, own - high) > ALONE * max(high - low, 10 * h.increment):
+            return h.place
+    return ""
 
 
 def _same_zero(centers: Sequence[tuple[Held, float]], machine: Machine) -> None:

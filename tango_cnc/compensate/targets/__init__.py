@@ -29,6 +29,10 @@ from ...terms import Coefficient
 from ..space import Held, Limits
 
 SIGN_TRIAL = "sign trial"  # a step; `loop.store` writes out what to try
+COMPARE = (
+    "Compare the files of undo/ with what the control holds now. Where a number differs, load nothing: read the numbers of the "
+    "control, and propose anew with --present FILE."
+)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import rows, scale_of, tables, trims
 
 TEXT = "Centroid CNC11, CNC12: cnc-?.tab, correction forward and reverse of each axis"
@@ -69,6 +69,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
         "Keep copies of cnc-?.tab of the control, and compare their layout with these files before you replace anything.",
+        COMPARE,
         SIGN_TRIAL,
         "Copy the files, switch laser compensation on, home the machine.",
     ]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "Etalon exchange form, variant Vendor: what TRAC-CAL writes and ISG kernels and others read"
@@ -53,6 +53,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return [
+        COMPARE,
         SIGN_TRIAL,
         "Import etalon.txt where the control takes Etalon files of the variant Vendor.",
         "On an ISG kernel: file_format[0] is then that of Etalon; #VOLCOMP [ID0 UPDATE] reads it.",

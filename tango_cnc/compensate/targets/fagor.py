@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, none_derived
 from ._parts import across, centre
 
 TEXT = "Fagor 8060, 8065, 8070: user offsets of the kinematics (OFTDATA)"
@@ -61,6 +61,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the file."""
     return [
         "Compare nb of offsets.nc with the drawing of your kinematics: which dimension is which is not confirmed.",
+        COMPARE,
         SIGN_TRIAL,
         "Run offsets.nc in MDI mode or as a program; RTCP off.",
         "Touch one facet at two indexations with RTCP on, before and after.",

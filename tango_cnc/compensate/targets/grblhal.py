@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, none_derived
 from ._parts import centre, parallel, rotary_order
 
 TEXT = "grblHAL with rtcp_ac (XYZAC): settings $640 to $645"
@@ -48,6 +48,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the settings."""
     return [
         "Write down the answer of the control to $$.",
+        COMPARE,
         SIGN_TRIAL,
         "Send the lines of settings.txt one by one; each is answered with ok.",
         "Touch one facet with A and C at 0 and at 90 degrees: no test of rtcp_ac on a machine is known.",

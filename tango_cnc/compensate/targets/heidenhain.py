@@ -9,7 +9,7 @@ import numpy as np
 
 from ...records import Array
 from ..space import Held
-from . import SIGN_TRIAL, Derived, Fact, Option, Request, any_machine
+from . import COMPARE, SIGN_TRIAL, Derived, Fact, Option, Request, any_machine
 from ._parts import across, centre, point_of, reversal, rows, scale_of, tilt, trims
 
 TEXT = "HEIDENHAIN: axis error tables .COM and .CMA, entries for the kinematics description"
@@ -128,6 +128,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
         "Back up the .COM and .CMA files and the kinematics description first.",
+        COMPARE,
         SIGN_TRIAL,
         "Copy the .COM files and add the line of AXIS.CMA; make it the only active line.",
         "Add the Trans entries of kinematics.txt to the description: those above a MachAxis directly before it, those below it "

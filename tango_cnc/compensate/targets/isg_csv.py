@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import component_errors, position_errors, rows, scale_of, tables
 
 TEXT = "ISG kernel, Beckhoff TwinCAT TF5280: volumetric compensation (ISG_CSV) with its configuration list"
@@ -79,6 +79,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
     return [
+        COMPARE,
         SIGN_TRIAL,
         f"Copy volcomp.csv into {request.options['folder']} on the control; "
         "enter the lines of volcomp.lis in the list of the channel.",

@@ -11,7 +11,7 @@ from ... import kinematics
 from ...kinematics import Slot
 from ...records import InputError, Machine
 from ..space import Held, Lever, by_slot
-from . import Fact, Option, Request, none_derived
+from . import COMPARE, Fact, Option, Request, none_derived
 from ._parts import centre, rotary_order, rows, scale_of, tables, trims
 
 TEXT = "LinuxCNC: COMP_FILE of every joint; pins of xyzac-trt-kins or xyzbc-trt-kins; parameters of matrixkins"
@@ -170,7 +170,7 @@ def files(request: Request, held: Sequence[Held], numbers: Mapping[str, float]) 
 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
-    result = ["Switch the machine off and end LinuxCNC."]
+    result = ["Switch the machine off and end LinuxCNC.", COMPARE]
     if request.options["comp"] == "yes":
         result += [
             "Copy the .comp files into the folder of the configuration.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...records import InputError
 from ..space import Held
-from . import SIGN_TRIAL, Derived, Fact, Option, Request
+from . import COMPARE, SIGN_TRIAL, Derived, Fact, Option, Request
 from ._parts import HALVES, across, centre, point_of, reversal, rotary_order, rows, scale_of, tables, tilt, trims
 
 TEXT = "SINUMERIK 840D sl, ONE: TOOLCARRIER fine offsets with TRAORI machine data, CEC tables, ENC_COMP, reversal values"
@@ -239,7 +239,7 @@ def _kinematics(request: Request, held: Sequence[Held], numbers: Mapping[str, fl
 
 def steps(request: Request) -> list[str]:
     """job → what a person does with the files."""
-    result = ["Save an archive of the NC data first.", SIGN_TRIAL]
+    result = ["Save an archive of the NC data first.", COMPARE, SIGN_TRIAL]
     if request.machine.rotary and (request.options["kinematics"], request.options["directions"]) != ("no", "no"):
         result += [
             "Run kinematics.mpf once in channel 1; it sets the fine offsets of the tool carrier.",

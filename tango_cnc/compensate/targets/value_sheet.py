@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ..space import Held
-from . import SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
+from . import COMPARE, SIGN_TRIAL, Fact, Option, Request, any_machine, none_derived
 from ._parts import HALVES, across, centre, reversal, rows, tables, tilt, trims
 
 TEXT = "any other control (Mitsubishi, Mazak, Okuma, Mach4 …): a sheet of values with what each of them means"
@@ -72,6 +72,7 @@ def steps(request: Request) -> list[str]:
     """job → what a person does with the sheet."""
     return [
         "Write down the present value of every parameter before you change it.",
+        COMPARE,
         SIGN_TRIAL,
         "Enter the values of values.txt where the manual of the control has them.",
         "Where the manual keeps a center in two places (TCP and fixture offset, say), enter both: one alone is a systematic error.",
