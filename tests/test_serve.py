@@ -31,6 +31,7 @@ from tango_cnc.records import InputError
 from tango_cnc.report import morning
 from tango_cnc.report.answer import answer
 from tango_cnc.report.days import at
+from tango_cnc.report.days import day as spoken
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -491,7 +492,7 @@ def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) 
     day = date.today().isoformat()
     steps = (
         (Decision("2026-10-25-1", "acknowledge", "Bob", "after the shift"), "acknowledged, not closed"),
-        (Decision("2026-10-25-1", "ignore", "Bob", "", day), "ignored, not closed"),
+        (Decision("2026-10-25-1", "ignore", "Bob", "", day), f"ignored until {spoken(day, texts())}, not closed"),
         (Decision("2026-10-25-1", "repaired", "Bob"), ""),
     )
     for decision, mark in steps:

@@ -66,8 +66,15 @@ def alarm(
         "gone": False,
         "ids": [str(a["id"])] if a.get("id") and decision is None else [],
         "held": [],
-        "decided": "" if decision is None else t(f"decision.{decision.action}"),
+        "decided": "" if decision is None else decided(decision, t),
     }
+
+
+def decided(decision: Any, t: Texts) -> str:
+    """decision, texts → accepted, ignored until Thu 10 Dec 2026: what a page has beside the alarm."""
+    if decision.until:
+        return t("decision.ignored_until", until=day(decision.until, t))
+    return t(f"decision.{decision.action}")
 
 
 def _who(owner: Any, decision: Any, asked: str, today: str, t: Texts, deputy: str, first: str) -> str:
@@ -102,8 +109,8 @@ def with_its_date(a: Mapping[str, Any], raw: str, t: Texts) -> str:
 
 
 def _at_once(a: Mapping[str, Any]) -> bool:
-    """alarm with its night → whether it came from one night to the next, so that its night says since when."""
-    return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
+    """alarm with its night → whether the night before was without it, so that its night says since when."""
+    return days_between(a.get("since") or a["night"], a["night"]) == 1
 
 
 def since_date(a: Mapping[str, Any]) -> str:

@@ -138,7 +138,8 @@ class _Plot:
         self.left, self.right = 58.0, frame.width - 14.0
         self.title = textwrap.wrap(frame.title, max(int((frame.width - 72) / 6.9), 12))
         self.head = 8.0 + 16.0 * len(self.title) if self.title else 10.0
-        self.top = self.head + 17.0 * len(self.rows)
+        self.above = 12.0 * max((m.row + 1 for m in marks if m.x is not None and m.text), default=0)  # texts stand above all points
+        self.top = self.head + 17.0 * len(self.rows) + self.above
         self.bottom = frame.height - (38.0 if frame.x_label else 24.0)
 
     def _legend_rows(self) -> list[list[Plotted]]:
@@ -293,9 +294,10 @@ class _Plot:
         if m.x is not None:
             x = self.x(m.x)
             end = x > self.left + 0.75 * (self.right - self.left)
-            parts = [_path(f"M{x:.1f} {self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
+            foot = self.top - self.above + 9 + 12 * m.row
+            parts = [_path(f"M{x:.1f} {foot - 8 if m.text else self.top:.1f}V{self.bottom:.1f}", m.color, m.dash, 1.2)]
             side = f'x="{x - 4:.1f}" text-anchor="end"' if end else f'x="{x + 4:.1f}"'
-            return [*parts, f'<text {side} y="{self.top + 10 + 12 * m.row:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
+            return [*parts, f'<text {side} y="{foot:.1f}" fill="{m.color}" {HALO}>{escape(m.text)}</text>']
         assert m.y is not None
         y = self.y(m.y)
         place, foot = self._free(m.text, y)

@@ -34,13 +34,13 @@ STANDS = 3600.0  # s of the clock without one: it waits for something; a campaig
 BEGINS = ("tango_cnc.nightly.night", "tango_cnc.commands._cell_nights", "tango_cnc.history", "sim_controller.simulate")
 # Years ask for no diagnosis and no plausibility, and have no control to commission: these are imported and not run.
 ASIDE = tuple(f"tango_cnc.{name}" for name in ("commission", "diagnose", "gate", "noise", "plausible"))
-HARNESS = ("tests/support/years.py", "tests/support/nights_parts.py")
+HARNESS = ("tests/support/years.py", "tests/support/night_contract.py", "tests/support/nights_parts.py")
 # What is broken, by a word of the sentence that says so; what none of them fits is `other`.
 BREAKS = {
-    "moves": ("moves", "moved"),
-    "silent": ("without a message", "is taken out and was not delivered"),
+    "moves": ("moves", "moved", "and it was measured"),
+    "silent": ("without a message", "is taken out and was not delivered", "and the message", "a message comes twice"),
     "hangs": ("does not end", "hangs"),
-    "history": ("history", "entry", "entries", "readings", "kept", "chain", "overwritten", "state of the night"),
+    "history": ("history", "entry", "entries", "readings", "kept", "chain", "overwritten", "state of the night", "on record"),
 }
 
 

@@ -22,6 +22,7 @@ from sqlalchemy import create_engine, event
 from sqlalchemy.pool import StaticPool
 
 from sim_controller.simulate import simulate
+from support.night_contract import Contract
 from support.nights_parts import nights_of
 from tango_cnc.files import readings_text
 from tango_cnc.files.nightly import Nightly
@@ -52,6 +53,9 @@ FAULTS = {  # chance a night
 }
 
 
+# Faults that no year has by itself, for campaigns that ask for them: two errors are knocked in one night; one is knocked while the
+# machine is measured.
+MORE = ("knocks", "within")
 KNOCK = {"mm": 0.02, "rad": 5e-5, "mm/mm": 2e-5}
 
 
@@ -255,6 +259,7 @@ class Year:
     steps: int = 0
     trace: list[str] = field(default_factory=list)
     number: int = -1  # of the night that is played
+    contract: Contract = field(default_factory=Contract)
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
@@ -330,11 +335,23 @@ class Year:
         position[:, :3] += moved
         read = b.base.rows(rows)
         read = replace(read, position=position, time=np.arange(len(rows)) * 4.5)
+        if self.fault == "within":
+            half, before = len(rows) // 2, self.errors.copy()
+            self._knock(self.number, None)
+            position[half:, :3] += np.einsum("e,enk->nk", self.errors - before, b.response[:, rows[half:]])
+            read = replace(read, position=position)
         planned, why = len(rows), ""
         if self.fault == "line dies":
             read, why = read.rows(np.arange(max(1, len(rows) * 2 // 3))), "the line died"
         self.clock.moment += timedelta(seconds=4.5 * len(read))
         return Measured(read, readings_text(read), planned, 4.5 * len(read), why)
+
+    def _knock(self, number: int, which: int | None) -> None:
+        """number of the night, place of an error (None: any) → it is somewhere else."""
+        i = int(self.rng.integers(len(self.bench.names))) if which is None else int(which)
+        size = KNOCK[unit_of(self.bench.names[i])]
+        self.errors[i] += size * self.rng.choice([-1, 1])
+        self.changes.append(number)
 
     def _second(self) -> None:
         """Another night begins in the same second, while this one measures. Raises Broken where it does not stay out of the way."""
@@ -361,11 +378,9 @@ class Year:
         if self.fault == "operator" and rng.random() < 0.3:
             self.fault = "locked"
         self.errors = self.errors + self.walk * rng.normal(size=len(self.errors))
-        if self.fault == "knock":
-            i = int(rng.integers(len(self.bench.names)))
-            size = KNOCK[unit_of(self.bench.names[i])]
-            self.errors[i] += size * rng.choice([-1, 1])
-            self.changes.append(number)
+        if self.fault in ("knock", "knocks"):
+            for i in rng.choice(len(self.bench.names), 2, replace=False) if self.fault == "knocks" else (None,):
+                self._knock(number, i)
         self.clock.moment = datetime(2026, 1, 1, 2, 0, tzinfo=UTC) + timedelta(days=number, minutes=float(rng.uniform(0, 3)))
         if self.fault == "asleep":
             return "asleep"
@@ -379,6 +394,8 @@ class Year:
             self.locked = False
             self._whole(before)
             self._begun_again()
+            self.fault = ""
+            self.contract.cut_off(self)
             return "power"
         self._whole(before)
         if self.locked:
@@ -407,13 +424,15 @@ class Year:
         if last is not None and last.readings is not None and last.record["touches"] != last.readings.count("\n") - 1:
             raise Broken("readings are lost or invented")
         self._honest(number, record)
+        if wrong := next(self.contract.ended(self, number, record), ""):
+            raise Broken(wrong)
         if rng.random() < 0.7 and record["alarms"] and not record.get("trouble"):
             self._decide(record)
         return str(record["verdict"])
 
     def _honest(self, number: int, record: dict[str, Any]) -> None:
         """What is said of the machine is true, but for a change of the last nights that is not seen yet. Raises Broken."""
-        if self.fault in ("knock", "chip") or any(0 <= number - c <= 3 for c in self.changes):
+        if self.fault in ("knock", "chip", *MORE) or any(0 <= number - c <= 3 for c in self.changes):
             return
         for i, name in enumerate(self.bench.names):
             told = (record.get("parameters") or {}).get(name)
@@ -432,6 +451,7 @@ class Year:
         until = (self.clock.moment + timedelta(days=20)).strftime("%Y-%m-%d") if action == "ignore" else None
         utc = self.clock.moment.strftime("%Y-%m-%dT%H:%M:%SZ")
         self.history.decide(self.name, Decision(record["alarms"][0]["id"], action, "Ann", "", until, utc))
+        self.contract.decided(record["alarms"][0]["id"], action, until)
 
     def _entries(self) -> int:
         """→ entries, as the database itself has them."""

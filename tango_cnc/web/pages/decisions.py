@@ -14,9 +14,9 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.alarm import sentence, size_of, with_its_date
+from ...report.alarm import decided, sentence, size_of, with_its_date
 from ...report.answer import is_moving, measuring
-from ...report.days import at
+from ...report.days import at, day
 from ...report.faults import earlier, still_open
 from ...report.morning import brief_of
 from ...report.plain import plain
@@ -36,7 +36,9 @@ def decisions(request: Request) -> Response:
     """request → all alarms of all machines that are not closed: unanswered ones, and those that somebody has."""
     needs(request, "view")
     done = request.query_params.get("recorded", "")
-    told = state_of(request).texts(f"decision.recorded_{done}") if done in ACTIONS else ""
+    until, t = request.query_params.get("until", ""), state_of(request).texts
+    dated = DATE.fullmatch(until) is not None
+    told = t(f"decision.recorded_{done}", until=day(until, t)) if done in ACTIONS and (dated or done != "ignore") else ""
     return page(request, "decisions.html", said="", told=told, typed={}, **_values(request))
 
 
@@ -121,7 +123,8 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
         what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
-        past.append({"machine": row.machine, "d": d, "place": number, "what": sentence(what, state.units)})
+        done, text = decided(d, state.texts), sentence(what, state.units)
+        past.append({"machine": row.machine, "d": d, "done": done, "place": number, "what": text})
     return past
 
 
@@ -161,7 +164,7 @@ def decide(request: Request) -> Response:
         said = _not_recorded(values, found.slug, form.get("alarm", ""), str(error), state)
         return page(request, "decisions.html", 400, said=said, told="", typed=form, **values)
     state.places.forget(found.history)
-    return RedirectResponse(f"/alarms?recorded={action}", 303)
+    return RedirectResponse(f"/alarms?recorded={action}" + (f"&until={until}" if action == "ignore" else ""), 303)
 
 
 def _incomplete(action: str, until: str | None, today: str) -> str:
