@@ -245,6 +245,8 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, night: str = "") -> l
         t("mail.on_part", text=_of_its_night(by_tonight(cause)["on_part"], cause, night)),
         t("mail.do", text=t(again) if again in t else cause["do"]),
     ]
+    if steady and cause.get("cause") == "axis_location" and not cause.get("stands"):
+        lines.append(t("mail.no_location"))
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))
