@@ -12,8 +12,7 @@ from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
-from ..report.together import WARMED
-from ..report.tonight import by_tonight
+from ..report.tonight import WARMED, by_tonight
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
