@@ -285,7 +285,7 @@ def planted(name: str) -> Iterator[None]:
 WEATHER = (
     *((rates, 10) for rates in ({}, *({name: 0.6} for name in FAULTS))),
     ({"within": 0.2}, 20),
-    ({"knocks": 0.2, "knock": 0.1}, 40),
+    ({"knocks": 0.2, "knock": 0.3}, 40),
     (MANY, 120),
 )
 
