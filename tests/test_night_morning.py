@@ -36,6 +36,7 @@ from tango_cnc.noise import Noise
 from tango_cnc.records import Cell
 from tango_cnc.report.repeated import as_decided, shortened
 from tango_cnc.state import Frame, State
+from tango_cnc.texts import say
 
 Tell = Callable[..., list[dict[str, Any]]]
 
@@ -427,6 +428,27 @@ def test_a_first_night_is_not_in_doubt_by_a_drift_that_nobody_can_tell_from_none
     scattered = replace(by_chance, noise=Noise(quiet.sigma, walk=0.7 * quiet.sigma))  # the same scatter, and no drift to explain it
     monkeypatch.setattr("tango_cnc.noise.honest", lambda result: scattered)
     assert _judged(cell, readings, quiet, "full").verdict == "doubtful"
+
+
+def test_a_change_behind_a_limit_that_is_an_open_alarm_is_said_once() -> None:
+    """ "+22 µm since the 12th; alarm of the 12th: +20 µm since the 12th" read as two movements."""
+    text = {size: say("changed.unnamed", name="EY0C", size=size, since="2026-10-03") for size in ("+20 µm", "+22 µm")}
+    one = {"parameter": "EY0C", "since": "2026-10-03", "night": "2026-10-04", "owner": "Ann", "decision": None, "now": ""}
+    limit = {"what": "volume", "value": 85.5, "unit": "µm", "limit": 60.0, "passed": False}
+    alarm = one | {"id": "2026-10-04-1", "text": text["+20 µm"]}
+    behind = [one | {"what": "volume", "text": text["+22 µm"]}, {"what": "volume", "parameter": "EX0C", "text": "C axis is off"}]
+    more = {"verdict": "out_of_limits", "limits": [limit], "standing": [alarm], "behind": behind, "end_utc": "2026-10-09T02:04:00Z"}
+    record = night(**more)
+    assert record["headline"] == (
+        f"volume is 85.5 µm, 60 µm are allowed: alarm of 2026-10-04: {text['+22 µm']}; "
+        "nobody has answered the alarm of 2026-10-04; C axis is off"
+    )
+    dated = text["+22 µm"].replace("2026-10-03", "the night ending 2026-10-04")
+    assert f"alarm of 2026-10-04: {dated}; Bo has it; C axis is off" in as_decided(
+        record, [Decision("2026-10-04-1", "acknowledge", "Bo", "", None, "2026-10-09T08:00:00Z")]
+    )
+    other = night(**{**more, "standing": [alarm | {"since": "2026-10-01"}]})["headline"]
+    assert "+22 µm" in other and "+20 µm" in other  # another movement of the same axis
 
 
 def test_a_line_of_an_alarm_says_what_was_decided_since() -> None:

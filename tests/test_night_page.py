@@ -51,11 +51,22 @@ def test_an_alarm_that_is_open_under_the_old_name_is_no_plain_yes(alarms: int, h
 
 
 @pytest.mark.parametrize(
-    ("total", "rate", "effect"), [(0.040, None, "80.0"), (0.021, None, "39.6"), (0.021, 0.001, "42.0"), (None, None, "39.6")]
+    ("total", "rate", "std", "effect"),
+    [
+        *((0.040, None, None, "80.0"), (0.021, None, None, "39.6"), (0.021, 0.001, None, "42.0"), (None, None, None, "39.6")),
+        *(
+            (0.021, None, 0.0004, "39.6"),
+            (0.022, None, 0.0004, "44.0"),
+            (0.0205, None, 0.0001, "39.6"),
+        ),  # surely, and not by a hair
+    ],
 )
-def test_what_an_alarm_does_to_a_part_is_that_of_tonight(total: float | None, rate: float | None, effect: str) -> None:
+def test_what_an_alarm_does_to_a_part_is_that_of_tonight(
+    total: float | None, rate: float | None, std: float | None, effect: str
+) -> None:
     part = say("part.turned_since", since="2026-11-04", axis="C", angle="180", effect="39.6 µm")
     a: dict[str, Any] = {"on_part": part, "on_part_um": 39.6, "size": 0.0198, "total": total, "rate_per_day": rate, "now": ""}
+    a |= {} if std is None else {"std": std}
     found = by_tonight(a)
     assert f"{effect} µm" in found["on_part"] and f"{found['on_part_um']:.1f}" == effect
 

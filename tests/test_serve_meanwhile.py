@@ -382,3 +382,18 @@ def test_dates_of_a_curve_name_their_month() -> None:
     """11-01 is the eleventh of January to some, and the first of November to others."""
     months = texts()("date.months").split()
     assert [name for _, name in dates(date(2026, 10, 31), 0, 29, 5, months)][-1] == "29 Nov"
+
+
+def test_an_update_of_the_program_beside_a_server_that_runs_changes_no_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Templates were read anew from the disk and the program was not: pages failed until somebody restarted the server."""
+    place = struck(tmp_path / "one")
+    app = create(Settings((place,)))
+    env = app.state.tango.templates
+    wanted = {"fleet.html", "decisions.html", "machine.html", "trend.html", "run.html", "_step.html", "told.html", "framed.html"}
+    assert wanted <= set(env.list_templates())
+    monkeypatch.setattr(env.loader, "load", lambda *args: pytest.fail("a template was read from the disk"))
+    with TestClient(app, base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for path in ("/", "/alarms", f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/run", f"/machine/{M}/night/2"):
+            assert site.get(path).status_code == 200, path

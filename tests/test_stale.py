@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -200,3 +201,29 @@ def test_a_message_dates_a_change_as_pages_do() -> None:
     assert told.count("since the night ending 2026-11-05") == 3 and "last night" not in told and "2026-11-04" not in told
     drift = one | {"rate_per_day": 0.002, "since": "2026-10-30", "text": text.but(since="2026-10-30")}
     assert "since 2026-10-30" in message(record | {"alarms": [drift], "headline": drift["text"]}, (), ())[1]
+
+
+@pytest.mark.parametrize("zone", ["Europe/Berlin", "America/Los_Angeles"])
+def test_a_machine_that_measures_in_the_evening_is_as_old_as_its_night(zone: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A night of 22:30 is of the next morning; its age began the day before, and a result was too old a night too early."""
+    monkeypatch.setenv("TZ", zone)
+    time.tzset()
+    try:
+        end = datetime(2026, 11, 20, 22, 30).astimezone().astimezone(UTC)
+        assert measured_on({"verdict": "good", "night": "2026-11-21", "end_utc": end.isoformat()}) == "2026-11-21"
+        early = datetime(2026, 11, 21, 2, 30).astimezone().astimezone(UTC)
+        assert measured_on({"verdict": "good", "night": "2026-11-21", "end_utc": early.isoformat()}) == "2026-11-21"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+
+def test_under_an_alarm_stands_how_that_one_is_answered_at_the_computer(tmp_path: Path) -> None:
+    """All of a machine stood under the first one, and who copied the last answered another."""
+    before, now = dated(1), dated(0)
+    one = knock(now["night"]) | {"since": before["night"], "text": "C axis has moved", "on_part_um": 40.0}
+    other = one | {"id": f"{now['night']}-2", "parameter": "EX0S", "text": "head has moved", "on_part_um": 4.0}
+    place = cell(tmp_path / "one", records=[night(M, 0, **before), night(M, 1, "changed", alarms=[one, other], **now)])
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as site:
+        parts = site.get("/alarms").text.split('<section class="one">')[1:]
+    assert [re.findall(r"tango history decide (\S+)", part) for part in parts] == [[one["id"]], [other["id"]]]

@@ -25,7 +25,7 @@ from ..records import TangoError
 from ..report.age import measured_on, night_of_stamp, nights_old
 from ..report.answer import measuring
 from ..report.morning import next_night
-from ..report.repeated import shortened
+from ..report.repeated import as_found, shortened
 from ..report.texts import Texts, code
 from ..report.tonight import by_tonight
 from ..report.units import Units
@@ -209,7 +209,8 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     yield from _nights(found, t)
     for alarm in found.alarms:
         command = answer(alarm["id"], str(folder), where)
-        text = joined("; ", (alarm["text"], alarm.get("now")))
+        dated = as_found(alarm["text"], {"alarms": [{**alarm, "night": str(alarm["id"])[:10]}]})
+        text = joined("; ", (dated, alarm.get("now")))
         yield "  " + t("cli.nightly.open_alarm", id=alarm["id"], text=text, command=command)
     for stamp in found.waiting:
         yield "  " + t("cli.nightly.waits", stamp=stamp)

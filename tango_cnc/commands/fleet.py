@@ -253,7 +253,13 @@ def _stale(history: History, nights: Sequence[Night], most: float) -> int:
     from ..report.days import local_day
 
     last = next((n for n in nights if n.verdict != "not_measured"), None)
-    measured = local_day(last.end_utc) if last is not None else measured_on(history.night(nights[0].entry).record) if nights else ""
+    measured = (
+        max(local_day(last.end_utc), last.night)
+        if last is not None
+        else measured_on(history.night(nights[0].entry).record)
+        if nights
+        else ""
+    )
     return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
 
 

@@ -223,8 +223,8 @@ def _checked(point: Mapping[str, Any], t: Texts) -> str:
 def _since(a: Mapping[str, Any], night: str = "") -> str:
     """alarm, its night where that is tonight → since when: the night that found it, where the one before was without it."""
     found = str(a.get("night") or night)
-    at_once = not a.get("rate_per_day") and days_between(a.get("since") or found, found) == 1
-    return say("morning.found", date=found) if at_once else str(a.get("since") or "")
+    next_to = days_between(a.get("since") or found, found) == 1
+    return say("morning.found", date=found) if next_to else str(a.get("since") or "")
 
 
 def _of_its_night(text: str, a: Mapping[str, Any], night: str = "") -> str:

@@ -81,7 +81,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
         why = [*own, *why] if behind and behind[0].get("parameter") in by_alarm else [*why, *own]  # what does most comes first
-        why = why if alarms else [*why, *_open(record)]
+        why = why if alarms else _with_open(behind, record)
         cause = joined("", (": ", joined("; ", why), _more(record, 0 if alarms else 1))) if why else ""
         crossed = say(
             "night.words.allowed",
@@ -143,6 +143,19 @@ def _headline(record: Mapping[str, Any]) -> str:
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""
     return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
+
+
+def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> list[Said]:
+    """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
+    alarm that stands: a change that is both is said once, with the size that it has by now.
+    """
+    first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
+    key = first.get("parameter"), first.get("since")
+    one = next((x for x in behind if all(key) and (x.get("parameter"), x.get("since")) == key), None)
+    if one is None:
+        return [*(x["text"] for x in behind), *_open(record)]
+    told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
+    return [told if x is one else x["text"] for x in behind]
 
 
 def _open(record: Mapping[str, Any]) -> list[Said]:

@@ -12,10 +12,13 @@ EVENING = timedelta(hours=6)  # before midnight: a night that begins later is of
 
 
 def measured_on(record: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> str:
-    """record of the newest night, of the last that measured where that one did not → date of the last measurement; '' for none."""
+    """record of the newest night, of the last that measured where that one did not → date of the last measurement; '' for none.
+
+    What was measured in the evening is of the next morning, as its night is.
+    """
     known = (before if record.get("verdict") == "not_measured" else record) or {}
     if known and known.get("verdict") != "not_measured":
-        return local_day(known.get("end_utc")) or str(known.get("night") or "")
+        return max(local_day(known.get("end_utc")), str(known.get("night") or ""))
     return str(record.get("last_measured") or "")
 
 

@@ -109,8 +109,8 @@ def with_its_date(a: Mapping[str, Any], raw: str, t: Texts) -> str:
 
 
 def _at_once(a: Mapping[str, Any]) -> bool:
-    """alarm with its night → whether it came from one night to the next, so that its night says since when."""
-    return not a.get("rate_per_day") and days_between(a.get("since") or a["night"], a["night"]) == 1
+    """alarm with its night → whether the night before was without it, so that its night says since when."""
+    return days_between(a.get("since") or a["night"], a["night"]) == 1
 
 
 def since_date(a: Mapping[str, Any]) -> str:

@@ -24,7 +24,7 @@ from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided
+from .repeated import as_decided, exact
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .together import SAME
@@ -165,7 +165,7 @@ def context(
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(t.of(as_decided(record, decisions)), u),
+        "headline": sentence(t.of(_in_unit(as_decided(record, decisions), record, u)), u),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
         "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
@@ -180,6 +180,11 @@ def context(
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
     }
+
+
+def _in_unit(headline: str, record: Mapping[str, Any], u: Units) -> str:
+    """headline, record, units → the same; what is converted is not rounded before."""
+    return str(exact(headline, record, 2)) if u.system == "inch" else headline
 
 
 def _suspected(

@@ -18,6 +18,7 @@ RECENT = 14.0  # days that the pace is taken from, and nights that it may look a
 LEAST = 5  # nights
 SURE = 2.58  # standard deviations (99 %)
 STEP = 4.0  # of what the other nights differ by, from where one difference is a step
+BENT = 30.0  # variances by which two lines fit better than one, from where a stretch has a bend
 SOON = 2.0  # nights: from here on, a machine may be at its limit before it is measured again
 
 
@@ -33,8 +34,9 @@ class Ahead:
 def pace(days: Array, value: Array, std: float) -> tuple[int, float]:
     """(n,) days, (n,) values, standard deviation of one → place where the last stretch begins, change a day in it; 0 for none.
 
-    The stretch is at most a fortnight long and begins after the last step. Its change counts from `SURE` standard deviations on,
-    by what a value is known to and by what the values scatter about their line, whichever is larger.
+    The stretch is at most a fortnight long and begins after the last step, or where it begins to go another way. Its change counts
+    from `SURE` standard deviations on, by what a value is known to and by what the values scatter about their line, whichever is
+    larger.
     """
     start = int(np.searchsorted(days, days[-1] - RECENT)) if len(days) else 0
     x, y = days[start:], value[start:]
@@ -48,11 +50,31 @@ def pace(days: Array, value: Array, std: float) -> tuple[int, float]:
         x, y = days[start:], value[start:]
     if len(x) < LEAST:
         return start, 0.0
+    bend = _bend(x, y, std)
+    start, x, y = start + bend, x[bend:], y[bend:]
     lever = x - x.mean()
     width = float(lever @ lever)
     slope = float(lever @ y) / width if width else 0.0
     scatter = float(np.sqrt(np.sum((y - y.mean() - slope * lever) ** 2) / (len(x) - 2)))
     return start, slope if abs(slope) * np.sqrt(width) > SURE * max(std, scatter) else 0.0
+
+
+def _bend(x: Array, y: Array, std: float) -> int:
+    """(n,) days, (n,) values of a stretch without a step, standard deviation of one → place from which it goes another way, as a
+    machine that begins to drift; 0 where one line fits as well.
+    """
+    parts = {k: _off(x[: k + 1], y[: k + 1]) + _off(x[k:], y[k:]) for k in range(2, len(x) - LEAST + 1)}
+    if not parts:
+        return 0
+    place = min(parts, key=parts.__getitem__)
+    usual = max(std**2, parts[place] / max(len(x) - 4, 1))
+    return place if _off(x, y) - parts[place] > BENT * usual else 0
+
+
+def _off(x: Array, y: Array) -> float:
+    """(n,) days, (n,) values → sum of squares beside their line."""
+    lever, rest = x - x.mean(), y - y.mean()
+    return float(rest @ rest - (lever @ rest) ** 2 / (lever @ lever))
 
 
 def ahead(record: Mapping[str, Any], volumes: Mapping[str, float], today: str = "") -> Ahead | None:

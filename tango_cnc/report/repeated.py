@@ -11,6 +11,7 @@ from .days import days_between
 LAST_NIGHT = "last night"
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
+LARGEST = "night.words.largest_error_over_volume"
 OPEN = "night.words.open_alarm"
 MORE = "night.words.more_wait"
 DECIDED = {
@@ -47,16 +48,33 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
 
 
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
-    """headline of a night, its record → the same, to be read on another day: an alarm that came from one night to the next has the
+    """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
     date of the night that raised it, as on the page of the machine, and not that of the night before.
     """
     for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
         since, night = str(a.get("since") or ""), str(a.get("night") or record.get("night"))
         if since:
             dated = instead(a["text"], LAST_NIGHT, since)
-            at_once = not a.get("rate_per_day") and days_between(since, night) == 1
-            headline = _put(headline, a["text"], instead(dated, since, say("morning.found", date=night)) if at_once else dated)
+            next_to = days_between(since, night) == 1
+            headline = _put(headline, a["text"], instead(dated, since, say("morning.found", date=night)) if next_to else dated)
     return headline
+
+
+def exact(headline: Any, record: Mapping[str, Any], decimals: int = 4) -> Any:
+    """headline of a night, its record → the same with the numbers of the record: a page rounds them, and 85.47, which the sentence
+    has as 85.5, would be 86 there, beside 85 in its box.
+    """
+    if not isinstance(headline, Said):
+        return headline
+    values = {name: exact(x, record, decimals) for name, x in headline.values.items() if isinstance(x, Said)}
+    worst = (record.get("volume") or {}).get("worst_um")
+    if headline.key == BEYOND:
+        known = {f"{x['value']:.1f}": float(x["value"]) for x in record.get("limits") or () if x.get("value") is not None}
+        if (number := known.get(headline.values["value"])) is not None:
+            values["value"] = f"{number:.{decimals}f}"
+    elif headline.key == LARGEST and worst is not None:
+        values["volume"] = f"{worst:.{decimals}f}"
+    return headline.but(**values) if values else headline
 
 
 def _put(text: Any, old: str, new: str) -> Any:
@@ -81,8 +99,8 @@ def _answered(text: Any, more: str, who: str | None) -> Any:
 
 
 def _found_on(record: Mapping[str, Any]) -> dict[str, str]:
-    """record of a night → {last night without it: night that found it} of what stands behind a crossed limit and came at once."""
-    behind = [x for x in record.get("behind") or () if x.get("since") and x.get("night") and not x.get("rate_per_day")]
+    """record of a night → {last night without it: night that found it} of what stands behind a crossed limit."""
+    behind = [x for x in record.get("behind") or () if x.get("since") and x.get("night")]
     return {str(x["since"]): str(x["night"]) for x in behind if days_between(x["since"], x["night"]) == 1}
 
 

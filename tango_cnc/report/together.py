@@ -13,6 +13,7 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
+from .tonight import has_grown
 from .units import Units, shown
 from .words import moved, spoken
 
@@ -61,7 +62,7 @@ class _Story:
     @property
     def has_moved_on(self) -> bool:
         """→ whether what stands is another size than the oldest alarm found."""
-        return bool(self.own) and (self.drifts or abs(self.every - self.own) > SAME * abs(self.own))
+        return bool(self.own) and (self.drifts or has_grown(self.every, self.own, self.same[0].get("std")))
 
 
 def together(

@@ -8,12 +8,22 @@ from typing import Any
 from ..texts import Said
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
-AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still do to parts what its night found
+AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
+LEAST = 0.05  # share that is nothing in any case
+SURE = 4.0  # standard deviations of its size above which it has grown although that is less than AS_FOUND
 
 
 def is_gone(now: str) -> bool:
     """what a night says of an older alarm by now → whether what moved is back where it was."""
     return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+
+
+def has_grown(total: float, size: float, std: float | None) -> bool:
+    """how far it is by now, size that its night found, standard deviation of that (None: not on record) → whether that is another
+    number: by far, or surely.
+    """
+    other = abs(total - size)
+    return other > AS_FOUND * abs(size) or bool(std and other > max(LEAST * abs(size), SURE * abs(std)))
 
 
 def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
@@ -22,7 +32,7 @@ def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
     same = {"on_part": part, "on_part_um": small}
     if not small or not total or not size or is_gone(cause["now"]):
         return same
-    if not (cause.get("rate_per_day") or cause.get("ignored")) and abs(float(total) - size) <= AS_FOUND * abs(size):
+    if not (cause.get("rate_per_day") or cause.get("ignored") or has_grown(float(total), size, cause.get("std"))):
         return same
     counted = float((cause.get("ignored") or {}).get("total") or size)
     large = abs(float(small) * (counted + float(total) - size) / counted)

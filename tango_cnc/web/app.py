@@ -80,6 +80,10 @@ def create(settings: Settings) -> Starlette:
     env = environment(settings.templates)
     assert isinstance(env.loader, jinja2.ChoiceLoader)
     env.loader = jinja2.ChoiceLoader([*env.loader.loaders, jinja2.PackageLoader("tango_cnc.web", "templates")])
+    env.auto_reload = False
+    for name in env.list_templates(["html"]):  # an update beside a server that runs changes no page before its restart
+        with contextlib.suppress(jinja2.TemplateError):  # a mistake of a shop is said by its page
+            env.get_template(name)
     state = PagesState(
         settings,
         Places(settings),
