@@ -209,12 +209,16 @@ BUGS = {
     "the mark stays": ("nightly.night", "            world.disk.ended(stamp)\n        except", "            pass\n        except"),
     "a message that was delivered is sent again": ("nightly.night", "            disk.sent(stamp)\n", "            pass\n"),
     "what waits is not sent": ("nightly.night", "for old, words in [*unsent, (stamp", "for old, words in [(stamp"),
-    "the message has the hash of the entry before": (
+    "the message has no hash": (
         "nightly.night",
         'message(record, trouble, left, _newest(record["machine"], world), t=t)',
         "message(record, trouble, left, None, t=t)",
     ),
-    "an alarm is no reason for the verdict": ("nightly.analysis", "changed = bool(alarms or waiting)", "changed = bool(alarms)"),
+    "an alarm of an earlier night is no reason for the verdict": (
+        "nightly.analysis",
+        "changed = bool(alarms or waiting)",
+        "changed = bool(alarms)",
+    ),
     "every alarm of a night has one id": ("nightly.night", '-{started:%H%M%S}-{number}"', '-{started:%H%M%S}"'),
     "half an interval": ("nightly.parts", '"high": mean + COVER * float(std[i])', '"high": mean + float(std[i])'),
     "the oldest state instead of the newest": (
