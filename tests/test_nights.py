@@ -117,7 +117,11 @@ def test_years_are_counted_by_what_they_broke() -> None:
 BUGS = {
     "the preflight is not looked at": ("nightly.night", "failed = [p for p in points if not p.passed]", "failed = []"),
     "the lock is not taken": ("nightly.night", "with world.lock:", "if True:"),
-    "nobody gets a message": ("nightly.night", "_told(record, trouble, left, world, stamp, settings.templates)\n    if kept", "if kept"),
+    "nobody gets a message": (
+        "nightly.night",
+        "_told(record, trouble, left, world, stamp, settings.templates)\n    if kept",
+        "if kept",
+    ),
     "a message is thrown away though it was not delivered": (
         "nightly.night",
         "if waiting and all(d.sent for d in deliveries):",
