@@ -18,6 +18,7 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.words import headline
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
@@ -207,3 +208,10 @@ def test_what_somebody_has_repaired_is_to_be_measured_and_no_id_is_said() -> Non
         assert (found["todo"] == "Run the full measurement: it shows whether the repair has helped.") == said
     why = str(next_night(record, [replace(decision, utc="2027-01-01T08:00:00Z")])["why"])
     assert "Bo Roy, 2027-01-01" in why and "2026-11-05-1" not in why
+
+
+@pytest.mark.parametrize(("more", "warned"), [({}, True), ({"stands": "2026-11-07"}, False), ({"rate_per_day": None}, False)])
+def test_the_message_of_a_drift_warns_of_a_new_location_as_the_page_does(more: dict[str, Any], warned: bool) -> None:
+    drift = knock("2026-11-05") | {"night": "2026-11-05", "rate_per_day": 0.004, "now": "", "decision": None} | more
+    text = message(night(M, 14, "changed", standing=[drift]), (), ())[1]
+    assert ("Enter no new location of this axis in the control before it stands still" in text) == warned
