@@ -26,6 +26,7 @@ from support.nights_parts import (
     note_planned,
     told_of_signals,
 )
+from support.refusingdisk import Disk, refusing
 from support.runs import Control, Result, cell, readings  # noqa: F401
 
 from tango_cnc.cli import tango
@@ -71,6 +72,18 @@ def test_its_journal_becomes_readings_once_nobody_is_at_work_there(cell: Path, n
     (night / KEPT[1]).write_text("what is there stays\n")
     keep_readings(cell, lambda kind, touches: made)
     assert (night / KEPT[1]).read_text() == "what is there stays\n"
+
+
+def test_readings_that_the_disk_refused_are_made_though_the_night_is_on_record(cell: Path, night: Path) -> None:
+    """They were made of marked nights alone, and a mark is gone once the night is on record; nobody heard of the disk."""
+    made = plan(read_cell(cell))
+    with refusing(Disk((night,), 0)):
+        said = keep_readings(cell, lambda kind, touches: made)
+    assert said == (f"nights/{STAMP}/readings.partial.csv could not be written (No space left on device)",)
+    assert not (night / KEPT[1]).exists() and not list(night.glob(".readings*"))
+    RealDisk(cell).ended(STAMP)
+    assert keep_readings(cell, lambda kind, touches: made) == ()
+    assert list(readings(cell, f"nights/{STAMP}/{KEPT[1]}").touch) == [1, 2, 3, 4]
 
 
 @pytest.mark.long

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal
@@ -16,12 +17,14 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
+from tango_cnc.history import Decision
+from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.words import headline
 from tango_cnc.report.answer import answer, renamed, said_cut_off
 from tango_cnc.report.charts import tip
 from tango_cnc.report.days import day
 from tango_cnc.report.faults import faults
-from tango_cnc.report.morning import LEVELS, beyond_before, strip
+from tango_cnc.report.morning import LEVELS, beyond_before, next_night, strip
 from tango_cnc.report.pdf import TONES
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
@@ -194,3 +197,21 @@ def test_an_alarm_has_the_date_of_its_night_in_every_line(rate: float | None, tm
     said = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(place)], standalone_mode=False).output
     line = next(x for x in said.splitlines() if "open alarm 2026-11-05-1" in x)
     assert "since the night ending 2026-11-05" in line and "2026-11-04" not in line and "last night" not in line
+
+
+def test_what_somebody_has_repaired_is_to_be_measured_and_no_id_is_said() -> None:
+    """What to do was what it was before the repair, and why the next night is a full one was the id of the alarm."""
+    record = night(M, 14, "out_of_limits", standing=[knock("2026-11-05") | {"night": "2026-11-05", "now": ""}])
+    for utc, said in (("2027-01-01T08:00:00Z", True), ("2026-11-06T08:00:00Z", False)):  # one before that night was measured by it
+        decision = Decision("2026-11-05-1", "repaired", "Bo Roy", "", None, utc)
+        (found,) = faults(record, (), {"2026-11-05-1": decision}, Units(), texts())
+        assert (found["todo"] == "Run the full measurement: it shows whether the repair has helped.") == said
+    why = str(next_night(record, [replace(decision, utc="2027-01-01T08:00:00Z")])["why"])
+    assert "Bo Roy, 2027-01-01" in why and "2026-11-05-1" not in why
+
+
+@pytest.mark.parametrize(("more", "warned"), [({}, True), ({"stands": "2026-11-07"}, False), ({"rate_per_day": None}, False)])
+def test_the_message_of_a_drift_warns_of_a_new_location_as_the_page_does(more: dict[str, Any], warned: bool) -> None:
+    drift = knock("2026-11-05") | {"night": "2026-11-05", "rate_per_day": 0.004, "now": "", "decision": None} | more
+    text = message(night(M, 14, "changed", standing=[drift]), (), ())[1]
+    assert ("Enter no new location of this axis in the control before it stands still" in text) == warned

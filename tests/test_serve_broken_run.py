@@ -44,3 +44,10 @@ def test_the_list_counts_each_answer_by_its_own_word(cell: Path, tmp_path: Path)
     with TestClient(create(Settings((cell, *folders))), base_url="http://127.0.0.1") as site:
         listed = site.get("/").text
     assert "All: 4. Yes: 0. Yes, but: 1. No: 1. Not yet: 1. Nobody knows: 1." in listed
+
+
+def test_a_machine_that_was_never_measured_has_the_sign_of_nobody_knows(tmp_path: Path) -> None:
+    place = served(tmp_path / "Fir", "Fir", [])
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1") as site:
+        for text in (site.get("/").text, site.get("/machine/Fir").text.partition('class="verdict')[2]):
+            assert "Nobody knows" in text and 'fill="#5b3f95"' in text and "stroke-dasharray" not in text

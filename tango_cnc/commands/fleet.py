@@ -179,8 +179,10 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     nights = history.nights(s.machine, last=NIGHTS)
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
     said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+    record = history.night(nights[0].entry).record if nights else {}
+    said = as_found(said, {**record, "alarms": ()})
     if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
-        said = as_found(said, history.night(nights[0].entry).record)
+        said = as_found(said, record)
         said = instead(said, "last night", say("check.night_before", date=nights[0].night))
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder

@@ -16,6 +16,7 @@ from ..files.nightly import Nightly
 from ..history import Knowledge, Night
 from ..loaded import Event
 from ..records import Array, Cell, Readings
+from ..report.repeated import said_of_repair
 from ..state import (
     Frame,
     State,
@@ -163,7 +164,7 @@ class BeforeNight:
             d for d in past.decisions(machine) if d.action == "repaired" and (d.utc > full.start_utc or d.entry > full.entry)
         ]
         if repaired:
-            return "full", say("night.analysis.repaired_since_last_full_run", value=repaired[-1].note or repaired[-1].alarm)
+            return "full", say("night.analysis.repaired_since_last_full_run", value=said_of_repair(repaired[-1]))
         std = self._std_um(state, day - state.day)
         if std > self.settings.volume_std_um:
             return "full", say(

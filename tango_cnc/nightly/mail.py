@@ -12,8 +12,9 @@ from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
-from ..report.tonight import by_tonight
+from ..report.tonight import WARMED, by_tonight
 from ..report.words import named
+from ..state.changes import change
 from ..texts import Said, instead, say
 from .first import owner_of, parts_first
 from .words import beside, value, what_of
@@ -245,6 +246,9 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, night: str = "") -> l
         t("mail.on_part", text=_of_its_night(by_tonight(cause)["on_part"], cause, night)),
         t("mail.do", text=t(again) if again in t else cause["do"]),
     ]
+    of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
+    if steady and of_machine and not cause.get("stands"):
+        lines.append(t("mail.no_location"))
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
         lines.append(t("mail.instead", names=", ".join(names)))

@@ -83,8 +83,15 @@ def faults(
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
+    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x, known) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
+
+
+def _to_be_seen(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
+    """fault, last night that measured → whether somebody says to have repaired it, and no night has measured since."""
+    decision = a["decision"]
+    return decision is not None and decision.action == "repaired" and str(decision.utc) >= str(known.get("end_utc") or "~")
 
 
 def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, exact
+from .repeated import as_decided, exact, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .together import SAME
@@ -245,7 +245,7 @@ def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapp
     if not repaired:
         return record.get("next") or {}
     last = max(repaired, key=lambda d: str(d.utc))
-    return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=last.note or last.alarm)}
+    return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=said_of_repair(last))}
 
 
 def _next_kind(told: Answer, coming: Mapping[str, Any], t: Texts) -> str:

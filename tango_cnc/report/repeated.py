@@ -47,6 +47,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     return headline if who is None else headline.but(who=who)
 
 
+def said_of_repair(decision: Any) -> str:
+    """decision that something was repaired → its remark; without one who has said so, and when."""
+    return str(decision.note or f"{decision.owner}, {str(decision.utc)[:10]}")
+
+
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
     date of the night that raised it, as on the page of the machine, and not that of the night before.

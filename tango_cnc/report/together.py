@@ -13,12 +13,11 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import has_grown
+from .tonight import WARMED, has_grown
 from .units import Units, shown
 from .words import moved, spoken
 
 CLOSED = ("accept", "repaired")  # decisions after which a cause acts no more
-WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
 KNOCK = 3.0  # times what a drift makes a day, from which one night is a knock on top of it
 SAME = 0.25  # share of its size by which what stands may differ from what was found, and still be one step
 

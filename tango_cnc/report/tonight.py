@@ -8,6 +8,7 @@ from typing import Any
 from ..texts import Said
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
+WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
 SURE = 4.0  # standard deviations of its size above which it has grown although that is less than AS_FOUND

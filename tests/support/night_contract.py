@@ -33,6 +33,7 @@ class Contract:
     sure: bool = True  # whether all nights so far are known here
     told: dict[str, Mapping[str, Any]] = field(default_factory=dict)  # alarms by id, as the last night told them
     answers: dict[str, tuple[str, str]] = field(default_factory=dict)  # by id of the alarm: action, until
+    later: str = ""  # date of a whole full night that the history did not take, and may have taken later
     repaired: bool = False  # somebody has repaired something since the last full night
     heard: int = 0  # messages
     twice: set[str] = field(default_factory=set)  # messages of a night that was cut off: they may come again
@@ -65,6 +66,8 @@ class Contract:
             self._remember(record)
         else:
             self.last, self.sure = None, False
+            if record["kind"] == "full" and record["status"] == "complete":
+                self.later = record["night"]
 
     def _choice(self, record: Mapping[str, Any]) -> Iterator[str]:
         """Which kind of night it was, by what the nights before said of it."""
@@ -75,13 +78,14 @@ class Contract:
             yield f"a {record['kind']} night where {kind} was chosen"
         if not self.sure:
             return
-        age = _days(self.full, record["night"]) if self.full else 1000
-        due = not self.carried or age > 30 or self.repaired
+        newest = max(self.full, self.later)
+        age, least = (_days(one, record["night"]) if one else 1000 for one in (self.full, newest))
+        due = not self.carried or least > 30 or (self.repaired and newest == self.full)
         due |= self.last is not None and self.last["next"]["kind"] == "full"
         if due and kind != "full":
             yield "a check where a full night is due"
         known = self.last is not None and _days(self.last["night"], record["night"]) == 1
-        if known and kind == "full" and not due and age < 29:
+        if known and kind == "full" and not due and not self.repaired and age < 29:
             yield "a full night where nothing asks for it"
 
     def _before(self, record: Mapping[str, Any]) -> Iterator[str]:

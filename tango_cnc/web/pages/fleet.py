@@ -136,9 +136,11 @@ def _answered(told: Answer, busy: str, t: Texts) -> dict[str, str]:
 
 def _not_answered(busy: str, t: Texts) -> dict[str, str]:
     """How long the machine still measures → what the list says where no night has an answer."""
-    return {"level": "none", "answer": t("may.measuring" if busy else "may.unknown"), "word": busy} | dict.fromkeys(
-        ("why", "numbers", "soon"), ""
-    )
+    return {
+        "level": "none" if busy else "unknown",
+        "answer": t("may.measuring" if busy else "may.unknown"),
+        "word": busy,
+    } | dict.fromkeys(("why", "numbers", "soon"), "")
 
 
 def _asked(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], state: PagesState) -> dict[str, Any]:
@@ -191,7 +193,9 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return since_date(found[0])
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
-    return "" if own == "good" else [n.night for n in same][-1]
+    first = [n.night for n in same][-1]
+    # "Nothing was measured last night" has its date
+    return "" if own == "good" or (own == "not_measured" and first == row.nights[0].night) else first
 
 
 def brief(
