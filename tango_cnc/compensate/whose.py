@@ -240,7 +240,7 @@ def _unlikely(given: Mapping[str, tuple[Held, float]], request: Request) -> Iter
         if len(rows) >= ROWS and (alone := _alone(rows)):
             yield (
                 f"--present: {alone} is more than {ALONE:g} times as far from the other rows of its table as these are from each "
-                "other. Compare it with the control: it may be a slip of the pen"
+                "other. Compare it with the control: it may be a mistake"
             )
 
 
