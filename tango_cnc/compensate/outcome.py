@@ -77,8 +77,8 @@ class Outcome:
         more = f"; and of {len(self.rows) - LISTED} more tables" if len(self.rows) > LISTED else ""
         return (
             f"Rows of tables that no touch of this run met: {'; '.join(self.rows[:LISTED])}{more}. A wrong number there was "
-            "not seen, and one in a row that few touches meet may not be, least on one facet. Read the files back from the control into a copy "
-            "of the folder and compare them by --check. "
+            "not seen, and one in a row that few touches meet may not be, least on one facet. Read the files back from the "
+            "control into a copy of the folder and compare them by --check. "
         )
 
 
