@@ -165,7 +165,7 @@ HEAD = {
         ("klartext", "5 TOOL CALL 5.1 Z S3000", "whole number"),
         ("klartext", "5 TOOL CALL 5 Y S3000", "another axis than Z"),
         ("klartext", "5 TOOL CALL 2 Z\n6 C X+10 Y+0 DR+", "no CC"),
-        ("klartext", "5 TOOL CALL 2 Z\n6 CC X+1", "X or Y has not been programmed"),
+        ("klartext", "5 TOOL CALL 2 Z\n6 CC", "X or Y has not been programmed"),
     ],
 )
 def test_what_would_lead_elsewhere_is_refused(name: str, line: str, said: str, knowledge: Known) -> None:

@@ -104,7 +104,7 @@ def test_the_mark_of_another_zero_or_estimate_is_refused(knowledge: Known) -> No
     marked = "\n".join(lines) + "\n"
     assert rewritten(marked, knowledge)[0] == lines
     for found, other in (("0123", "4567"), ("ZERO X", "ZERO X9")):
-        with pytest.raises(InputError, match=r"another estimate or zero .* Take the program that it was made from"):
+        with pytest.raises(InputError, match=r"another estimate, zero or tool length .* Take the program that it was made from"):
             rewritten(marked.replace(found, other, 1), knowledge)
 
 

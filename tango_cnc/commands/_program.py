@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import math
 import os
@@ -23,7 +24,7 @@ from ..files.checked import plain
 from ..nc import blocks
 from ..nc.follow import Setup, zero_of
 from ..nc.predict import Way, touched_of
-from ..nc.program import Account, RewriteSettings, compensated, made_with, mark_text
+from ..nc.program import Account, RewriteSettings, compensated, made_with, mark_text, tools_of
 from ..records import Cell, InputError
 from ._common import dialect
 
@@ -96,9 +97,14 @@ def _written(cell: Cell) -> str | None:
 def opened(file: Path) -> Iterator[TextIO]:
     """program → its text, line by line; comments in the characters of another age come out as they went in.
 
-    Raises InputError for a device or a pipe.
+    Raises InputError for a device or a pipe, and for a byte order mark, which editors of Windows write.
     """
     plain(file)
+    with file.open("rb") as whole:
+        if whole.read(3) == codecs.BOM_UTF8:
+            raise InputError(
+                f"{file}: found a byte order mark before the first character; allowed: none, a control takes it for text"
+            )
     with file.open(encoding="utf-8", errors="surrogateescape", newline="") as text:
         yield text
 
@@ -133,7 +139,7 @@ def digest_of(found: Known) -> str:
 
 def mark_of(found: Known, setup: Setup) -> str:
     """what is known, set-up → what the mark of a program that is compensated with them says of them."""
-    return made_with(digest_of(found), setup.zero)
+    return made_with(digest_of(found), setup.zero, tools_of(setup))
 
 
 def ends_of(file: Path) -> str:
@@ -159,7 +165,7 @@ def program(cell: Cell, result: Estimate, source: Path, options: dict[str, Any])
     settings = RewriteSettings(
         options["chord"], options["decimals"], not options["no_rotary"], options["diff"] is not None, touched
     )
-    mark = mark_text(digest_of(found), setup.zero, simulated=options["of_no_machine"])
+    mark = mark_text(digest_of(found), setup.zero, tools_of(setup), simulated=options["of_no_machine"])
     ends = ends_of(source)
     target.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -79,17 +80,19 @@ def compensated(
     """
     source = iter(lines)
     head = [line.rstrip("\r\n") for line in islice(source, HEAD)]
+    place = 0
+    while place < min(len(head), HEAD - 1) and language.HEAD.fullmatch(head[place]):
+        place += 1
     if (line_of := marked(head)) is not None:
         _same(head[line_of - 1], mark, line_of)
+        if line_of - 1 > place:
+            raise refused(line_of, head[line_of - 1].strip(), "the mark of a compensated program stands in its head: take it out")
         account.marked = True
         for line in chain(head, (line.rstrip("\r\n") for line in source)):
             account.blocks += 1
             account.lines += 1
             yield line
         return
-    place = 0
-    while place < min(len(head), HEAD - 1) and language.HEAD.fullmatch(head[place]):
-        place += 1
     stripped = (line.rstrip("\r\n") for line in source)
     state = _State(np.zeros(len(setup.machine.rotary)))
     machinery: dict[float, Machinery] = {}
@@ -306,17 +309,25 @@ def _same(line: str, mark: str, number: int) -> None:
         raise refused(
             number,
             line.strip(),
-            f"the mark of a program that was compensated with another estimate or zero than now ({own}): its words are moved "
-            "already. Take the program that it was made from",
+            f"the mark of a program that was compensated with another estimate, zero or tool length than now ({own}): its words "
+            "are moved already. Take the program that it was made from",
         )
 
 
-def made_with(digest: str, zero: Mapping[str, float]) -> str:
-    """hash of the errors, zero of the program → what the mark says of them."""
-    return f"{digest} ZERO {' '.join(f'{a}{v:g}' for a, v in zero.items())}"
+def made_with(digest: str, zero: Mapping[str, float], tools: str = "") -> str:
+    """hash of the errors, zero of the program, lengths of its tools (`tools_of`) → what the mark says of them."""
+    return " ".join(x for x in (digest, "ZERO", *(f"{a}{v:g}" for a, v in zero.items()), tools) if x)
 
 
-def mark_text(digest: str, zero: Mapping[str, float], *, simulated: bool = False) -> str:
-    """hash of the errors, zero of the program, whether they are those of no machine → the text of the mark."""
+def tools_of(setup: Setup) -> str:
+    """set-up → what a mark says of the lengths of the tools: the one length, or with tools of their own a hash of all."""
+    if not setup.tools:
+        return f"TOOL {setup.length:g}"
+    every = repr((setup.length, sorted(setup.tools.items())))
+    return f"TOOLS {hashlib.sha256(every.encode()).hexdigest()[:8]}"
+
+
+def mark_text(digest: str, zero: Mapping[str, float], tools: str = "", *, simulated: bool = False) -> str:
+    """hash of the errors, zero of the program, lengths of its tools, whether the errors are of no machine → text of the mark."""
     warning = WARNING if simulated else ""
-    return f"{MARK}{warning} {made_with(digest, zero)}"
+    return f"{MARK}{warning} {made_with(digest, zero, tools)}"

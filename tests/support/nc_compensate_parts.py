@@ -14,7 +14,7 @@ from tango_cnc.compensate.fit import Known, known
 from tango_cnc.compensate.space import limits_of, sample
 from tango_cnc.nc.blocks import language
 from tango_cnc.nc.follow import Setup
-from tango_cnc.nc.program import Account, RewriteSettings, compensated, mark_text
+from tango_cnc.nc.program import Account, RewriteSettings, compensated, mark_text, tools_of
 from tango_cnc.records import Array, Machine, World
 
 LENGTH, ZERO = 150.0, {"X": 3.0, "Y": -4.0, "Z": 60.0, "A": 0.0, "C": 0.0}
@@ -41,7 +41,8 @@ def rewritten(text: str, found: Known, name: str = "rs274", **more: object) -> t
     setup = Setup(winding(example("trunnion")[0].machine), ZERO, LENGTH, settled=bool(more.pop("settled", False)))
     account = Account()
     settings = RewriteSettings(**({"chord": CHORD, "decimals": DECIMALS} | more))  # type: ignore[arg-type]
-    lines = list(compensated(io.StringIO(text), language(name), setup, found, settings, account, mark_text("0123", ZERO)))
+    mark = mark_text("0123", ZERO, tools_of(setup))
+    lines = list(compensated(io.StringIO(text), language(name), setup, found, settings, account, mark))
     return lines, account
 
 

@@ -89,8 +89,6 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
     if upper.startswith("BEGIN PGM") and upper.split()[-1] == "MM":
         modal.metric = modal.absolute = True
     if upper.startswith(PASS):
-        if upper.startswith("LBL") and upper.split()[1:] != ["0"]:
-            return block
         return block
     head = upper.split()[0]
     if upper.startswith("TOOL CALL"):
@@ -107,6 +105,8 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
             modal.position.pop(axis, None)
         return block
     if upper.startswith("TOOL DEF"):
+        if re.search(r"\b[LR]\s*[-+.\d]", upper):
+            raise refused(number, rest, "a tool length that is written into the program is not followed")
         return block
     for word, why in WHY.items():
         if head == word or (word == "Q" and re.match(r"Q[LRS]?\d", head)):
@@ -153,6 +153,8 @@ def _motion(block: Block, kind: str, text: str, shift: int, modal: Modal, axes: 
         return block
     if kind in ("C", "CR"):
         block.arc, block.kind = _arc(block, kind, said, modal), "arc"
+    elif said.radius is not None or said.clockwise is not None:
+        raise refused(block.number, block.text.strip(), "R and DR belong to an arc, and L is a line")
     elif said.target:
         block.kind = "rapid" if any(w.letter == "FMAX" for w in said.words) else "feed"
     block.target = said.target
@@ -205,6 +207,8 @@ def _aimed(number: int, word: str, letter: str, value: float | None, target: dic
 
 def _pole(block: Block, said: _Said, modal: Modal) -> Block:
     """block of a CC → the same; the modal state has the center."""
+    if len(said.target.keys() & {"X", "Y"}) == 1:
+        raise refused(block.number, block.text.strip(), "which other coordinate the control takes is not known: write both")
     pole = {**modal.position, **said.target}
     if not {"X", "Y"} <= pole.keys():
         raise refused(block.number, "CC", "where it is, is not known: X or Y has not been programmed before")
@@ -218,6 +222,10 @@ def _pole(block: Block, said: _Said, modal: Modal) -> Block:
 def _arc(block: Block, kind: str, said: _Said, modal: Modal) -> Arc:
     """block, C or CR, its words → the arc in XY, mm."""
     number = block.number
+    if any(axis in "ABC" for axis in said.target):
+        raise refused(number, "an arc with a rotary axis", "its path is not known")
+    if kind == "C" and said.radius is not None:
+        raise refused(number, block.text.strip(), "C turns about its CC and has no radius: write CR")
     if said.clockwise is None:
         raise refused(number, block.text.strip(), "no DR+ or DR- says which way it turns")
     if kind == "CR":

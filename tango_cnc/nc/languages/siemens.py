@@ -15,7 +15,7 @@ COUNTED = False
 UNITS = ("G71 or G710", "G90")
 HEAD = re.compile(r"\s*(%.*|;.*)?\s*")
 STYLE = _iso.Style(
-    re.compile(rf"(?<![A-Za-z])(?P<letter>CR|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
+    re.compile(rf"(?<![A-Za-z])(?P<letter>[Cc][Rr]|[A-Za-z])\s*=?\s*(?P<value>{_iso.NUMBER})(?!EX|[\d.#\[(])"),
     re.compile(
         r";.*|MSG\s*\(\"[^\"]*\"\)|^%.*"
         r"|(?<![A-Za-z])(?:M[1-9]=[345](?!\d)|S[1-9]=\d+(?:\.\d*)?)|FGROUP\s*\([XYZABC,\s]*\)"  # other spindles, whose feed F is
@@ -48,6 +48,7 @@ STYLE = _iso.Style(
     ends=frozenset({*_iso.ENDS, 17}),
     machine=(53, 153),
     radius="CR",
+    begins=re.compile(r"(?i)\s*(?:%\s*(?:_N_|MPF|SPF)|[O:]\d+\s*(?:$|[(<;]))"),
 )
 WORDS = {
     "TRAORI": _iso.REFUSED[43.4],
@@ -82,6 +83,7 @@ WORDS = {
     "TOFF": "offsets of the tool are not followed",
 }
 NAME = re.compile(r"(?<![A-Z])[A-Z]{2,}")
+BARE_RADIUS = re.compile(r"(?<![A-Z])CR\s*[-+.\d]")
 
 
 def mark(text: str) -> str:
@@ -96,6 +98,8 @@ def read(line: str, number: int, modal: Modal, axes: str) -> Block:
         for word, why in WORDS.items():
             if match[0] == word or (len(word) > 3 and match[0].startswith(word)):
                 raise refused(number, match[0], why)
+    if BARE_RADIUS.search(bare.upper()):
+        raise refused(number, bare.strip(), "a radius without =: the control stops there; write CR=")
     if "SUPA" in bare.upper():
         bare_line = re.sub("(?i)SUPA", "G153", line)
         block = _iso.read(STYLE, bare_line, number, modal, axes)
