@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from support.compensated import example
 from support.nc_compensate_parts import ZERO, knowledge, rewritten
+from support.readers import READERS, cell
 
-from tango_cnc.commands._program import opened
 from tango_cnc.compensate.fit import Known
 from tango_cnc.nc.follow import Setup
 from tango_cnc.nc.program import mark_text, tools_of
@@ -79,7 +79,8 @@ def test_the_mark_knows_the_tools_and_stands_in_the_head(knowledge: Known) -> No
 
 
 def test_a_byte_order_mark_is_named(tmp_path: Path) -> None:
-    program = tmp_path / "part.ngc"
-    program.write_bytes(b"\xef\xbb\xbfG21 G90\n")
-    with pytest.raises(InputError, match="found a byte order mark before the first character"), opened(program):
-        pass
+    cell(tmp_path)
+    program = tmp_path / "part.nc"
+    program.write_bytes(b"\xef\xbb\xbfG21 G90\nG0 X0. Y0. Z5.\n")
+    with pytest.raises(InputError, match="found a byte order mark before the first character"):
+        READERS["part.nc"].read(tmp_path)
