@@ -150,8 +150,8 @@ def size(h: Held, number: float, limits: Limits, machine: Machine) -> tuple[floa
 
 
 def matched(there: Present, held: Sequence[Held]) -> Present:
-    """what a control is said to hold, what its target stores → the same, with points of tables that lie where today's would lie but
-    for some hundredths under the names of those: the volume of other touches has other ends.
+    """what a control is said to hold, what its target stores → the same numbers. A point within `NEAR` of a point of today's table
+    gets that point's name: each run ends its volume a little elsewhere.
     """
     own: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for h in held:
@@ -200,7 +200,7 @@ def looked_at(there: Present, held: Sequence[Held], request: Request) -> tuple[s
 
 
 def _whole(there: Present, given: Mapping[str, tuple[Held, float]], held: Sequence[Held], machine: Machine) -> None:
-    """what a control is said to hold → nothing. Raises InputError for a table without some of its rows, and for a file cut off."""
+    """what a control is said to hold → nothing. Raises InputError where a table lacks rows, and where somebody cut the file off."""
     lost = [h for h in held if h.place not in given]
     for h in lost:
         rows = [other for other in held if other.table == h.table and other.at is not None]

@@ -111,7 +111,7 @@ class Remembered:
 
 
 def looks_of(name: str) -> tuple[int, int]:
-    """file → when it was changed and how large it is; zeros where there is none."""
+    """file → time of its last change and its size; zeros for a file that does not exist."""
     try:
         stat = os.stat(name)
     except OSError:

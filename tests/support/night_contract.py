@@ -1,7 +1,7 @@
 """What docs/nightly.md says of every night, held against every night of a year, by who has read that page only.
 
-What was told before is remembered here, and not asked of the history: what a history forgets would not be missed. After a power cut
-nobody knows whether the night came to its record, so what is remembered then is taken from the history.
+It remembers what each night said and does not ask the history, which cannot show what it has lost. After a power cut nobody knows
+whether the night wrote its record; only then does it read the history.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COVER = 1.96  # standard deviations of an interval of 95 %
 
 @dataclass
 class Contract:
-    """What was told of the nights so far."""
+    """What the nights so far have said."""
 
     last: Mapping[str, Any] | None = None  # record of the last night that measured, where nothing is uncertain since
     measured: str = ""  # date of the last night that measured
@@ -94,7 +94,7 @@ class Contract:
             return
         for key, mine in (("last_measured", self.measured), ("last_carried", self.carried)):
             if (record.get(key) or "") != mine:
-                yield f"{key} is told as {record.get(key)} and was {mine or 'never'}"
+                yield f"the record says {record.get(key)} for {key}; the nights before say {mine or 'never'}"
         gap = _days(self.measured, record["night"]) - 1 if self.measured else 0
         if len(record.get("unmeasured") or ()) < min(gap, LISTED):
             yield f"{gap} nights are not measured, and {len(record.get('unmeasured') or ())} are named"
@@ -108,14 +108,14 @@ class Contract:
             if alarm["id"] in self.told and not alarm.get("goes_on"):
                 yield f"the alarm {alarm['id']} has the id of an older one"
             if alarm["decision"] is not None:
-                yield f"the alarm {alarm['id']} is answered as it is told"
+                yield f"the night raises the alarm {alarm['id']}, and it has an answer already"
         change = record.get("change")
         alarming = change is not None and change["p_value"] < change["limit"]
         if alarming and record["verdict"] != "doubtful" and not (ids or record.get("ignored") or record.get("repaired")):
             yield "a p-value below its limit, and no alarm"
         sudden = [a for a in record["alarms"] if not a.get("rate_per_day") and not a.get("repair")]
         if sudden and not alarming:
-            yield f"the alarm {sudden[0]['id']} where the test of the night is none"
+            yield f"the night raises the alarm {sudden[0]['id']}, and its own test found nothing"
         if not self.sure or record["status"] == "refused" or record.get("unread"):
             return
         waiting = {a["id"] for a in record.get("standing") or ()}

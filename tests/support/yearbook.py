@@ -149,7 +149,7 @@ def keep(line: Mapping[str, Any], kept: Path = KEPT) -> None:
 
 
 def years(code: str, kept: Path = KEPT) -> list[dict[str, Any]]:
-    """hash of the code → lines of its years, one a seed; a line that was cut off is none."""
+    """hash of the code → lines of its years, one for each seed. It leaves out a line that was cut off."""
     found: dict[int, dict[str, Any]] = {}
     for text in kept.read_text(encoding="utf-8").splitlines() if kept.exists() else ():
         try:
