@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -337,3 +338,14 @@ def test_tests_ask_for_what_is_public(root: Path) -> None:
                 found.append(str(file.relative_to(root)))
     assert len(found) <= PRIVATE, f"{len(found)} private imports; the most in {sorted(found, key=found.count)[-1]}"
     assert len(found) > PRIVATE - 10, f"PRIVATE is {len(found)} now"
+
+
+def test_what_is_committed_is_ordinary_files(root: Path) -> None:
+    """A link points to a place of one machine: a `.venv` that was one stopped every installation from a fresh clone."""
+    if not (root / ".git").exists():
+        pytest.skip("not a clone: nothing here is committed")
+    stated = subprocess.run(["git", "ls-files", "--stage"], cwd=root, check=True, capture_output=True, text=True).stdout
+    kinds = {line.split("\t")[1]: line.split()[0] for line in stated.splitlines()}
+    assert len(kinds) > 1000, "git lists hardly any file"
+    other = {name: kind for name, kind in kinds.items() if kind not in ("100644", "100755")}
+    assert not other, f"neither a file nor a program: {other}"
