@@ -16,6 +16,7 @@ from ..report.tonight import WARMED, by_tonight
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
+from ..texts.number import number
 from .first import owner_of, parts_first
 from .words import beside, value, what_of
 
@@ -210,7 +211,7 @@ def _by_test(record: Mapping[str, Any]) -> bool:
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
-    what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    what, value, most = what_of(limit["what"]), number(limit["value"], limit["unit"], signed=False), f"{limit['limit']:g}"
     return f"* {t(key, what=what, value=value, limit=most)}"
 
 

@@ -36,7 +36,7 @@ def orders(
     """
 
     def told_here(text: str) -> str:
-        whole = shop(plain(t.of(text), u, t, machine), t)
+        whole = shop(plain(text, u, t, machine), t)
         return whole_sentence(whole[:1].upper() + whole[1:])
 
     status, verdict = record.get("status"), record.get("verdict")

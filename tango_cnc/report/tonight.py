@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..texts import Said
+from ..texts.number import number
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
 WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
@@ -37,8 +38,12 @@ def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
         return same
     counted = float((cause.get("ignored") or {}).get("total") or size)
     large = abs(float(small) * (counted + float(total) - size) / counted)
-    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
+    return {"on_part": with_effect(part, float(small), large), "on_part_um": large}
+
+
+def with_effect(part: str, small: float, large: float) -> str:
+    """what an alarm means for a part, µm that this says, µm in their place → the same with these."""
+    own, by_now = number(small, "µm", signed=False), number(large, "µm", signed=False)
     if not isinstance(part, Said):
-        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
-    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
-    return {"on_part": grown, "on_part_um": large}
+        return str(part).replace(own, by_now)
+    return part.but(**{name: by_now if v == own else v for name, v in part.values.items() if isinstance(v, str)})

@@ -22,7 +22,7 @@ from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.reach import to_ask
-from ...report.repeated import exact, of_shop
+from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
@@ -97,7 +97,7 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
     axes = state.places.geometry(row.machine)
-    own = of_shop(exact((row.record or {}).get("headline") or "", row.record or {}))
+    own = of_shop((row.record or {}).get("headline") or "")
     said = sentence(plain(plainly(own, t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))

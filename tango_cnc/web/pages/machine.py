@@ -25,7 +25,7 @@ from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import LEVELS, SHORT, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, exact, in_a_row, of_shop, shortened
+from ...report.repeated import as_decided, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
@@ -290,7 +290,7 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = shortened([exact(as_decided(r := records.get(n.entry, {}), decisions), r) or n.headline for n in nights])
+        said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         return {
             n.entry: sentence(plain(plainly(in_a_row(of_shop(text)), t), u, t, axes), Units())
             for n, text in zip(nights, said, strict=True)
