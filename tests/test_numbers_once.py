@@ -114,7 +114,10 @@ def seen(site: TestClient, path: str) -> str:
 
 
 def test_the_row_of_a_night_says_the_size_of_its_box(tmp_path: Path) -> None:
-    place = cell(tmp_path / "one", records=[night(M, 11, headline="as before", volume={"worst_um": 40.0, "rms_um": 9.0, "std_um": 0.9}), moved()])
+    place = cell(
+        tmp_path / "one",
+        records=[night(M, 11, headline="as before", volume={"worst_um": 40.0, "rms_um": 9.0, "std_um": 0.9}), moved()],
+    )
     with opened(place / "history.db") as history:
         assert isinstance(history.night(2).record["headline"], Said)
     app = create(Settings((place,)))
