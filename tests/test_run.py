@@ -250,7 +250,7 @@ def test_the_journal_says_how_long_its_plan_takes(cell):
     """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
     run(cell, Control(cell))
     segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, Segment))
-    checked = Result("check", "-C", cell, "--json")
+    checked = Result("check", "-C", cell, "--json", "-")
     predicted = json.loads(checked.out)["predicted_time_s"]
     assert segment.expected_s == pytest.approx(sum(predicted.values()), abs=0.1)
 

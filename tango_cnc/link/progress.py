@@ -14,6 +14,7 @@ from .journal import read_on
 from .lock import JOURNAL, at_work, begun, newest_run
 
 PACED = 5  # touches since the start from which a pace is known: before the first one probe and path are proven
+LOOKED = 10  # runs that are looked through for a complete one
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on
 
 
@@ -61,6 +62,16 @@ def progress(entries: Sequence[Entry]) -> Progress:
     pace = _pace(entries) or _expected(segments)
     remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
     return Progress(state, why, wanted, done, seconds, remaining)
+
+
+def newest_complete(folder: Path) -> str:
+    """cell → when its newest complete run began (UTC); '' where its last `LOOKED` runs have none, or none can be read."""
+    for file in journals(folder)[:LOOKED]:
+        with suppress(TangoError, OSError):
+            entries = read_on(file).entries
+            if progress(entries).state == "complete":
+                return next((e.utc for e in entries if isinstance(e, Segment)), "")
+    return ""
 
 
 def minutes_left(folder: Path, now: float) -> int | None:
