@@ -252,6 +252,7 @@ def test_the_journal_says_how_long_its_plan_takes(cell):
     segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, Segment))
     checked = Result("check", "-C", cell, "--json", "-")
     predicted = json.loads(checked.out)["predicted_time_s"]
+    predicted.pop("prove the probe alive")  # comes before the touches
     assert segment.expected_s == pytest.approx(sum(predicted.values()), abs=0.1)
 
 

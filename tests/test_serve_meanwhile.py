@@ -166,7 +166,7 @@ def test_a_stopped_run_says_that_the_control_may_go_on(tmp_path: Path) -> None:
     run.touch()
     run.end(False, "the control has been silent for longer than 41 s")
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
-        assert "The control may still execute what it has received" in site.get(f"/machine/{M}/run").text
+        assert "Look at the machine first: its control may still execute the program." in site.get(f"/machine/{M}/run").text
 
 
 def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> None:

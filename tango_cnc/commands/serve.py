@@ -125,6 +125,8 @@ def command(
     count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
     mode = "read-only" if users is None else f"users of {users}"
     click.echo(f"http{'s' if certificate else ''}://{host}:{port}/ shows {count}; {mode}. Ctrl-C ends it.")
+    if templates is not None:
+        click.echo(f"templates and texts of {templates} were read just now: restart the server after you change one")
     extra: dict[str, Any] = {}
     if certificate is not None and key is not None:
         extra = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}

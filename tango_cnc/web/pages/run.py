@@ -149,6 +149,7 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
         "office": _office(run, t, off),
+        "resume": _resume(run, t) if off or run.state == "stopped" else "",
         "todo": todo,
     }
     return state.templates.get_template("_step.html").render(**values)
@@ -161,9 +162,9 @@ def _resume(run: LiveRun, t: Texts) -> str:
 def _office(run: LiveRun, t: Texts, off: bool) -> list[str]:
     """run, texts, whether it broke off → what the office can do at a computer once it has ended."""
     if off:
-        return [_resume(run, t)]
-    told = {"stopped": [office(str(run.why), t), _resume(run, t)], "complete": [office(t("web.to_report"), t)]}.get(run.state, [])
-    return list(dict.fromkeys(line for line in told if line))
+        return [office(_resume(run, t), t)]
+    told = {"stopped": [str(run.why), _resume(run, t)], "complete": [t("web.to_report")]}.get(run.state, [])
+    return list(dict.fromkeys(line for text in told if (line := office(text, t))))
 
 
 def _row(e: Reading, k: float) -> dict[str, Any]:
