@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..report.texts import texts
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, moved_on
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
@@ -147,14 +147,15 @@ def _headline(record: Mapping[str, Any]) -> str:
 
 def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> list[Said]:
     """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
-    alarm that stands: a change that is both is said once, with the size that it has by now.
+    alarm that stands: a change that is both is said once, with the size that it has by now where that is another number.
     """
     first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
     key = first.get("parameter"), first.get("since")
     one = next((x for x in behind if all(key) and (x.get("parameter"), x.get("since")) == key), None)
     if one is None:
         return [*(x["text"] for x in behind), *_open(record)]
-    told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
+    text = one["text"] if moved_on(first) else first["text"]  # as its page has it
+    told = say("night.words.open_alarm", night=first["night"], text=text, who=_who(first))
     return [told if x is one else x["text"] for x in behind]
 
 
