@@ -15,8 +15,8 @@ from postprocessors import load, program
 from sim_controller.languages import macro_b
 from tango_cnc import commission, locate
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands import _flight
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission import above
 from tango_cnc.files import read_cell
 from tango_cnc.files.write import artefact_text
 from tango_cnc.plan import plan_hash
@@ -47,7 +47,7 @@ def elsewhere(cell: Cell, seed: int, within: float) -> Artefact:
 
 def met(cell: Cell, within: float, seed: int) -> list[str]:
     """cell, mm that its moves in the air allow, seed → what they hit where the table stands 20 mm and 3° elsewhere."""
-    made = _flight.flight(cell, commission.MOST, WANTED, within).plan
+    made = above.flight(cell, commission.MOST, WANTED, within).plan
     lines = list(program(load("fanuc"), made, {"gate": "none", "misses": 20}, plan_hash(made))[2]())[1:-1]
     ran = run_on(
         lambda motion, punch, note: macro_b.Control(motion, macro_b.default_profile(made.machine), punch, note),
@@ -70,7 +70,7 @@ def test_moves_for_a_table_in_its_place_would_hit_it(example: str) -> None:
 
 def low(cell: Cell, room: float) -> Cell:
     """cell, mm → the same with a Z that ends so much above the highest place of its moves in the air of a table in its place."""
-    made = _flight.flight(cell, commission.MOST, WANTED, 0.0).plan
+    made = above.flight(cell, commission.MOST, WANTED, 0.0).plan
     column = made.machine.column("Z")
     places = [touch.over for touch in made.touches] + [turn.before for turn in made.turns] + [turn.after for turn in made.turns]
     end = max(place[column] for place in places) + room
@@ -84,12 +84,12 @@ def low(cell: Cell, room: float) -> Cell:
 def test_where_the_travel_ends_the_table_may_be_less_far_and_it_is_said() -> None:
     short = low(cell_of("trunnion"), 12.0)
     with pytest.raises(InputError, match="--within: found 20 mm, by which the table may stand elsewhere"):
-        _flight.flight(short, commission.MOST, WANTED, 20.0)
-    found = _flight.flight(short, commission.MOST, WANTED, None)
+        above.flight(short, commission.MOST, WANTED, 20.0)
+    found = above.flight(short, commission.MOST, WANTED, None)
     assert found.within == 5.0
-    assert "measure its place, to 5 mm" in _flight.said(found)
-    none = _flight.flight(low(cell_of("trunnion"), 0.5), commission.MOST, WANTED, None)
-    assert none.within == 0.0 and "leave no room" in _flight.said(none)
+    assert "measure its place, to 5 mm" in above.said(found)
+    none = above.flight(low(cell_of("trunnion"), 0.5), commission.MOST, WANTED, None)
+    assert none.within == 0.0 and "leave no room" in above.said(none)
 
 
 def test_a_table_off_its_place_has_touches_that_cannot_be_made_and_is_commissioned_all_the_same(

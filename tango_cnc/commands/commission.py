@@ -14,8 +14,6 @@ from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
-from ._flight import Flight, flight
-from ._flight import said as above
 from ._start import obeys
 from ._written import written
 from .check import positioning_feed
@@ -100,6 +98,7 @@ def command(
     from postprocessors import unverified
 
     from .. import commission
+    from ..commission.above import flight
     from ..plan import by_stylus
     from ._commission_first import by_hand
     from ._commission_first import questions as by_hand_first
@@ -188,7 +187,7 @@ class _Control:
     timeout: float | None
     someone: bool
     options: Mapping[str, Any]  # of the profile, as the programs have them
-    moves: Flight
+    moves: Any
 
     def program(self, made: Plan, changed: Mapping[str, Any]) -> list[Any]:
         """plan, options that differ → its program, written."""
@@ -217,10 +216,12 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
 
 def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
     """control, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
+    from ..commission.above import said
+
     made = at.moves.plan
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
-        f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. {above(at.moves)} "
+        f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. {said(at.moves)} "
         "Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
@@ -259,6 +260,8 @@ def _held_aside(at: _Control, seen: Any) -> tuple[Any, str]:
 
 def _at_quarter(at: _Control, seen: Any) -> tuple[Any, str]:
     """what came of the moves in the air → the same with how long a few take with the feed override turned down; the control."""
+    from ..commission.above import flight
+
     few = flight(at.cell, 1, set(), at.moves.within).plan
     patience = SLOW * len(few.touches) if at.timeout is None else at.timeout
     once, control = at.tried(few, at.program(few, {"gate": "none"}), patience)

@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import commission, locate
+from .. import locate
 from ..plan import displaced, plan
 from ..records import Cell, InputError, Plan
+from .flight import air
+from .rolling import rolling
 
 NEARER = (locate.FARTHEST, 10.0, 5.0, 2.0, 0.0)  # mm: the first for which the travels leave room
 LEFT = "leave-out"  # touches that a straight stylus cannot make: nothing is touched here
@@ -66,11 +68,11 @@ def _within(cell: Cell, most: int, wanted: Collection[str], within: float) -> Fl
     away = replace(away, strategy=displaced.within_travels(away))
     own = len(away.strategy.indexations)
     try:
-        whole = plan(commission.rolling(away) if "rollover" in wanted and most > 1 else away, LEFT)
+        whole = plan(rolling(away) if "rollover" in wanted and most > 1 else away, LEFT)
     except InputError:  # what was added cannot be reached here
         whole = plan(away, LEFT)
     linear = [whole.machine.column(name) for name in whole.machine.linear]
     rotary = [whole.machine.column(name) for name in whole.machine.rotary]
     places = np.abs([touch.end for touch in whole.touches if touch.indexation < own])
     largest = max(float(places[:, linear].max()), math.degrees(float(places[:, rotary].max(initial=0.0))))
-    return Flight(commission.air(whole, most, own), largest, within)
+    return Flight(air(whole, most, own), largest, within)
