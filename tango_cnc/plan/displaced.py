@@ -55,8 +55,8 @@ def within_travels(cell: Cell) -> Strategy:
         beyond = check.outside(cell.machine, shared.axes(at, tips).reshape(-1, len(cell.machine.names))).reshape(
             len(tips), len(rows), -1
         )
-        reached = ~beyond.any(axis=(0, 2))
-        names = tuple(name for name, good in zip(indexation.facets, reached.tolist(), strict=True) if good)
+        reached = np.flatnonzero(~beyond.any(axis=(0, 2)))
+        names = tuple(indexation.facets[row] for row in reached.tolist())
         kept += [replace(indexation, facets=names)] if names else []
     return replace(cell.strategy, indexations=tuple(kept))
 
