@@ -136,8 +136,7 @@ def command(
     if wanted == {"deflected"} and held is False and not only_program:
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
-    many = commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1
-    moves = flight(cell, many, wanted, within)
+    moves = flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted, within)
     made = moves.plan
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
