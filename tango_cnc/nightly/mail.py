@@ -12,10 +12,11 @@ from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight
+from ..report.tonight import WARMED, by_tonight, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
+from ..texts.number import number
 from .first import owner_of, parts_first
 from .words import beside, value, what_of
 
@@ -79,7 +80,9 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
 def _first(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> list[str]:
     """record, decisions, texts → its headline with the date that pages give an alarm, and what comes before everything else."""
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    first = as_decided(record, decisions)
+    first: Any = as_decided(record, decisions)
+    for one in (record.get("standing") or ())[:1]:
+        first = with_its_size(first, one)
     for one in (*record["alarms"], *(record.get("standing") or ())[:1]):
         first = _of_its_night(first, one, record["night"])
     return [*lines, _sentence(t.of(first)), *parts_first(record, t), ""]
@@ -210,7 +213,7 @@ def _by_test(record: Mapping[str, Any]) -> bool:
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
-    what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    what, value, most = what_of(limit["what"]), number(limit["value"], limit["unit"], signed=False), f"{limit['limit']:g}"
     return f"* {t(key, what=what, value=value, limit=most)}"
 
 

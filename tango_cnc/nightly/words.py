@@ -10,6 +10,7 @@ from ..report.tonight import is_gone
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
+from ..texts.number import Number, number
 
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
 
@@ -18,7 +19,7 @@ def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str
     """cause, µm that it does at most, date since when or '' → what it means for a part, what to do (tango_cnc/texts/en.toml)."""
     key, t = f"cause.{cause}.on_part", texts()
     key = f"{key}_since" if since and f"{key}_since" in t else key
-    return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
+    return on_part(key, since, effect=number(effect_um, "µm", signed=False)), t(f"cause.{cause}.do")
 
 
 def on_part(key: str, since: str, **values: str) -> str:
@@ -33,11 +34,10 @@ def changed(parameter: str, size: str, since: str = "last night", alike: Sequenc
     return moved(parameter, size, since, alike=alike)
 
 
-def value(number: float, unit: str, std: float | None = None) -> str:
-    """number in mm, rad …, unit, standard deviation → '+19.8 ± 0.4 µm'."""
+def value(size: float, unit: str, std: float | None = None, *, signed: bool = True) -> Number:
+    """size in mm, rad …, unit, standard deviation, whether a plus is shown → '+19.8 ± 0.4 µm'."""
     factor, name = shown(unit)
-    spread = "" if std is None else f" ± {std * factor:.1f}"
-    return f"{number * factor:+.1f}{spread} {name}"
+    return number(size * factor, name, None if std is None else std * factor, signed=signed)
 
 
 def one_day(days: float) -> str:
@@ -86,7 +86,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
-            value=f"{b['value']:.1f}",
+            value=number(b["value"], signed=False),
             unit=b["unit"],
             limit=f"{b['limit']:g}",
             cause=cause,
@@ -138,7 +138,7 @@ def _headline(record: Mapping[str, Any]) -> str:
             gap=gap,
         )
     volume = (record.get("volume") or {}).get("worst_um")
-    told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
+    told = "" if volume is None else say("night.words.largest_error_over_volume", volume=number(volume, signed=False))
     first_time = (record.get("change") or {}).get("p_value") is None
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""

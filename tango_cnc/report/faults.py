@@ -13,6 +13,7 @@ from ..loaded import changes
 from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
+from ..texts.number import number
 from .alarm import alarm, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
@@ -256,7 +257,7 @@ def _whole_error(
     whole, change_ = float(now["value"]) - float(now.get("in_control") or 0.0), float(total)  # as parts have it
     was = whole - change_ if a.get("was") is None else float(a["was"])  # what that night showed stays what it was
     factor, unit = shown(str(a.get("unit") or "mm"))
-    sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
+    sizes = {"now": number(whole * factor, unit), "before": number(was * factor, unit)}
     text = plain(t("part.whole", what=spoken(name, machine, t), date=day(known.get("night"), t), **sizes), u, t, machine)
     text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number

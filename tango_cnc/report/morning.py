@@ -24,7 +24,7 @@ from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, exact, said_of_repair
+from .repeated import as_decided, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .together import SAME
@@ -165,7 +165,7 @@ def context(
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(t.of(_in_unit(as_decided(record, decisions), record, u)), u),
+        "headline": sentence(as_decided(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
         "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
@@ -176,15 +176,10 @@ def context(
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
-        "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or ""))},
+        "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or "", u.more))},
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
     }
-
-
-def _in_unit(headline: str, record: Mapping[str, Any], u: Units) -> str:
-    """headline, record, units → the same; what is converted is not rounded before."""
-    return str(exact(headline, record, 2)) if u.system == "inch" else headline
 
 
 def _suspected(
@@ -215,14 +210,14 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
     """record, units, texts, machine → how the page says a sentence, a date, a moment; reasons of a doubt and what was edited."""
     return {
         "first_time": _says(record.get("headline"), "night.words.first_time"),
-        "sentence": lambda text: sentence(t.of(text or ""), u),
-        "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
+        "sentence": lambda text: sentence(text, u, t),
+        "plain": lambda text: whole_sentence(shop(sentence(plain(text, u, t, machine), Units()), t)),
         "reasons": [
             whole_sentence(shop(sentence(reason(r, u, t, machine), Units()), t))
             for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
         ],
-        "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
-        "warm": whole_sentence(sentence(plain(t.of((record.get("temperature") or {}).get("text") or ""), u, t, machine), Units())),
+        "edited": whole_sentence(sentence(plain((record.get("edited") or {}).get("text"), u, t, machine), Units())),
+        "warm": whole_sentence(sentence(plain((record.get("temperature") or {}).get("text"), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
@@ -288,7 +283,7 @@ def brief_of(first: Mapping[str, Any]) -> str:
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
     """what a night says of a repair that helped, units, texts, chain of axes → the same for the shop, and which parts to check."""
     since = x.get("since")  # older records do not have it
-    told = whole_sentence(sentence(plain(t.of(x.get("text") or ""), u, t, machine), Units()))
+    told = whole_sentence(sentence(plain(x.get("text"), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
 
 
@@ -296,7 +291,7 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     """record, alarms that the page shows already, units, texts, chain of axes → what somebody ignores, as sentences of the shop."""
 
     def told(text: str) -> str:
-        return whole_sentence(sentence(plain(t.of(text), u, t, machine), Units()))
+        return whole_sentence(sentence(plain(text, u, t, machine), Units()))
 
     found = []
     for a in record.get("unheard") or ():

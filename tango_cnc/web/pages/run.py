@@ -6,6 +6,7 @@ import hashlib
 import math
 import time
 from collections import Counter
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Any
@@ -29,7 +30,7 @@ from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..served import Served
-from .machine import answer_today
+from .machine import answer_today, todo_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
@@ -123,11 +124,14 @@ def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) ->
     state, silent = state_of(request), quiet(run, time.time())
     off = broken(run)
     key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent} {off}"
-    return state.places.kept(key, lambda: _drawn(request, run, cell, silent, off), 60)
+    present = request.query_params.get("run", "0") == "0"
+    todo = todo_today(request, machine) if present and (off or run.state == "stopped") else []
+    return state.places.kept(f"{key} {todo}", lambda: _drawn(request, run, cell, silent, todo), 60)
 
 
-def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, off: bool) -> str:
-    state = state_of(request)
+def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, todo: Sequence[str]) -> str:
+    """request, run, its cell, minutes since its last entry, what to do by the page of its machine → its drawing."""
+    state, off = state_of(request), broken(run)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
         "t": t,
@@ -138,14 +142,15 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "since": at(datetime.fromtimestamp(run.touched, UTC).isoformat(), t),
         "done": len(run.readings),
         "left": "" if not run.remaining or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
-        "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
+        "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)] if run.readings else [],
         "drift": [Markup(_drift(run, t("web.drift"), unit, k, wide)) for wide in (WIDE, NARROW)],
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
         "office": _office(run, t, off),
-        "resume": _resume(run, t),
+        "resume": _resume(run, t) if off or run.state == "stopped" else "",
+        "todo": todo,
     }
     return state.templates.get_template("_step.html").render(**values)
 
