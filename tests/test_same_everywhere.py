@@ -117,6 +117,8 @@ def test_a_headline_has_the_size_of_the_box(tmp_path: Path) -> None:
     behind = {"what": "volume", "parameter": "EX0C", "unit": "mm", "since": since, "size": 0.022179, "text": text["stands"]}
     record |= {"limits": [limit], "standing": [alarm], "behind": [{**behind, "rate_per_day": None}]}
     assert "by +20.4 ± 0.5 µm" in headline(record) and "22.2" not in headline(record)
+    warm = {**knock(record["night"]), "parameter": "temperature", "text": "it is warmer", "since": ""}
+    assert "by +20.4 ± 0.5 µm" in headline(record | {"alarms": [warm]})  # beside an alarm of tonight, too
     alarm |= {"std": 0.0003}  # surely another number: the box has that, too
     assert "by +22.2 ± 0.6 µm" in headline(record) and "20.4" not in headline(record)
 
@@ -214,6 +216,25 @@ def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record["headline"] = headline(record)
     first = next(line for line in message(record, (), ())[1].splitlines() if line.startswith("Still changed"))
     assert "by +12.4 ± 0.3 µm since" in first and "still there: +12.6 ± 0.3 µm" in first
+
+
+def test_a_message_says_of_a_drift_that_goes_on_what_it_made_since_last_night() -> None:
+    """ "+3.6 µm of it since 2026-11-19", the night before it began, though that is what it made in one night; and two dates."""
+    record = night(M, 30, "out_of_limits")  # of 2026-11-23
+    size = value(0.0406, "mm", 0.0002)
+    text = texts()("changed.drift", moved=changed("EX0C", size, "2026-11-12"), rate=value(0.0037, "mm"))
+    step = say("night.goes_on.text", step=value(0.0036, "mm", 0.0002), since=say("night.alarms.last_night"), night="2026-11-13")
+    alarm = {**knock(record["night"]), "id": "2026-11-13-020005-1", "since": "2026-11-12", "size": 0.0406, "std": 0.0002}
+    alarm |= {"text": text, "rate_per_day": 0.0037, "steady": True, "goes_on": {"step": 0.0036, "std": 0.0002, "text": step}}
+    limit = {"what": "volume", "value": 103.8, "unit": "µm", "low": 103.0, "high": 104.0, "limit": 90.0, "passed": False}
+    behind = {"what": "volume", "parameter": "EX0C", "unit": "mm", "since": "2026-11-12", "size": 0.0406, "text": text}
+    behind |= {"night": "2026-11-13", "rate_per_day": 0.0037, "cause": "axis_location"}
+    record |= {"alarms": [alarm], "limits": [limit], "behind": [behind]}
+    record["headline"] = headline(record)
+    told = message(record, (), ())[1]
+    first = next(line for line in told.splitlines() if line.startswith("Volume is"))
+    assert "+3.6 ± 0.2 µm of it since last night" in first and "since the night ending 2026-11-13" in first
+    assert told.count("since the night ending 2026-11-13 (EX0C)") == 3 and "2026-11-12" not in told
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ def _headline(record: Mapping[str, Any]) -> str:
     gap = _gap(record)
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
-        behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
+        behind = [_as_it_stands(x, record) for x in record.get("behind") or () if x["what"] == b["what"]]
         by_alarm = {alarm.get("parameter") for alarm in alarms}
         why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
@@ -154,9 +154,18 @@ def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -
     one = next((x for x in behind if all(key) and (x.get("parameter"), x.get("since")) == key), None)
     if one is None:
         return [*(x["text"] for x in behind), *_open(record)]
-    text = one["text"] if moved_on(first) else first["text"]  # as its page has it
-    told = say("night.words.open_alarm", night=first["night"], text=text, who=_who(first))
+    told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
     return [told if x is one else x["text"] for x in behind]
+
+
+def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """what stands behind a limit, record → the same; what an alarm of another night has found has the size of its page: as it was
+    found, until what has come together is another number.
+    """
+    for a in record.get("standing") or ():
+        if x.get("since") and (x.get("parameter"), x["since"]) == (a.get("parameter"), a.get("since")) and not moved_on(a):
+            return {**x, "text": a["text"]}
+    return x
 
 
 def _open(record: Mapping[str, Any]) -> list[Said]:

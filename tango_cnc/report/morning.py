@@ -130,8 +130,7 @@ def context(
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, t)
-    if busy:
-        told = measuring(told, t)
+    told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
     return {
         "t": t,
