@@ -20,6 +20,7 @@ from tango_cnc.cli import tango
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.words import changed, headline, value
 from tango_cnc.report.age import due, nights_old
+from tango_cnc.report.days import day
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -235,6 +236,39 @@ def test_a_message_says_of_a_drift_that_goes_on_what_it_made_since_last_night() 
     first = next(line for line in told.splitlines() if line.startswith("Volume is"))
     assert "+3.6 ± 0.2 µm of it since last night" in first and "since the night ending 2026-11-13" in first
     assert told.count("since the night ending 2026-11-13 (EX0C)") == 3 and "2026-11-12" not in told
+
+
+def test_a_drift_has_one_date_and_is_no_jump(tmp_path: Path) -> None:
+    """Rows of its later nights had the last night without it; the curve called what its first night found a jump."""
+    records, start = [], datetime.now(UTC).replace(microsecond=0) - timedelta(days=14)
+    for i in range(14):
+        now = start + timedelta(days=i)
+        stamp, step = f"{now:%Y-%m-%dT%H:%M:%SZ}", 4.0 * max(0, i - 5)
+        more: dict[str, Any] = {"volume": {"worst_um": 40.0 + step, "rms_um": 9.8, "std_um": 0.3}, "limits": []}
+        record = night(M, i, "changed" if step else "good", night=stamp[:10], start_utc=stamp, end_utc=stamp, **more)
+        record["parameters"]["EX0C"]["value"] = -0.1 + 1e-3 * step
+        if step:
+            since = f"{start + timedelta(days=5):%Y-%m-%d}"
+            alarm = {**knock(f"{start + timedelta(days=6):%Y-%m-%d}"), "since": since, "size": 1e-3 * step, "std": 0.0003}
+            text = changed("EX0C", value(1e-3 * step, "mm", 0.0003), since)
+            if i > 7:
+                text = texts()("changed.drift", moved=text, rate=value(0.004, "mm"))
+                told = say(
+                    "night.goes_on.text",
+                    step=value(0.004, "mm", 0.0003),
+                    since=say("night.alarms.last_night"),
+                    night=alarm["id"][:10],
+                )
+                alarm |= {"rate_per_day": 0.004, "steady": True, "goes_on": {"step": 0.004, "std": 0.0003, "text": told}}
+            record["alarms"] = [{**alarm, "text": text}] if i in (6, 8, 9, 10, 11, 12, 13) else []
+        records.append(record | {"headline": headline(record | {"repaired": [], "standing": []})})
+    place = cell(tmp_path / "one", records=records)
+    found = f"{start + timedelta(days=6):%Y-%m-%d}"
+    with site_of(place) as site:
+        rows = read(site, f"/machine/{M}/nights").partition("All 14 nights")[2]
+        assert rows.count(f"since the night ending {day(found, texts())}") == 6  # those of later nights
+        for path in (f"/machine/{M}", f"/machine/{M}/trend"):
+            assert "Jumped" not in read(site, path) and "rises by 2" in read(site, path).lower(), path
 
 
 @pytest.fixture
