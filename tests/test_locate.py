@@ -197,7 +197,7 @@ def test_a_touch_that_met_something_else_is_left_out_and_named() -> None:
 
 @pytest.mark.parametrize("example", every(sorted(EXAMPLES), 3))
 def test_what_was_found_is_a_table_that_can_be_read(example: str, tmp_path: Path) -> None:
-    """Balls go with their facets, the axis of a cylinder turns: the next command refused what was written of a table with a ball."""
+    """Balls go with their facets, the axis of a cylinder turns: the next command refused what was written of one with a ball."""
     write_example(tmp_path / "cell", example)
     cell = read_cell(tmp_path / "cell")
     by, turn = np.array([9.0, -7.0, 5.0]), np.radians([1.0, 2.0, -1.5])
