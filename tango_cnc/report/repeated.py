@@ -51,12 +51,17 @@ def said_of_repair(decision: Any) -> str:
     return str(decision.note or f"{decision.owner}, {str(decision.utc)[:10]}")
 
 
+def first_night(a: Mapping[str, Any], night: str) -> str:
+    """alarm, date of the night that tells it → date of the first night that did: its id begins with it."""
+    return str(a.get("night") or (str(a.get("id") or "")[:10] if a.get("goes_on") else "") or night)
+
+
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
     date of the night that raised it, as on the page of the machine, and not that of the night before.
     """
     for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
-        since, night = str(a.get("since") or ""), str(a.get("night") or record.get("night"))
+        since, night = str(a.get("since") or ""), first_night(a, str(record.get("night")))
         if since:
             dated = instead(a["text"], LAST_NIGHT, since)
             next_to = days_between(since, night) == 1

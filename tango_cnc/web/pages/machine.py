@@ -108,6 +108,15 @@ def todo_today(request: Request, machine: Served) -> list[str]:
     return orders_of_cut_off(machine.former, state_of(request).texts)
 
 
+def who_today(request: Request, machine: Served) -> dict[str, Any]:
+    """request, machine → `who` has it (`has`) or is asked, as on its page, and whether that is `nobody`."""
+    state = state_of(request)
+    if found := morning_of(request, machine, busy_of(request, machine)):
+        return {key: found[key] for key in ("who", "nobody", "has")}
+    owner, deputy = state.places.owner(machine), state.places.deputy(machine)
+    return {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy), "has": False}
+
+
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     """request, machine, how long it still measures → values of the first screen of its newest night; empty without a night."""
     state = state_of(request)
