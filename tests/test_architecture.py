@@ -33,7 +33,7 @@ INTERNAL: dict[str, str | None] = {
     "check": "records kinematics",
     "duration": "records gate",
     "gate": "records",
-    "commission": "records gate plan kinematics duration",
+    "commission": "records gate plan kinematics duration locate",
     "astray": "records",
     "locate": "records kinematics plan duration astray",
     "plan": "records kinematics check",

@@ -30,7 +30,7 @@ from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.files.origin import look_up
-from tango_cnc.link.entries import Reading
+from tango_cnc.link.entries import Reading, Segment
 from tango_cnc.link.journal import read_journal
 from tango_cnc.link.rest import durations, repeatable
 from tango_cnc.plan import last_motion, plan
@@ -244,6 +244,16 @@ def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
     journals = sorted(cell.glob("readings*.journal"))
     counts = [sum(entry.kind == "reading" for entry in read_journal(file)[0]) for file in journals]
     assert sorted(counts) == [4, 7]
+
+
+def test_the_journal_says_how_long_its_plan_takes(cell):
+    """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
+    run(cell, Control(cell))
+    segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, Segment))
+    checked = Result("check", "-C", cell, "--json", "-")
+    predicted = json.loads(checked.out)["predicted_time_s"]
+    predicted.pop("prove the probe alive")  # comes before the touches
+    assert segment.expected_s == pytest.approx(sum(predicted.values()), abs=0.1)
 
 
 def test_nobody_listening_changes_nothing_but_the_program(cell):

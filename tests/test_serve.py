@@ -401,10 +401,10 @@ def test_a_run_whose_program_was_killed_is_not_said_to_go_on(tmp_path: Path, beg
     with TestClient(create(Settings((folder,))), base_url=HOST) as site:
         page = site.get("/machine/HU40T-like/run").text
     assert "Running" not in page and "Waiting for the control" not in page and "Keep the door shut" not in page
-    assert ("Broken off" if begun else "Not begun") in page and "Make the missing touches." in page
+    assert ("Broken off" if begun else "Not begun") in page and "The missing touches can be made afterwards." in page
     stamp = datetime.fromtimestamp((folder / "readings.journal").stat().st_mtime, UTC).isoformat()
     assert at(stamp, texts()) in page  # since when
-    assert ("The control may still execute what it has received" in page) == begun
+    assert ("Look at the machine first: its control may still execute the program." in page) == begun
 
 
 def test_who_asks_while_somebody_looks_gets_what_that_one_sees() -> None:

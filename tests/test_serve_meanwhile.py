@@ -126,6 +126,22 @@ def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> N
     assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining
 
 
+def test_a_run_that_has_only_begun_says_what_its_plan_takes(tmp_path: Path) -> None:
+    """Before five touches have shown its pace, the list said that it has just begun, though its plan says for how long."""
+    place = cell(tmp_path / "one", records=[night(M, 0)])
+    run = Recorded(place, 200, expected=36 * 60.0)
+    run.begin()
+    with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
+        for touched, minutes in ((0, 36), (1, 36), (4, 36), (5, 13)):  # of 200: 10.8 s by the plan, 4 s by the touches
+            while run.made < touched:
+                run.touch()
+            site.app.state.tango.places.forget()  # type: ignore[attr-defined]
+            assert f"{minutes} min left" in site.get("/").text and "just begun" not in site.get("/").text, touched
+            assert f"{minutes} min left" in CliRunner().invoke(tango, ["fleet", str(place)]).output
+            assert f"{minutes} min to go" in site.get(f"/machine/{M}/run").text
+    run.end()
+
+
 def test_a_machine_that_measures_says_so_beside_its_alarm(tmp_path: Path) -> None:
     """The list said that it was being measured, and the page of alarms No."""
     place = struck(tmp_path / "one")
@@ -150,7 +166,7 @@ def test_a_stopped_run_says_that_the_control_may_go_on(tmp_path: Path) -> None:
     run.touch()
     run.end(False, "the control has been silent for longer than 41 s")
     with TestClient(create(Settings((place,))), base_url=HOST, client=("127.0.0.1", 5000)) as site:
-        assert "The control may still execute what it has received" in site.get(f"/machine/{M}/run").text
+        assert "Look at the machine first: its control may still execute the program." in site.get(f"/machine/{M}/run").text
 
 
 def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ def left_of(w: Whole) -> Left | None:
     size, turn = np.linalg.eigh((hat + hat.T) / 2)
     keep = size > 1e-9
     basis = turn[:, keep] * np.sqrt(size[keep])
-    weight = np.full(n, 1 / (w.scatter or w.sigma))
+    weight = np.full(n, 1 / max(w.scatter or w.sigma, float(np.sqrt(w.residuals @ w.residuals / spare))))
     return Left(np.arange(n), weight, basis, np.zeros((int(keep.sum()), 0)), w.residuals * weight, spare, np.zeros(0))
 
 

@@ -295,6 +295,7 @@ class RealControl:
         """cell with the strategy of tonight, its plan, file → what is known of the run. Raises LinkError where it stops."""
         from ..link.measure import Wanted, measure, silence_after
         from ._live import Live
+        from .check import positioning_feed
         from .run import keep, written_for
 
         assert self.cell.controller is not None
@@ -312,6 +313,7 @@ class RealControl:
                 simulated=self.simulated,
                 then=str(again(self.cell.folder)),
                 quiet=silence_after(newest_run(self.cell.folder, self.stamp)[1], self.whole),
+                feed=positioning_feed(self.cell),
             )
             return measure(
                 own,

@@ -19,11 +19,12 @@ from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
 from ..link.lock import broken_off, cut_off, ended
-from ..link.progress import minutes_left
+from ..link.progress import minutes_left, newest_complete
 from ..nightly.mail import answer
 from ..records import TangoError
-from ..report.age import measured_on, night_of_stamp, nights_old
-from ..report.answer import measuring
+from ..report.age import due, measured_on, night_of_stamp, nights_old
+from ..report.answer import measuring, of_no_night, said_broken_off, said_cut_off
+from ..report.days import at
 from ..report.morning import next_night
 from ..report.repeated import as_found, shortened
 from ..report.texts import Texts, code
@@ -122,18 +123,17 @@ def status(
             note_simulated(history, name, t)
     if not write_json(json_file, found.as_json()):
         first, *lines = _lines(found, folder, where, t)
-        told = _answer(folder, place, found.left, t)
+        told = _answer(folder, place, found, t)
         for line in (first, *([f"  {told}"] if told else []), *lines):
             click.echo(fitted(line))
     return int(found.wants_somebody)
 
 
-def _answer(folder: Path, place: str | Path, left: int | None, t: Texts) -> str:
-    """cell, its history, minutes that what is at work there still takes (None: nothing is), texts → whether parts may be made, as
-    on its page; '' where no night says so.
-    """
+def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
+    """cell, its history, its status, texts → whether parts may be made, as on its page."""
     from .report import nights
 
+    left = known.left
     busy = "" if left is None else t("web.left_short" if left else "web.begun_short", minutes=left)
     with suppress(TangoError):  # what is wrong with the cell is printed on its own line
         machine, u = read_cell(folder).machine, Units()
@@ -144,14 +144,22 @@ def _answer(folder: Path, place: str | Path, left: int | None, t: Texts) -> str:
             word = ", ".join(x for x in (told.word, busy or told.old) if x)
             lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)
             return f"{t('may.ask')} {' '.join(x for x in lines if x)}"
-    return f"{t('may.ask')} {t('may.measuring')}, {busy}. {t('web.wait_there')}" if busy else ""
+    if busy:
+        return f"{t('may.ask')} {t('may.measuring')}, {busy}. {t('web.wait_there')}"
+    former = (*said_cut_off(known.cut, known.ended), *said_broken_off(known.broken))
+    if (moving := of_no_night(former, t)) is not None:
+        return f"{t('may.ask')} {moving.word}. {moving.why}"
+    ran = newest_complete(folder)
+    why = t("may.ran" if (folder / "report.html").is_file() else "may.ran_bare", date=at(ran, t)) if ran else t("may.never")
+    return f"{t('may.ask')} {t('may.unknown')}. {why}"
 
 
 def _read(
     history: History, name: str, folder: Path, settings: Nightly, place: str | Path, disk: Any, trouble: str | None
 ) -> Status:
     """history, machine, folder of its cell, settings, where the history is, disk, what is wrong → its status."""
-    today = f"{datetime.now().astimezone():%Y-%m-%d}"
+    now = datetime.now(UTC)
+    today = f"{now.astimezone():%Y-%m-%d}"
     renamed = formers(history, name, folder, of_folder(place, folder))
     nights = history.nights(name, last=7) if name in history.machines() else ()
     newest = max(nights, key=lambda n: n.end_utc, default=None)  # one that was refused began after the one at work
@@ -168,7 +176,7 @@ def _read(
         _by_tonight(history.open_alarms(name, today=today), record) if nights else (),
         next_night(record, history.decisions(name), before) if nights else {},
         next((s for s in standings if s.machine == name), None),
-        nights_old(measured_on(record, before), today, settings.answers_for) if nights else 0,
+        nights_old(measured_on(record, before), due(now, before.get("start_utc")), settings.answers_for) if nights else 0,
         in_future(history, name),
         renamed,
         [stamp for stamp, _ in disk.unsent()],
@@ -197,8 +205,6 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if found.stale else word}"
     if found.stale:
         yield f"  {t('morning.old_todo')}"
-    if found.broken is not None and not found.nights:  # with nights the answer of the newest one says so
-        yield f"  {t('may.ask')} {t('may.not_yet')}. {t('may.run_off')}"
     if found.trouble is not None:
         yield "  " + t("cli.nightly.cannot_begin", why=found.trouble)
     if found.future is not None:

@@ -93,6 +93,7 @@ def conducted(
         start_timeout=start_patience(someone),
         misses=misses,
         then=then,
+        feed=positioning_feed(cell),
     )
     measure(cell, made, wanted, lambda part: programs, live, confirm)
     return read_readings(target, cell.machine, cell.artefact)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 from ..files import read_cell
 from ..files.commissioning import NAME
@@ -56,6 +54,13 @@ PLACE = "Measure 10"  # in the list of commands
     default=None,
     help="Also test feed override and file of records: a second program, with the override at 25 %. Default: at a terminal.",
 )
+@click.option(
+    "--within",
+    type=click.FloatRange(0, 20),
+    metavar="MM",
+    help="How far from artefact.yaml the table may stand; the moves in the air are so much higher. Default: 20, or less where the "
+    "travels leave no room for it; the command says how far.",
+)
 @click.option("--touch", is_flag=True, help="Test on the table: touch a few facets at two angles and two feeds.")
 @click.option("--yes", is_flag=True, help="With --touch: do not ask before the machine moves.")
 @click.option("--again", is_flag=True, help="Test everything again, also what has passed.")
@@ -75,6 +80,7 @@ def command(
     only_program: bool,
     held: bool | None,
     dial: bool | None,
+    within: float | None,
     touch: bool,
     yes: bool,
     again: bool,
@@ -92,6 +98,7 @@ def command(
     from postprocessors import unverified
 
     from .. import commission
+    from ..commission.above import flight
     from ..plan import by_stylus
     from ._commission_first import by_hand
     from ._commission_first import questions as by_hand_first
@@ -109,6 +116,8 @@ def command(
             f"everything is proven on this control{more}, see {folder / NAME}; 'tango commission --again' tries it once more"
         )
         return
+    if touch and within is not None:
+        raise InputError("--within: found --touch too; allowed: one of them, as --touch takes the table to be where its file says")
     if touch:
         touched(cell, post, port, wanted, yes, only_program, timeout, json_file)
         return
@@ -127,7 +136,8 @@ def command(
     if wanted == {"deflected"} and held is False and not only_program:
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
-    made, largest = _flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted)
+    moves = flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted, within)
+    made = moves.plan
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
     if only_program:
@@ -136,16 +146,16 @@ def command(
         for text, _ in by_hand_first(made, wanted, controller.post).values():
             click.echo(f"before it: {text} If not, do not start it.")
         return
-    at = _Control(cell, post, address_of(cell, port), timeout, someone, options)
+    at = _Control(cell, post, address_of(cell, port), timeout, someone, options, moves)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     if not (someone and answers == "ask"):
         for text, _ in by_hand_first(made, wanted, controller.post).values():
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
-    _announced(at, made, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
+    _announced(at, feed if "directions" in wanted else None, sorted(known.keys() - wanted), questions)
     seen, control = at.tried(made, programs)  # also brings the axes to where a hand is safe
-    seen = replace(seen, largest=largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
+    seen = replace(seen, largest=moves.largest, stored=_file_of(at.address, post) is not None, feed=feed or seen.feed)
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
@@ -168,7 +178,7 @@ def command(
 
 @dataclass(frozen=True)
 class _Control:
-    """The control that is tried: its cell and post, its port, how long it may be silent, whether somebody is there."""
+    """The control that is tried: its cell and post, its port, how long it may be silent, whether somebody is there, the moves."""
 
     cell: Any
     post: Any
@@ -176,6 +186,7 @@ class _Control:
     timeout: float | None
     someone: bool
     options: Mapping[str, Any]  # of the profile, as the programs have them
+    moves: Any
 
     def program(self, made: Plan, changed: Mapping[str, Any]) -> list[Any]:
         """plan, options that differ → its program, written."""
@@ -202,11 +213,14 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
     return options, feed
 
 
-def _announced(at: _Control, made: Plan, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
-    """plan in the air, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
+def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
+    """control, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
+    from ..commission.above import said
+
+    made = at.moves.plan
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
-        f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. "
+        f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. {said(at.moves)} "
         "Probe in the spindle and on; hand on feed hold.",
         err=True,
     )
@@ -245,7 +259,9 @@ def _held_aside(at: _Control, seen: Any) -> tuple[Any, str]:
 
 def _at_quarter(at: _Control, seen: Any) -> tuple[Any, str]:
     """what came of the moves in the air → the same with how long a few take with the feed override turned down; the control."""
-    few = _flight(at.cell, 1, set())[0]
+    from ..commission.above import flight
+
+    few = flight(at.cell, 1, set(), at.moves.within).plan
     patience = SLOW * len(few.touches) if at.timeout is None else at.timeout
     once, control = at.tried(few, at.program(few, {"gate": "none"}), patience)
     click.echo("Turn it back to 100 %.", err=True)
@@ -260,23 +276,6 @@ def _left_open(still: Sequence[str]) -> None:
             "person at the machine who answers what is asked (--held and --dial are asked there, too)",
             err=True,
         )
-
-
-def _flight(cell: Any, most: int, wanted: Collection[str]) -> tuple[Plan, float]:
-    """cell, indexations at most, beliefs to try → plan in the air, and the largest number (mm, deg) of a record of its own plan."""
-    from .. import commission
-    from ..plan import plan
-
-    own = len(cell.strategy.indexations)
-    try:
-        whole = plan(commission.rolling(cell) if "rollover" in wanted and most > 1 else cell)
-    except InputError:  # what was added cannot be reached here
-        whole = plan(cell)
-    linear = [whole.machine.column(name) for name in whole.machine.linear]
-    rotary = [whole.machine.column(name) for name in whole.machine.rotary]
-    places = np.abs([touch.end for touch in whole.touches if touch.indexation < own])
-    largest = max(float(places[:, linear].max()), math.degrees(float(places[:, rotary].max(initial=0.0))))
-    return commission.air(whole, most, own), largest
 
 
 def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:

@@ -220,7 +220,7 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         s = row.standing
         last = (t("cli.fleet.never"), "") if s.last is None else (s.last.night, code(s.last.verdict))
         size = "" if s.last is None or s.last.volume_um is None else f"{s.last.volume_um:.1f}"
-        late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late else ""
+        late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late and s.last else ""
         how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
         busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
         late = busy or row.moving or late
@@ -251,7 +251,7 @@ def _former(history: History, place: str | Path, own: _Known, known: Sequence[_K
 
 def _stale(history: History, nights: Sequence[Night], most: float) -> int:
     """history, last nights of a machine, days for which a result is an answer → nights since it was measured, 0 where it is one."""
-    from ..report.age import measured_on, nights_old
+    from ..report.age import due, measured_on, nights_old
     from ..report.days import local_day
 
     last = next((n for n in nights if n.verdict != "not_measured"), None)
@@ -262,7 +262,7 @@ def _stale(history: History, nights: Sequence[Night], most: float) -> int:
         if nights
         else ""
     )
-    return nights_old(measured, f"{datetime.now().astimezone():%Y-%m-%d}", most)
+    return nights_old(measured, due(datetime.now(UTC), "" if last is None else last.start_utc), most)
 
 
 def _moving(history: History, nights: Sequence[Night], folder: Path | None, stale: int) -> str:

@@ -108,6 +108,7 @@ def sheet_json(sheet: Sheet) -> dict[str, Any]:
         "unseen_harmonics": list(sheet.unseen),
         "touch_std_um": sheet.sigma * 1e3,
         "dof": sheet.freedom,
+        "drift_um": _drifted(sheet) or None,
         "figures": [
             {
                 "kind": f.kind,
@@ -151,13 +152,20 @@ def sheet_text(sheet: Sheet) -> list[str]:
             lines[1] += say("iso_said.temperature.assumed", size=f"{2e6 * scale(sheet.thermal, True).std:.0f}")
     if sheet.budget is None:
         lines.append(
-            "intervals: scatter of the touches and all error motions; without uncertainty.yaml they have no drift, no lobing …"
+            "intervals: scatter of the touches, all error motions, and drift as the touches show it; without uncertainty.yaml they "
+            "have no lobing …"
         )
     else:
         also, not_in = ", ".join(sheet.budget.beside) or "nothing more", ", ".join(absent(sheet.budget.named))
         lines.append(
-            f"intervals: scatter of the touches and all error motions; of uncertainty.yaml: {also}"
+            f"intervals: scatter of the touches, all error motions, and drift as the touches show it; of uncertainty.yaml: {also}"
             + (f"; it does not name {not_in}" if not_in else "")
+        )
+    if drifted := _drifted(sheet):
+        gone = ", ".join(f"{c} {v:.1f}" for c, v in zip("XYZ", drifted, strict=True))
+        lines.append(
+            f"drift of the table against the tool while it was touched: about {gone} µm, as far as the touches part it from error "
+            "motions; figures are without it, and intervals allow for what is not parted"
         )
     lines += list(sheet.unseen)
     lines.append(
@@ -167,6 +175,11 @@ def sheet_text(sheet: Sheet) -> list[str]:
     lines.append(table(rows, "<<>><>><") if len(rows) > 1 else "these touches decide no figure")
     withheld = [f"withheld: {text}" for text in sheet.not_identifiable]
     return lines + withheld + (["", "what to do about withheld figures:", *(f"  {t}" for t in sheet.advice)] if withheld else [])
+
+
+def _drifted(sheet: Sheet) -> list[float]:
+    """figures → µm that the table went against the tool along X Y Z of the machine while it was touched; [] where nobody knows."""
+    return [] if sheet.learned is None else [1e3 * v for v in sheet.learned.drifted]
 
 
 def _fitted_json(result: Estimate, longer: Known | None) -> list[dict[str, Any]]:

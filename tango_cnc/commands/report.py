@@ -292,7 +292,7 @@ def nights(
     from ..history import opened
     from ..history.clock import asks, in_future
     from ..history.clock import told as told_of
-    from ..report.age import measured_on, nights_old
+    from ..report.age import due, measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
     from ..report.morning import brief_of, volumes_of
@@ -311,7 +311,8 @@ def nights(
         settings, today = read_nightly(folder), now.astimezone().strftime("%Y-%m-%d")
         alarms, decisions = unclosed(history, machine, today)
         events = recorded(history, machine)
-        too_old = nights_old(measured_on(record, before), today, settings.answers_for)
+        begun = (before or record).get("start_utc")
+        too_old = nights_old(measured_on(record, before), due(now, begun), settings.answers_for)
         who = {"owner": record.get("owner") or settings.owner, "deputy": settings.deputy or record.get("deputy")}
         record = {**record, **who}
         found = faults(record, earlier(alarms), decisions, u, t, chain, before, today, events, too_old)

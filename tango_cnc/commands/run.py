@@ -219,6 +219,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
     """
     from ..link.lock import holding
     from ..link.measure import Wanted, measure
+    from .check import positioning_feed
 
     target = job.target
     journal = target.with_suffix(".journal")
@@ -238,6 +239,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
             heard,
             simulated=job.simulated,
             how=job.how,
+            feed=positioning_feed(job.cell),
         )
 
         def run(own: Wanted, count: int | None = None) -> dict[str, Any]:

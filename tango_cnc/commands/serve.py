@@ -124,7 +124,7 @@ def command(
     port = taken.getsockname()[1]
     count = f"{len(cells)} cell{'s' if len(cells) != 1 else ''}" + (f", history {_hidden(history)}" if history else "")
     mode = "read-only" if users is None else f"users of {users}"
-    click.echo(f"http{'s' if certificate else ''}://{host}:{port}/ shows {count}; {mode}. Ctrl-C ends it.")
+    click.echo(f"http{'s' if certificate else ''}://{host}:{port}/ shows {count}; {mode}. Ctrl-C ends it.{_once(templates)}")
     extra: dict[str, Any] = {}
     if certificate is not None and key is not None:
         extra = {"ssl_certfile": str(certificate), "ssl_keyfile": str(key)}
@@ -142,6 +142,13 @@ def command(
     )
     with taken, suppress(KeyboardInterrupt):  # Ctrl-C is the way to end it
         uvicorn.Server(config).run(sockets=[taken])
+
+
+def _once(templates: Path | None) -> str:
+    """folder of a shop with templates and texts or None → that they are read once."""
+    if templates is None:
+        return ""
+    return f"\ntemplates and texts of {templates} were read just now: restart the server after you change one"
 
 
 def _add(accounts: Any, users: Path, name: str, role: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,13 +41,17 @@ class Seen:
 def seen(result: Estimate, budget: Budget | None = None) -> Seen:
     """estimate, budget → the machine as its touches show it; what is withheld is decided at the order that predicts best.
 
+    The machines that are possible say how large drift is; the fits that decide have it beside the error motions.
+
     A lower order decides more only because it leaves out what the machine may have: it is compared and never used. Raises
     TangoError where there are too few touches.
     """
-    compared = orders(result)
+    drawn = learned(result, whole(result))
+    compared = orders(result, drawn.drifts)
     wide = next(w for w, _ in compared if w.order >= (DEGREE, ORDER))
-    plain = wide if wide.order == (DEGREE, ORDER) else whole(result, scatter=wide.sigma)  # what it lacks is no scatter
-    drawn, expected = learned(result, wide), None
+    same = wide.order == (DEGREE, ORDER)
+    plain = wide if same else whole(result, scatter=wide.sigma, drifts=wide.drifts)  # what it lacks is no scatter
+    drawn, expected = replace(drawn, sigma=wide.sigma, freedom=wide.freedom, criterion=wide.criterion, left_out=wide.left_out), None
     open_to = unseen(wide, drawn)
     if budget is not None:
         plain = moved(plain, budget.beside_scatter)

@@ -27,6 +27,7 @@ from ..estimate import Estimate
 from ..model import known, linearise
 from ..records import Array, Machine, TangoError
 from ..terms import Coefficient, backlash
+from .drift import along, is_drift, path
 from .whole import FINEST, WIDTH, Tip, Whole, motion_of, place_of_tip, waves, widths, with_all
 
 HIGHEST = (9, 6)  # degree of polynomials, harmonics: of every machine that is drawn; a wave that is two and a half long needs 9
@@ -46,6 +47,7 @@ PARTS = 16  # of the chain: how much their means differ says how well the chain 
 DEGREE = re.compile(r".*\.P([1-9])")
 
 Kind = tuple[str, bool, bool, int]  # family (wave, series; of a linear axis; a displacement, not a turn) and degree or harmonic
+DRIFTS: Kind = ("drift", False, True, 1)
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     for name, value in zip(result.model.names, result.values, strict=True):
         if name in place:
             start[place[name]] = value
-    width = widths(model, hidden=True)
+    width = widths(model, hidden=True, drifts=WIDTH[0])
     seen = np.flatnonzero(width > 0)
     gaps, jacobian = linearise(model, start)
     offsets, rows, uncertainty = known(model, start)
@@ -130,6 +132,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     touched = _Touched(gaps, matrix, matrix.T @ matrix, matrix.T @ gaps, stated.T @ stated, stated.T @ offsets)
     found = model.coefficients[:p]
     motions = tuple(motion_of(c) for c in found)
+    alike = {i: along(c) for i, c in enumerate(model.coefficients) if i >= p and is_drift(c)}
     machine = model.touches.machine
     order_of = {c.name: o for a in machine.rotary for o in range(1, HIGHEST[1] + 1) for c in waves(machine, a, o)}
     kinds = {
@@ -137,8 +140,10 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         for j, i in enumerate(seen)
         if i < p and (kind := _kind(found[i], machine, order_of.get(found[i].name, 0))) is not None
     }
+    shared: dict[int, Kind] = kinds | {j: DRIFTS for j, i in enumerate(seen) if i in alike}
     try:
-        drawn, variance, sigma = _chain(touched, _Shares(kinds, [motions[i] if i < p else "" for i in seen]), wide.sigma)
+        named = [motions[i] if i < p else alike.get(int(i), "") for i in seen]
+        drawn, variance, sigma = _chain(touched, _Shares(shared, named), wide.sigma)
     except linalg.LinAlgError:
         raise TangoError(f"ISO figures: {len(gaps)} touches bound no error motion of this machine; make the whole plan") from None
     own, t, tip = seen < p, place_of_tip(model, width > 0), None
@@ -149,7 +154,7 @@ def learned(result: Estimate, wide: Whole) -> Whole:
     every[seen] = width[seen, None] * drawn
     ways = inverse @ np.hstack([matrix.T / sigma**2, stated.T / uncertainty])
     gains[seen] = width[seen, None] * ways
-    likely = -inverse @ (touched.pull / sigma**2 + touched.stated_pull)
+    leave, residuals = _standing_still(touched, stated.T / uncertainty, variance, sigma, [i not in alike for i in seen])
     both = every[:p] if t is None else np.vstack([every[:p], every[t]])
     values = both.mean(axis=1)
     covariance = np.cov(both) + 2 * _unsettled(both)
@@ -157,6 +162,8 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         tip = Tip(model.coefficients[t], float(values[p]), covariance[p, p], covariance[:p, p], gains[t], every[t])
     free = np.ones(p, dtype=bool)
     free[[seen[j] for j in kinds]] = False
+    drifts = {model.names[i]: float(width[i] * np.sqrt(variance[j])) for j, i in enumerate(seen) if i in alike}
+    gone = path(model.touches, {model.names[i]: float(every[i].mean()) for i in alike})
     return replace(
         wide,
         coefficients=found,
@@ -165,14 +172,28 @@ def learned(result: Estimate, wide: Whole) -> Whole:
         covariance=covariance[:p, :p],
         order=HIGHEST,
         gain=gains[:p],
-        leave=np.eye(len(gaps), ways.shape[1]) - matrix @ ways,
-        residuals=gaps + matrix @ likely,
+        leave=leave,
+        residuals=residuals,
         scatter=sigma,
         widths=sizes,
         free=free,
         draws=every[:p],
         tip=tip,
+        drifts=drifts,
+        drifted=tuple(np.ptp(gone, axis=0).tolist()),
     )
+
+
+def _standing_still(touched: _Touched, known_ways: Array, variance: Array, sigma: float, still: list[bool]) -> tuple[Array, Array]:
+    """touches, what known distances say (q, m), variances (q,), scatter (mm), which unknowns are no drift → as `Whole.leave` and
+    `residuals`: what would be left if nothing drifted, by which it is judged whether something moved.
+    """
+    own = np.flatnonzero(still)
+    matrix, together = touched.matrix[:, own], np.ix_(own, own)
+    inverse = linalg.inv(touched.normal[together] / sigma**2 + touched.stated[together] + np.diag(1 / variance[own]))
+    ways = inverse @ np.hstack([matrix.T / sigma**2, known_ways[own]])
+    likely = -inverse @ (touched.pull[own] / sigma**2 + touched.stated_pull[own])
+    return np.eye(len(touched.gaps), ways.shape[1]) - matrix @ ways, touched.gaps + matrix @ likely
 
 
 def _chain(touched: _Touched, shares: _Shares, sigma: float) -> tuple[Array, Array, float]:

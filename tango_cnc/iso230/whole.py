@@ -8,10 +8,11 @@ depend on it are withheld. Source: Bayesian linear model with a wide prior (Gelm
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -25,6 +26,7 @@ from ..model import STYLUS, Model, known, linearise
 from ..records import COMPONENTS, Array, Machine, TangoError
 from ..terms import Coefficient, backlash, cause, causes, error_motion, inter_axis
 from ..touches import Touches
+from .drift import drifting, is_drift
 
 DEGREE, ORDER = 3, 4  # of polynomials; highest harmonic of rotary axes
 ORDERS = ((2, 2), (DEGREE, ORDER), (4, 4), (5, 5), (6, 6))  # degree and harmonics that are compared
@@ -39,6 +41,8 @@ ALONE = 0.02  # share of a touch's own error that is left of it, below which no 
 UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
 TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
+Drifts = Mapping[str, float]  # coefficients of `drifting`, their standard deviations, mm
+STANDS_STILL: Drifts = MappingProxyType({})
 Block = tuple[str, NDArray[np.intp], Array]  # an error motion, its coefficients, the pseudo-inverse of their covariance
 
 
@@ -68,14 +72,16 @@ class Whole:
     order: tuple[int, int] = (DEGREE, ORDER)  # degree of the polynomials, highest harmonic
     criterion: float = 0.0  # AICc: the smaller, the better this order predicts touches that were not made
     gain: Array | None = None  # (p, n + m) how gaps of the touches and known distances, mm, move the values
-    leave: Array | None = None  # (n, n + m) what is left of them in the residuals
+    leave: Array | None = None  # (n, n + m) what is left of them in the residuals; of machines that are drawn: if nothing drifted
     widths: Array | None = None  # (p,) standard deviations before the touches are looked at; 0: not in this fit
     left_out: float = np.nan  # mm, rms by which each touch is off what all others predict of it
     free: NDArray[np.bool_] | None = None  # (p,) of machines that are drawn: what the touches alone decide, no size of its kind
     draws: Array | None = None  # (p, d) machines that the touches leave possible; None: values and covariance are all
     tip: Tip | None = None  # of the first stylus; None: no touch of it is here
-    residuals: Array | None = None  # (n,) mm, what this fit leaves of the touches
+    residuals: Array | None = None  # (n,) mm, what this fit leaves of the touches, likewise
     scatter: float | None = None  # mm, of a touch in the machines that are drawn; None: sigma
+    drifts: Drifts = field(default_factory=dict)  # standard deviations of what drifts beside the error motions, mm
+    drifted: tuple[float, ...] = ()  # mm, how far the table went in x y z of the machine frame, largest minus smallest
 
     @cached_property
     def unfelt(self) -> dict[str, bool]:
@@ -130,34 +136,43 @@ def moved(w: Whole, factors: Sequence[Array]) -> Whole:
     return replace(w, covariance=covariance, draws=draws, tip=tip)
 
 
-def orders(result: Estimate) -> list[tuple[Whole, float]]:
-    """estimate → the same touches with every error motion at each of `ORDERS`, and how much each is worth, the best first.
+def orders(result: Estimate, drifts: Drifts = STANDS_STILL) -> list[tuple[Whole, float]]:
+    """estimate, what drifts → the same touches with every error motion at each of `ORDERS`, and how much each is worth, the best
+    first.
 
     Akaike weights with the correction for few touches; what counts as fitted is what the touches decide beside the prior (Burnham
     and Anderson, Model Selection and Multimodel Inference, 2.9). Raises TangoError where too few touches are left for any.
     """
-    first, at = _fitted(result, DEGREE, ORDER)
+    first, at = _fitted(result, DEGREE, ORDER, None, None, drifts)
     found = [first]
     for degree, order in ORDERS:
         if (degree, order) != (DEGREE, ORDER):
             with suppress(TangoError):
-                fit, at = _fitted(result, degree, order, None, at)
+                fit, at = _fitted(result, degree, order, None, at, drifts)
                 found.append(fit)
     least = min(w.criterion for w in found)
     worth = np.array([np.exp(-(w.criterion - least) / 2) for w in found])
     return sorted(zip(found, (worth / worth.sum()).tolist(), strict=True), key=lambda pair: -pair[1])
 
 
-def whole(result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: float | None = None) -> Whole:
-    """estimate, degree, highest harmonic, scatter (mm; None: what is left) → the same touches with every error motion.
+def whole(
+    result: Estimate, degree: int = DEGREE, order: int = ORDER, scatter: float | None = None, drifts: Drifts = STANDS_STILL
+) -> Whole:
+    """estimate, degree, highest harmonic, scatter (mm; None: what is left), what drifts → the same touches with every error
+    motion.
 
     Raises TangoError where too few touches are left.
     """
-    return _fitted(result, degree, order, scatter)[0]
+    return _fitted(result, degree, order, scatter, None, drifts)[0]
 
 
 def _fitted(
-    result: Estimate, degree: int, order: int, scatter: float | None = None, near: tuple[dict[str, float], float] | None = None
+    result: Estimate,
+    degree: int,
+    order: int,
+    scatter: float | None = None,
+    near: tuple[dict[str, float], float] | None = None,
+    drifts: Drifts = STANDS_STILL,
 ) -> tuple[Whole, tuple[dict[str, float], float]]:
     """as `whole`; every unknown by name and scatter (mm) of another order, near which this one begins → machine, its own."""
     model, p = with_all(result.model, degree, order)
@@ -166,7 +181,7 @@ def _fitted(
     start = np.array([of_terms.get(name, 0.0) for name in model.names])
     known_there, sigma = near or (of_terms, result.sigma)
     values = np.array([known_there.get(name, 0.0) for name in model.names])
-    width = widths(model)
+    width = widths(model, drifts=drifts)
     seen = width > 0
     n, sigma = len(touches), max(scatter or sigma, FINEST)
     for steps in ROUNDS:  # the scatter beside all error motions is that of these, not of the fitted terms
@@ -221,6 +236,7 @@ def _fitted(
         *(touches, found, names, values[:p], covariance, sigma, freedom, of, float(criterion), gain, leave, own_width, left_out),
         tip=tip,
         residuals=gaps,
+        drifts=drifts,
     )
     return fit, (dict(zip(model.names, values.tolist(), strict=True)), sigma)
 
@@ -257,7 +273,7 @@ def with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[M
     setup = [c for c in fitted.coefficients if c.slot.axis in ("t", "w")]
     names = {c.name for c in own}
     extra = [c for c in every(fitted.touches, degree, order) if c.name not in names]
-    return Model(fitted.touches, (*own, *extra, *setup)), len(own) + len(extra)
+    return Model(fitted.touches, (*own, *extra, *setup, *drifting(fitted.touches))), len(own) + len(extra)
 
 
 def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterator[Coefficient]:
@@ -329,13 +345,16 @@ def motion_of(c: Coefficient) -> str:
     return c.name if backlash.PATTERN.fullmatch(c.name) else slot_name(c.slot)
 
 
-def widths(model: Model, hidden: bool = False) -> Array:
-    """model, whether with motions that show in no touch → (p,) standard deviation of every unknown before the touches are looked
-    at; 0 for what moves no axis here.
+def widths(model: Model, hidden: bool = False, drifts: Drifts | float = STANDS_STILL) -> Array:
+    """model, whether with motions that show in no touch, what drifts (mm, or one size of all) → (p,) standard deviation of
+    every unknown before the touches are looked at; 0 for what moves no axis here.
     """
     machine, found = model.touches.machine, np.full(len(model.names), PLACED[0])
     for j, c in enumerate(model.coefficients):
         size = float(np.max(np.abs(model.regressors[j])))
+        if is_drift(c):
+            found[j] = 0.0 if size == 0 else drifts if isinstance(drifts, float) else drifts.get(c.name, 0.0)
+            continue
         if hidden and size <= FAINT and c.slot.stage in ("motion", "intra"):
             size = 1.0  # a wave of a rotary axis that is zero wherever it was touched
         turns = c.slot.axis in machine.rotary if c.slot.stage == "motion" else c.slot.component >= 3

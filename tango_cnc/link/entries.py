@@ -36,6 +36,7 @@ class Segment:
     touches: tuple[int, ...]
     part: tuple[int, ...] = (1, 1)
     how: str = "--resume"  # what 'tango run' has to state to go on with this run
+    expected_s: float | None = None  # s that its touches take by the plan
 
 
 def by_no_machine(entry: Segment) -> bool:
@@ -177,6 +178,8 @@ def _judged(entry: Entry) -> None:
         raise ValueError(f"part: found {list(entry.part)!r:.60}; allowed: [which, of how many]")
     if isinstance(entry, Segment) and not (entry.how.startswith("--resume") and entry.how.isprintable()):
         raise ValueError(f"how: found {entry.how!r:.60}; allowed: --resume and what else 'tango run' has to state")
+    if isinstance(entry, Segment) and (entry.expected_s or 0.0) < 0:
+        raise ValueError(f"expected_s: found {entry.expected_s}; allowed: 0 and more")
     if isinstance(entry, Segment) and {"post", "port"} - set(entry.controller):
         raise ValueError("controller: post or port is missing")
     if isinstance(entry, Begun | Reading | Again | Doubted) and entry.time_s < 0:

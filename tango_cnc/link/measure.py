@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from .. import __version__
+from ..duration import duration
 from ..files import readings_text, write_text
 from ..files.origin import origin_file, set_aside, write_origin
 from ..gate import ALIVE_TIME
@@ -62,6 +63,7 @@ class Wanted:
     how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
     quiet: float = 0.0  # s of silence before the first byte: it may still execute the program of another run
+    feed: float | None = None  # mm/min of protected moves in the programs of the post; None: they are rapid
 
 
 def measure(
@@ -300,6 +302,7 @@ def _segment(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tup
         touches=task.original[task.again :],
         part=part,
         how=wanted.how,
+        expected_s=round(sum(duration(program.plan, wanted.feed).values()), 1),
     )
 
 

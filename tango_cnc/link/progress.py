@@ -14,6 +14,7 @@ from .journal import read_on
 from .lock import JOURNAL, at_work, begun, newest_run
 
 PACED = 5  # touches since the start from which a pace is known: before the first one probe and path are proven
+LOOKED = 10  # runs that are looked through for a complete one
 QUIET = 600.0  # s without an entry after which a run is no longer said to go on
 
 
@@ -26,7 +27,7 @@ class Progress:
     wanted: tuple[int, ...]  # touches
     done: frozenset[int]
     seconds: float  # since the start mark, of the last entry
-    remaining: float | None  # s, at the pace so far; None where it does not run, or has made fewer touches than PACED
+    remaining: float | None  # s, at the pace so far, before PACED touches by the plan; None where it does not run, or has no plan
 
     def minutes_left(self, since: float) -> int | None:
         """s since its last entry → minutes that it still takes, 0 where it has only begun; None where nothing runs, or was heard of
@@ -36,7 +37,7 @@ class Progress:
 
 
 def in_minutes(remaining: float | None) -> int:
-    """s that a run still takes, None where its pace is not known yet → minutes, at least one; 0 for None."""
+    """s that a run still takes, None where nobody knows its pace → minutes, at least one; 0 for None."""
     return 0 if remaining is None else max(1, math.ceil(remaining / 60))
 
 
@@ -58,9 +59,19 @@ def progress(entries: Sequence[Entry]) -> Progress:
     if isinstance(last, End) and not (last.complete and part[0] < part[1]):
         state, why = ("complete" if last.complete else "stopped"), last.why
     seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
-    pace = _pace(entries)
+    pace = _pace(entries) or _expected(segments)
     remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
     return Progress(state, why, wanted, done, seconds, remaining)
+
+
+def newest_complete(folder: Path) -> str:
+    """cell → when its newest complete run began (UTC); '' where its last `LOOKED` runs have none, or none can be read."""
+    for file in journals(folder)[:LOOKED]:
+        with suppress(TangoError, OSError):
+            entries = read_on(file).entries
+            if progress(entries).state == "complete":
+                return next((e.utc for e in entries if isinstance(e, Segment)), "")
+    return ""
 
 
 def minutes_left(folder: Path, now: float) -> int | None:
@@ -76,6 +87,12 @@ def minutes_left(folder: Path, now: float) -> int | None:
             since = now - file.stat().st_mtime
             return None if since > QUIET else progress(read_on(file).entries).minutes_left(since)
     return None
+
+
+def _expected(segments: Sequence[Segment]) -> float | None:
+    """segments of a run → s a touch by the plan of the last one; None where its journal does not say it."""
+    last = segments[-1] if segments else None
+    return last.expected_s / len(last.touches) if last is not None and last.expected_s and last.touches else None
 
 
 def _pace(entries: Sequence[Entry]) -> float | None:

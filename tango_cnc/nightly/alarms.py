@@ -15,7 +15,8 @@ from ..report.texts import texts
 from ..state import Frame, Hypothesis, Named, State, Tonight, hypotheses
 from ..state.effect import Effect, alike, like_the_stylus, on_parts
 from ..state.filter import sigma_of
-from ..texts import say
+from ..texts import joined, say
+from ..texts.number import number
 from .dates import Since
 from .words import cause_texts, changed, on_part, value
 
@@ -82,7 +83,7 @@ def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
     if h.cause == "stylus" and (pivot := _pivot(k, named)) is not None:
         name, found = pivot
         (axis, angle), *_ = found.turned.items()
-        told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": f"{found.worst:.1f} µm", "since": before.date}
+        told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": number(found.worst, "µm", signed=False), "since": before.date}
         effect, on_part, do = found.worst, texts()("part.pivot_since", **told), texts()("part.pivot_do", axis=axis)
         alarm["instead"] = [name, *(x for x in alarm["instead"] if x != name)]
     return alarm | {"on_part_um": effect, "on_part": on_part, "do": do}
@@ -100,8 +101,8 @@ def _unnamed(k: Known, before: Since, ahead: State, tonight: Tonight, named: Nam
         dof = max(tonight.noise[1], 1)
         size = float(np.sqrt(tonight.noise[0] / dof))
         sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
-        usual = f"{sigma_of(ahead) * 1e3:.2f} µm"
-        text = texts()("changed.noise_level", size=f"{size * 1e3:.2f} µm", usual=usual)
+        usual = number(sigma_of(ahead) * 1e3, "µm", signed=False, decimals=2)
+        text = texts()("changed.noise_level", size=number(size * 1e3, "µm", signed=False, decimals=2), usual=usual)
         alarm = _alarm(before, "noise_level", "probe", text, sigmas)
         alarm |= {"size": size, "std": size / float(np.sqrt(2 * dof)), "unit": "mm"}
     else:
@@ -137,7 +138,7 @@ def effect_of(
     if match and match[1] in k.cell.machine.linear:
         length = _range(k.cell, match[1], 1000.0)
         effect = abs(size) * length * 1e3
-        sizes = {"length": f"{length:.0f}", "effect": f"{effect:.1f} µm"}
+        sizes = {"length": f"{length:.0f}", "effect": number(effect, "µm", signed=False)}
         return effect, on_part(_key("square", since), since, axis=match[1], **sizes), t("part.square_do")
     if cause == "axis_location" and (found := on_parts(k.cell, parameter, size)) is not None:
         return found.worst, _turned(found, match[1] if match else "", unit, since), t("cause.axis_location.do")
@@ -147,7 +148,7 @@ def effect_of(
 
 def _turned(found: Effect, tilted: str, unit: str, since: str) -> str:
     """effect on a part, tilted rotary axis or '', unit of the error, date of the change or '' → a sentence."""
-    size, turned = f"{found.worst:.1f} µm", list(found.turned.items())
+    size, turned = number(found.worst, "µm", signed=False), list(found.turned.items())
     if unit == "mm" and turned:
         (axis, angle), *more = turned
         told = {"axis": axis, "angle": f"{abs(angle):.0f}", "effect": size}
@@ -196,13 +197,14 @@ def said_of(k: Known, before: Since, named: Named) -> tuple[float, float, str]:
     h = named.hypothesis
     if h.cause == "temperature":
         worst = k.worst(h.directions @ named.size)
-        return worst / 1e3, k.spread(h.directions, named.size, named.std), texts()("changed.temperature", size=f"{worst:.1f} µm")
+        told = texts()("changed.temperature", size=number(worst, "µm", signed=False))
+        return worst / 1e3, k.spread(h.directions, named.size, named.std), told
     if h.cause == "ball" or (len(h.axes) == 3 and h.cause in ("table", "stylus")):
         size = named.length
-        towards = ", ".join(f"{a} {v * 1e3:+.1f} µm" for a, v in zip(h.axes, named.size, strict=True))
+        towards = joined(", ", (joined(" ", (a, value(v, "mm"))) for a, v in zip(h.axes, named.size, strict=True)))
         finite = named.std[np.isfinite(named.std)]
         name = {"name": _place(h.parameter)} if h.cause == "ball" else {}
-        told = texts()(f"changed.{h.cause}", size=f"{size * 1e3:.1f} µm", towards=towards, since=before.words, **name)
+        told = texts()(f"changed.{h.cause}", size=value(size, "mm", signed=False), towards=towards, since=before.words, **name)
         if size > FARTHEST:
             told = texts()(f"changed.far_{h.cause}", size=f"{FARTHEST:g}", since=before.words, **name)
         return size, float(finite.max()) if len(finite) else 0.0, told

@@ -51,13 +51,13 @@ def gone(alarm: Mapping[str, Any], m: Moved, then: float) -> Said:
 
 def _size(m: Moved, size: float, std: float | None = None) -> str:
     """how far it is, how far it went, standard deviation → the latter with its sign where it is one number, else its length."""
-    told = value(size if len(m.then) == 1 else abs(size), m.unit, std)
-    return told if len(m.then) == 1 else told.removeprefix("+")
+    signed = len(m.then) == 1
+    return value(size if signed else abs(size), m.unit, std, signed=signed)
 
 
 def _left(m: Moved, then: float, now: float, std: float) -> Said:
     """→ what is left of what, and what touches can tell of it."""
-    least = value(m.least(), m.unit).removeprefix("+")
+    least = value(m.least(), m.unit, signed=False)
     seen = say("back.nothing", least=least) if not m.seen() else say("back.older" if m.apart() else "back.tenth")
     return say("back.left", left=value(now, m.unit, std), before=_size(m, then), seen=seen)
 

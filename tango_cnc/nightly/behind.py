@@ -10,6 +10,7 @@ import numpy as np
 from ..records import Array
 from ..report.texts import texts
 from ..state import State
+from ..texts.number import number
 from .alarms import Known, effect_of
 from .course import cause_of, only
 from .dates import date_of
@@ -73,7 +74,7 @@ def _most(k: Known, limit: Mapping[str, Any], worst: float, i: int, size: float,
     """what is known, limit that no night kept, µm that its largest parameter does, the parameter, its size ± std → that."""
     name, unit = k.followed.selection.label(k.followed.names[i]), k.followed.units[i]
     _, on_part, _ = effect_of(k, cause_of(k, i), name, size, unit, only(k, i, size))
-    text = texts()("changed.most", name=name, size=value(size, unit, std), share=f"{worst:.1f} µm")
+    text = texts()("changed.most", name=name, size=value(size, unit, std), share=number(worst, "µm", signed=False))
     return {
         **{"what": limit["what"], "parameter": name, "unit": unit, "text": text, "since": "", "rate_per_day": None},
         **{"size": size, "std": std, "on_part": on_part, "do": texts()("night.most_do")},

@@ -176,10 +176,14 @@ def _twice(alarm: Mapping[str, Any]) -> dict[str, Any]:
     return {} if change(alarm["cause"]).of_the_probe else {"do": say("night.goes_on.twice_do")}
 
 
+def _size(a: Mapping[str, Any]) -> str:
+    """alarm → its size with its sign, that of a length without one."""
+    return value(float(a["size"]), str(a["unit"]), float(a["std"]), signed=a["cause"] not in LENGTHS)
+
+
 def _followed(older: Mapping[str, Any], stored: Any) -> dict[str, Any]:
     """alarm of the night before, its night → what tonight's alarm says of it."""
-    size, night = value(float(older["size"]), str(older["unit"]), float(older["std"])), str(stored.record["night"])
-    size = size.removeprefix("+") if older["cause"] in LENGTHS else size
+    size, night = _size(older), str(stored.record["night"])
     return {"alarm": older["id"], "night": night, "text": say("night.goes_on.follows", size=size, night=night)}
 
 
@@ -205,8 +209,7 @@ def _told(
     if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
         whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))
         whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
-    told = value(step, unit, float(alarm["std"]))
-    told = told if len(m.now) == 1 else told.removeprefix("+")
+    told = value(step, unit, float(alarm["std"]), signed=len(m.now) == 1)
     whole |= _twice(alarm) if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])
     whole |= {"id": older["id"], "rate_per_day": rate, "steady": steady, "instead": alarm["instead"]}

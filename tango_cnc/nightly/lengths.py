@@ -42,7 +42,7 @@ def _with_total(
     if alarm["id"] not in newest or (m := moved(past, machine, k, after, *newest[alarm["id"]])) is None:
         return alarm
     total, std = _length(m)
-    told = value(total, m.unit, std).removeprefix("+") if total <= FARTHEST else say("night.alarms.farther", size=f"{FARTHEST:g}")
+    told = value(total, m.unit, std, signed=False) if total <= FARTHEST else say("night.alarms.farther", size=f"{FARTHEST:g}")
     return alarm | {"total": total, "now": still(float(alarm["size"]), total, std, told, confirmed=kind == "full")}
 
 

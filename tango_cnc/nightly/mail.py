@@ -10,12 +10,13 @@ from ..history import Decision
 from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
-from ..report.repeated import as_decided
+from ..report.repeated import as_decided, as_found, first_night
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight
+from ..report.tonight import WARMED, by_tonight, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
+from ..texts.number import number
 from .first import owner_of, parts_first
 from .words import beside, value, what_of
 
@@ -79,9 +80,9 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
 def _first(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> list[str]:
     """record, decisions, texts → its headline with the date that pages give an alarm, and what comes before everything else."""
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    first = as_decided(record, decisions)
-    for one in (*record["alarms"], *(record.get("standing") or ())[:1]):
-        first = _of_its_night(first, one, record["night"])
+    first: Any = as_found(as_decided(record, decisions), record)
+    for one in (record.get("standing") or ())[:1]:
+        first = with_its_size(first, one)
     return [*lines, _sentence(t.of(first)), *parts_first(record, t), ""]
 
 
@@ -120,9 +121,14 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
 def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     """record, who is asked, texts → what stands behind a limit that was crossed, or what to do where nobody knows it."""
     lines: list[str] = []
-    told = {alarm.get("parameter") for alarm in (*record["alarms"], *(record.get("standing") or ())[:SHOWN])}  # said already
+    alarms = [*record["alarms"], *(record.get("standing") or ())[:SHOWN]]
+    told = {alarm.get("parameter") for alarm in alarms}  # said already
     for cause in record.get("behind") or ():
-        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=cause['text'])}"]
+        same = next(
+            (a for a in alarms if a["since"] and (a["parameter"], a["since"]) == (cause["parameter"], cause["since"])), None
+        )
+        text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
+        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]
         lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
@@ -210,7 +216,7 @@ def _by_test(record: Mapping[str, Any]) -> bool:
 
 def _limit_line(limit: Mapping[str, Any], t: Texts) -> str:
     key = {True: "mail.within", False: "mail.beyond", None: "mail.uncertain"}[limit["passed"]]
-    what, value, most = what_of(limit["what"]), f"{limit['value']:.1f} {limit['unit']}", f"{limit['limit']:g}"
+    what, value, most = what_of(limit["what"]), number(limit["value"], limit["unit"], signed=False), f"{limit['limit']:g}"
     return f"* {t(key, what=what, value=value, limit=most)}"
 
 
@@ -223,7 +229,7 @@ def _checked(point: Mapping[str, Any], t: Texts) -> str:
 
 def _since(a: Mapping[str, Any], night: str = "") -> str:
     """alarm, its night where that is tonight → since when: the night that found it, where the one before was without it."""
-    found = str(a.get("night") or night)
+    found = first_night(a, night)
     next_to = days_between(a.get("since") or found, found) == 1
     return say("morning.found", date=found) if next_to else str(a.get("since") or "")
 

@@ -83,7 +83,7 @@ def _alarm(k: Known, h: Hypothesis, record: Mapping[str, Any], after: State) -> 
     whole = of_cause(k, Since(since, since), Named(h, size, std, explained, 0.0, 0.0, ()))
     days = max((date.fromisoformat(date_of(after.day)) - date.fromisoformat(since)).days, 1)
     a_day = float(whole["size"]) / days
-    text = texts()("changed.drift", moved=whole["text"], rate=value(a_day, h.unit).removeprefix("+"))
+    text = texts()("changed.drift", moved=whole["text"], rate=value(a_day, h.unit, signed=False))
     return whole | {"text": text, "rate_per_day": a_day, "steady": True}
 
 

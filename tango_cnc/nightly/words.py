@@ -6,10 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..report.texts import texts
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, moved_on
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
+from ..texts.number import Number, number
 
 LONG = 30  # nights without a measurement: a clock that has jumped ahead looks the same
 
@@ -18,7 +19,7 @@ def cause_texts(cause: str, effect_um: float, since: str = "") -> tuple[str, str
     """cause, µm that it does at most, date since when or '' → what it means for a part, what to do (tango_cnc/texts/en.toml)."""
     key, t = f"cause.{cause}.on_part", texts()
     key = f"{key}_since" if since and f"{key}_since" in t else key
-    return on_part(key, since, effect=f"{effect_um:.1f} µm"), t(f"cause.{cause}.do")
+    return on_part(key, since, effect=number(effect_um, "µm", signed=False)), t(f"cause.{cause}.do")
 
 
 def on_part(key: str, since: str, **values: str) -> str:
@@ -33,11 +34,10 @@ def changed(parameter: str, size: str, since: str = "last night", alike: Sequenc
     return moved(parameter, size, since, alike=alike)
 
 
-def value(number: float, unit: str, std: float | None = None) -> str:
-    """number in mm, rad …, unit, standard deviation → '+19.8 ± 0.4 µm'."""
+def value(size: float, unit: str, std: float | None = None, *, signed: bool = True) -> Number:
+    """size in mm, rad …, unit, standard deviation, whether a plus is shown → '+19.8 ± 0.4 µm'."""
     factor, name = shown(unit)
-    spread = "" if std is None else f" ± {std * factor:.1f}"
-    return f"{number * factor:+.1f}{spread} {name}"
+    return number(size * factor, name, None if std is None else std * factor, signed=signed)
 
 
 def one_day(days: float) -> str:
@@ -76,7 +76,7 @@ def _headline(record: Mapping[str, Any]) -> str:
     gap = _gap(record)
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
-        behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
+        behind = [_as_it_stands(x, record) for x in record.get("behind") or () if x["what"] == b["what"]]
         by_alarm = {alarm.get("parameter") for alarm in alarms}
         why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
@@ -86,7 +86,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
-            value=f"{b['value']:.1f}",
+            value=number(b["value"], signed=False),
             unit=b["unit"],
             limit=f"{b['limit']:g}",
             cause=cause,
@@ -138,7 +138,7 @@ def _headline(record: Mapping[str, Any]) -> str:
             gap=gap,
         )
     volume = (record.get("volume") or {}).get("worst_um")
-    told = "" if volume is None else say("night.words.largest_error_over_volume", volume=f"{volume:.1f}")
+    told = "" if volume is None else say("night.words.largest_error_over_volume", volume=number(volume, signed=False))
     first_time = (record.get("change") or {}).get("p_value") is None
     first_word = say("night.words.first_time_renamed" if record.get("former") else "night.words.first_time")
     old_name = say("night.words.former_waits") if record.get("former") and not first_time else ""
@@ -147,7 +147,7 @@ def _headline(record: Mapping[str, Any]) -> str:
 
 def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> list[Said]:
     """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
-    alarm that stands: a change that is both is said once, with the size that it has by now.
+    alarm that stands: a change that is both is said once, with the size that it has by now where that is another number.
     """
     first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
     key = first.get("parameter"), first.get("since")
@@ -156,6 +156,16 @@ def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -
         return [*(x["text"] for x in behind), *_open(record)]
     told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
     return [told if x is one else x["text"] for x in behind]
+
+
+def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """what stands behind a limit, record → the same; what an alarm of another night has found has the size of its page: as it was
+    found, until what has come together is another number.
+    """
+    for a in record.get("standing") or ():
+        if x.get("since") and (x.get("parameter"), x["since"]) == (a.get("parameter"), a.get("since")) and not moved_on(a):
+            return {**x, "text": a["text"]}
+    return x
 
 
 def _open(record: Mapping[str, Any]) -> list[Said]:

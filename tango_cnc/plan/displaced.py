@@ -11,18 +11,54 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import kinematics
-from ..records import Array, Id, InputError, Plan, Touch
+from .. import check, kinematics
+from ..records import Array, Artefact, Cell, Facet, Id, InputError, Plan, Strategy, Touch
 from .guarded import refuse
 from .places import Rows, Scene, scene
 from .travel import MARGIN, Roof, Travels
 
 
-def farthest(plan: Plan) -> float:
+def farthest(plan: Plan | Cell) -> float:
     """plan → mm from the origin of the table to the farthest corner of what is on it: the lever of a table that is turned."""
     solid = scene(plan.machine, plan.artefact, plan.strategy).solid
     corners = np.linalg.norm(solid.corner, axis=1).max(initial=0.0)
     return float(max(corners, (np.linalg.norm(solid.centre, axis=1) + solid.radius).max(initial=0.0)))
+
+
+def swollen(artefact: Artefact, by: float) -> Artefact:
+    """artefact, mm → one whose facets and balls reach so much farther out: its plan keeps off the true one wherever that is.
+
+    Its touches are not those of the true one. Obstacles stay as they are declared.
+    """
+    facets = {name: _outward(facet, by) for name, facet in artefact.facets.items()}
+    balls = {name: replace(ball, radius=ball.radius + by) for name, ball in artefact.balls.items()}
+    return replace(artefact, facets=facets, balls=balls)
+
+
+def _outward(facet: Facet, by: float) -> Facet:
+    x, y, z = (float(v) for v in np.add(facet.point, by * np.array(facet.normal)))
+    if facet.surface is None:
+        return replace(facet, point=(x, y, z))
+    radius = facet.surface.radius - by if facet.surface.inside else facet.surface.radius + by
+    return replace(facet, point=(x, y, z), surface=replace(facet.surface, radius=max(radius, 1.0)))
+
+
+def within_travels(cell: Cell) -> Strategy:
+    """cell → its strategy without touches that need an axis beyond its travel, and indexations of which none is left."""
+    shared, kept = scene(cell.machine, cell.artefact, cell.strategy), []
+    for number, indexation in enumerate(cell.strategy.indexations):
+        rows = np.array([shared.facet.index(name) for name in indexation.facets], dtype=np.int32)
+        at = np.full(len(rows), number, dtype=np.int32)
+        (standoff, up), normal = shared.standoff(rows, at), shared.normal[rows]
+        height = shared.top[at] + MARGIN + cell.machine.probe.tip_radius - np.einsum("ij,ij->i", standoff, up)
+        tips = np.array([standoff, shared.tip[rows] - cell.strategy.approach.search * normal, standoff + height[:, None] * up])
+        beyond = check.outside(cell.machine, shared.axes(at, tips).reshape(-1, len(cell.machine.names))).reshape(
+            len(tips), len(rows), -1
+        )
+        reached = np.flatnonzero(~beyond.any(axis=(0, 2)))
+        names = tuple(indexation.facets[row] for row in reached.tolist())
+        kept += [replace(indexation, facets=names)] if names else []
+    return replace(cell.strategy, indexations=tuple(kept))
 
 
 @dataclass(frozen=True)

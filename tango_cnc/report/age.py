@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, time, timedelta
 from typing import Any
 
-from .days import days_between, local_day
+from .days import days_between, ended_at, local_day
 
+NIGHT = time(6)  # what began before that was begun by the clock of the nights
 EVENING = timedelta(hours=6)  # before midnight: a night that begins later is of the next day (docs/nightly.md)
 
 
@@ -22,8 +23,20 @@ def measured_on(record: Mapping[str, Any], before: Mapping[str, Any] | None = No
     return str(record.get("last_measured") or "")
 
 
+def due(now: datetime, begun: object) -> str:
+    """now, when the last night that measured began (UTC) → date of the newest night that has begun by the clock of the nights of
+    this machine: just after midnight that of today has not, where its nights begin at two.
+    """
+    now = now.astimezone()
+    started = ended_at(begun)
+    early = started is not None and now.time() < started.astimezone().time() < NIGHT
+    return f"{now - timedelta(days=1) if early else now:%Y-%m-%d}"
+
+
 def nights_old(measured: str, today: str, most: float) -> int:
-    """date of the last measurement, today, days for which a result is an answer → nights since then; 0 as long as it is one."""
+    """date of the last measurement, of the newest night that was due, days for which a result is an answer → nights between them; 0
+    as long as it is one.
+    """
     nights = days_between(measured, today) if measured else 0
     return nights if nights > most else 0
 

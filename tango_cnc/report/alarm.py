@@ -42,8 +42,8 @@ def alarm(
         **a,
         "raw_text": raw,
         "id": str(a.get("id") or ""),
-        "text": whole_sentence(sentence(plain(t.of(with_its_date(told, raw, t)), u, t, machine), Units())),
-        "recorded": sentence(t.of(raw), u),
+        "text": whole_sentence(sentence(plain(with_its_date(told, raw, t), u, t, machine), Units())),
+        "recorded": sentence(raw, u, t),
         "night": asked,
         "first": asked,  # date of the first night on which it was seen
         "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
@@ -138,9 +138,9 @@ def since_when(a: Mapping[str, Any], t: Texts) -> str:
     return t("morning.found", date=day(a["night"], t)) if _at_once(a) else day(a.get("since"), t)
 
 
-def sentence(text: Any, u: Units) -> str:
-    """text of a record, units → the same as a sentence: a capital in front, lengths in these units."""
-    found = u.sentence(str(text or ""))
+def sentence(text: Any, u: Units, t: Texts | None = None) -> str:
+    """text of a record, units, texts → the same as a sentence: a capital in front, lengths in these units."""
+    found = u.sentence((t or texts()).of(text or "", u.more))
     return found[:1].upper() + found[1:]
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Any, Literal
 
 from ..records import Machine
 from ..texts import Said, say
 from .age import night_of_stamp
-from .days import day
+from .days import clock, day
 from .pace import SOON, Ahead
 from .plain import amount, length, plain, shop
 from .texts import Texts
@@ -128,7 +128,7 @@ def _cause(key: str, record: Mapping[str, Any], u: Units, t: Texts, machine: Mac
     failed = next((p for p in record.get("preflight") or () if not p.get("passed") and p.get("found")), None)
     if failed is None:
         return ""
-    cause = shop(plain(t.of(failed["found"]), u, t, machine), t).rstrip(".")
+    cause = shop(plain(failed["found"], u, t, machine), t).rstrip(".")
     return t(key, cause=cause[:1].lower() + cause[1:])
 
 
@@ -177,7 +177,7 @@ def said_broken_off(at: float | None) -> tuple[Said, ...]:
     return (
         ()
         if at is None
-        else (say(RUN_OFF, date=f"{datetime.fromtimestamp(at):%Y-%m-%d}", time=f"{datetime.fromtimestamp(at):%H:%M}"),)
+        else (say(RUN_OFF, date=f"{datetime.fromtimestamp(at):%Y-%m-%d}", time=clock(datetime.fromtimestamp(at, UTC))),)
     )
 
 

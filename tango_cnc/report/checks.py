@@ -13,7 +13,7 @@ from .compensated import order
 from .days import at, day, spoken_days
 from .facts import Facts
 from .plain import length, plain
-from .repeated import as_found, exact
+from .repeated import as_found
 from .texts import Texts
 from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
 
@@ -155,14 +155,14 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
     # What was said in the night knows nothing of what was decided since.
     headline = n.cause if n.cause and n.verdict == "changed" else n.headline
-    dated = exact(as_found(headline, n.record or {}), n.record or {})
-    said = t.of(instead(dated, "last night", say("check.night_before", date=n.date)))  # a report is read tomorrow, too
+    dated = as_found(headline, n.record or {})
+    said = instead(dated, "last night", say("check.night_before", date=n.date))  # a report is read tomorrow, too
     age = n.beside(f.paper.measured)
     text = t(
         f"check.nights_{level}",
         date=day(n.date, t),
         said=" ".join(
-            [f"{plain(said.rstrip('.'), f.wishes.units, t, f.cell.machine)}.", *(spoken_days(t.of(x), t) for x in n.former)]
+            [f"{plain(said, f.wishes.units, t, f.cell.machine).rstrip('.')}.", *(spoken_days(t.of(x), t) for x in n.former)]
         ),
         count=n.waiting,
         age=t(f"check.nights_{age}", date=at(f.paper.measured, t)),

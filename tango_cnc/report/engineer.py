@@ -45,12 +45,12 @@ def _limit(x: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
 
 
 def _reasons(record: Mapping[str, Any], u: Units, t: Texts) -> list[str]:
-    return [sentence(t.of(r), u) for r in (record.get("plausible") or {}).get("reasons") or ()]
+    return [sentence(r, u, t) for r in (record.get("plausible") or {}).get("reasons") or ()]
 
 
 def _change(record: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
     found = record.get("change") or {}
-    return {**found, "text": f"{sentence(t.of(found.get('text')), u).rstrip('.')}." if found.get("text") else ""}
+    return {**found, "text": f"{sentence(found.get('text'), u, t).rstrip('.')}." if found.get("text") else ""}
 
 
 def _volume(record: Mapping[str, Any], u: Units) -> dict[str, str]:

@@ -13,6 +13,7 @@ from ..loaded import changes
 from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
+from ..texts.number import number
 from .alarm import alarm, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
@@ -137,7 +138,7 @@ def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any
         if same and max(map(size_of, same)) >= 0.8 * size_of(as_loaded(a, how.events)):
             continue
         asked = next((x for x in same if not closed(x)), None)
-        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
+        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night")}
         found = [*found, how.alarm(a, None) | {"older": False} | whose]
     return found
 
@@ -256,7 +257,7 @@ def _whole_error(
     whole, change_ = float(now["value"]) - float(now.get("in_control") or 0.0), float(total)  # as parts have it
     was = whole - change_ if a.get("was") is None else float(a["was"])  # what that night showed stays what it was
     factor, unit = shown(str(a.get("unit") or "mm"))
-    sizes = {"now": f"{whole * factor:+.1f} {unit}", "before": f"{was * factor:+.1f} {unit}"}
+    sizes = {"now": number(whole * factor, unit), "before": number(was * factor, unit)}
     text = plain(t("part.whole", what=spoken(name, machine, t), date=day(known.get("night"), t), **sizes), u, t, machine)
     text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number

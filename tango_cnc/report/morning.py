@@ -24,7 +24,7 @@ from .orders import orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, exact, said_of_repair
+from .repeated import as_decided, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .together import SAME
@@ -130,8 +130,8 @@ def context(
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, t)
-    if busy:
-        told = measuring(told, t)
+    told = measuring(told, t) if busy else told
+    todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
     return {
         "t": t,
         "units": u,
@@ -158,17 +158,17 @@ def context(
         "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
         "has": bool(found and found[0]["decision"]),
         "done": bool(found and found[0]["id"]) and not still_open(found[:1]),
-        "next_kind": _next_kind(told, coming_night, t),
+        "next_kind": _next_kind(told, coming_night, todo, t),
         "limit_for": _limit_for(told, record, before, t),
         "busy": busy,
         "old": stale,
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(t.of(_in_unit(as_decided(record, decisions), record, u)), u),
+        "headline": sentence(as_decided(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
-        "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
+        "todo": todo,
         "alarms": alarms,
         "first": found[0] | {"brief": brief_of(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
@@ -176,15 +176,10 @@ def context(
         "also": found[1 : LISTED + 1],
         "more": max(len(found) - LISTED - 1, 0),
         "owner": asked["owner"],
-        "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or ""))},
+        "next": {"kind": "", **coming_night, "why": u.sentence(t.of(coming_night.get("why") or "", u.more))},
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
     }
-
-
-def _in_unit(headline: str, record: Mapping[str, Any], u: Units) -> str:
-    """headline, record, units → the same; what is converted is not rounded before."""
-    return str(exact(headline, record, 2)) if u.system == "inch" else headline
 
 
 def _suspected(
@@ -215,14 +210,14 @@ def _sayings(record: Mapping[str, Any], u: Units, t: Texts, machine: Machine | N
     """record, units, texts, machine → how the page says a sentence, a date, a moment; reasons of a doubt and what was edited."""
     return {
         "first_time": _says(record.get("headline"), "night.words.first_time"),
-        "sentence": lambda text: sentence(t.of(text or ""), u),
-        "plain": lambda text: whole_sentence(shop(sentence(plain(t.of(text or ""), u, t, machine), Units()), t)),
+        "sentence": lambda text: sentence(text, u, t),
+        "plain": lambda text: whole_sentence(shop(sentence(plain(text, u, t, machine), Units()), t)),
         "reasons": [
             whole_sentence(shop(sentence(reason(r, u, t, machine), Units()), t))
             for r in dict.fromkeys((record.get("plausible") or {}).get("reasons") or ())
         ],
-        "edited": whole_sentence(sentence(plain(t.of((record.get("edited") or {}).get("text") or ""), u, t, machine), Units())),
-        "warm": whole_sentence(sentence(plain(t.of((record.get("temperature") or {}).get("text") or ""), u, t, machine), Units())),
+        "edited": whole_sentence(sentence(plain((record.get("edited") or {}).get("text"), u, t, machine), Units())),
+        "warm": whole_sentence(sentence(plain((record.get("temperature") or {}).get("text"), u, t, machine), Units())),
         "day": lambda text, year=True: day(text, t, year),
         "moment": lambda text: at(text, t),
         "since_of": lambda a: since_told(a, t),
@@ -248,14 +243,15 @@ def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapp
     return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=said_of_repair(last))}
 
 
-def _next_kind(told: Answer, coming: Mapping[str, Any], t: Texts) -> str:
-    """answer, next night, texts → what it measures, beside what is asked for now; '' where somebody has to see to the machine or
-    the computer before any night can measure.
+def _next_kind(told: Answer, coming: Mapping[str, Any], todo: Sequence[str], t: Texts) -> str:
+    """answer, next night, what to do, texts → what it measures, beside a full measurement that is asked for now; '' where somebody
+    has to see to the machine or the computer before any night can measure.
     """
     kind = str(coming.get("kind") or "")
     if not kind or told.old or told.state in ("cut_off", "moved", "not_measured"):
         return ""
-    key = f"morning.next_{kind}" if told.may in ("no", "but") and f"morning.next_{kind}" in t else f"morning.kind_{kind}"
+    asked = told.may in ("no", "but") and any(t("morning.kind_full") in line for line in todo)
+    key = f"morning.next_{kind}" if asked and f"morning.next_{kind}" in t else f"morning.kind_{kind}"
     return t(key) if key in t else kind
 
 
@@ -288,7 +284,7 @@ def brief_of(first: Mapping[str, Any]) -> str:
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
     """what a night says of a repair that helped, units, texts, chain of axes → the same for the shop, and which parts to check."""
     since = x.get("since")  # older records do not have it
-    told = whole_sentence(sentence(plain(t.of(x.get("text") or ""), u, t, machine), Units()))
+    told = whole_sentence(sentence(plain(x.get("text"), u, t, machine), Units()))
     return {"text": told, "suspect": t("morning.suspect_repaired", date=day(since, t)) if since else ""}
 
 
@@ -296,7 +292,7 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     """record, alarms that the page shows already, units, texts, chain of axes → what somebody ignores, as sentences of the shop."""
 
     def told(text: str) -> str:
-        return whole_sentence(sentence(plain(t.of(text), u, t, machine), Units()))
+        return whole_sentence(sentence(plain(text, u, t, machine), Units()))
 
     found = []
     for a in record.get("unheard") or ():

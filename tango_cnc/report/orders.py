@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..records import Machine
+from ..texts import unstopped
 from .alarm import whole_sentence
 from .answer import Answer, is_cut_off, is_moving, is_unsent, is_waiting
 from .faults import all_of_probe, settled
@@ -36,7 +37,7 @@ def orders(
     """
 
     def told_here(text: str) -> str:
-        whole = shop(plain(t.of(text), u, t, machine), t)
+        whole = shop(plain(text, u, t, machine), t)
         return whole_sentence(whole[:1].upper() + whole[1:])
 
     status, verdict = record.get("status"), record.get("verdict")
@@ -44,7 +45,7 @@ def orders(
     first = [*orders_of_cut_off(former, t), *([told_here(t("night.moved_do", cell=""))] if record.get("moved") else [])]
     first += [parts_first(told, found, t), t("morning.old_todo") if told.old else ""]
     first = [x for x in first if x]
-    lines = [told_here(p["do"]) for p in failed if p.get("do")]
+    lines = [told_here(p["do"] or _see_to(p, t)) for p in failed]
     lines += [t("morning.unsent_todo")] if is_unsent(former) else []
     lines += [t("morning.waiting_todo")] if is_waiting(former) else []
     if status == "refused":
@@ -65,6 +66,12 @@ def orders(
         lines = [x for x in lines if x != t("morning.todo_nothing")]
     asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
     return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def _see_to(point: Mapping[str, Any], t: Texts) -> str:
+    """check before a night that failed without an advice of its own, texts → to see to it, with what was found."""
+    key, found = f"check_name.{point.get('check')}", unstopped(point.get("found") or "")
+    return t("morning.see_to", check=t(key) if key in t else str(point.get("check")), found=found)
 
 
 def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from ..records import Machine
 from ..texts import LIST, Said
+from ..texts.number import MORE, Number
 from .days import spoken_days
 from .texts import Texts
 from .units import Units, inches
@@ -24,25 +25,27 @@ TILT = re.compile(r"[+\-−]?(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? (?:µrad|µm/
 SPREAD = re.compile(r"([+\-−]?)(\d+(?:\.\d+)?)(?: ± \d+(?:\.\d+)?)? µm(?![\w/²³])")
 
 
-def plain(text: str, u: Units, t: Texts, machine: Machine | None = None) -> str:
+def plain(text: Any, u: Units, t: Texts, machine: Machine | None = None) -> str:
     """sentence with µm, µrad, µm/m and symbols of ISO 230-1, units, texts → the same for people who make parts.
 
-    A date gets its day of the week. What stands between quotes is a command and stays as it is.
+    A number is rounded here, once, from what its text was rounded from. A date gets its day of the week. What stands between quotes
+    is a command and stays as it is.
     """
-    return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(COMMAND.split(text)))
+    parts = COMMAND.split(t.of(text or "", MORE))
+    return "".join(part if i % 2 else _plain(part, u, t, machine) for i, part in enumerate(parts))
 
 
 def plainly(text: Any, t: Texts) -> str:
     """text of a record, texts → the same in this language; a reason for doubt that speaks to an engineer is what the shop reads in
-    its place (`reason` of the texts), also inside another text.
+    its place (`reason` of the texts), also inside another text. Numbers are not rounded yet.
     """
     if not isinstance(text, Said):
-        return t.of(text)
-    values = {name: plainly(x, t) if isinstance(x, Said) else x for name, x in text.values.items()}
+        return t.of(text, MORE)
+    values = {name: plainly(x, t) if isinstance(x, Said | Number) else x for name, x in text.values.items()}
     if text.key == LIST:
         return str(values.pop("between")).join(str(x) for x in values.values())
     key = f"reason.{text.key}" if f"reason.{text.key}" in t else text.key
-    return t(key, **values) if key in t else t.of(text)
+    return str(t(key, **values)) if key in t else t.of(text, MORE)
 
 
 def reason(text: Any, u: Units, t: Texts, machine: Machine | None = None) -> str:

@@ -11,7 +11,6 @@ from .days import days_between
 LAST_NIGHT = "last night"
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
-LARGEST = "night.words.largest_error_over_volume"
 OPEN = "night.words.open_alarm"
 MORE = "night.words.more_wait"
 DECIDED = {
@@ -52,34 +51,22 @@ def said_of_repair(decision: Any) -> str:
     return str(decision.note or f"{decision.owner}, {str(decision.utc)[:10]}")
 
 
+def first_night(a: Mapping[str, Any], night: str) -> str:
+    """alarm, date of the night that tells it → date of the first night that did: its id begins with it."""
+    return str(a.get("night") or (str(a.get("id") or "")[:10] if a.get("goes_on") else "") or night)
+
+
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
     date of the night that raised it, as on the page of the machine, and not that of the night before.
     """
     for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
-        since, night = str(a.get("since") or ""), str(a.get("night") or record.get("night"))
+        since, night = str(a.get("since") or ""), first_night(a, str(record.get("night")))
         if since:
             dated = instead(a["text"], LAST_NIGHT, since)
             next_to = days_between(since, night) == 1
             headline = _put(headline, a["text"], instead(dated, since, say("morning.found", date=night)) if next_to else dated)
     return headline
-
-
-def exact(headline: Any, record: Mapping[str, Any], decimals: int = 4) -> Any:
-    """headline of a night, its record → the same with the numbers of the record: a page rounds them, and 85.47, which the sentence
-    has as 85.5, would be 86 there, beside 85 in its box.
-    """
-    if not isinstance(headline, Said):
-        return headline
-    values = {name: exact(x, record, decimals) for name, x in headline.values.items() if isinstance(x, Said)}
-    worst = (record.get("volume") or {}).get("worst_um")
-    if headline.key == BEYOND:
-        known = {f"{x['value']:.1f}": float(x["value"]) for x in record.get("limits") or () if x.get("value") is not None}
-        if (number := known.get(headline.values["value"])) is not None:
-            values["value"] = f"{number:.{decimals}f}"
-    elif headline.key == LARGEST and worst is not None:
-        values["volume"] = f"{worst:.{decimals}f}"
-    return headline.but(**values) if values else headline
 
 
 def _put(text: Any, old: str, new: str) -> Any:

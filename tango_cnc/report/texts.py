@@ -17,17 +17,17 @@ from ..texts import Said, english, flat, say, translated
 class Texts:
     """Sentences by key, e.g. `texts("fit.counts", touches=393)`.
 
-    Those in English remember their key, so that a page may ask again.
+    They remember their key and their numbers, so that a page may ask again.
     """
 
-    def __init__(self, found: Mapping[str, str], remembers: bool = False) -> None:
-        self._flat, self._remembers = found, remembers
+    def __init__(self, found: Mapping[str, str]) -> None:
+        self._flat = found
 
     def __call__(self, key: str, /, **values: Any) -> str:
         """key, values → sentence. Raises KeyError for a key or a value that is missing: a mistake of the program or a template."""
         given, values = values, {name: self.of(value) if isinstance(value, str) else value for name, value in values.items()}
         text = self._flat[key].format_map(values) if values else self._flat[key]
-        return Said(text, key, {n: v if isinstance(v, str) else str(v) for n, v in given.items()}) if self._remembers else text
+        return Said(text, key, {n: v if isinstance(v, str) else str(v) for n, v in given.items()})
 
     def __contains__(self, key: str) -> bool:
         return key in self._flat
@@ -37,9 +37,9 @@ class Texts:
         """→ every key."""
         return tuple(self._flat)
 
-    def of(self, text: Any) -> str:
-        """text of a record or a result → the same in this language, where it knows its key."""
-        return translated(text, self._flat)
+    def of(self, text: Any, more: int = 0) -> str:
+        """text of a record or a result, decimals beyond those that were said → the same in this language, if it has a key."""
+        return translated(text, self._flat, more)
 
     def all(self, found: Any) -> Any:
         """record or list with texts in it → the same with every text in this language."""
@@ -55,7 +55,7 @@ def texts() -> Texts:
     """→ the texts that come with the program; those of a cause of the diagnosis come from its file: `diagnosed.chip.meaning`."""
     from ..terms._texts import cause_texts
 
-    return Texts({**english(), **{f"diagnosed.{k}": v for k, v in cause_texts().items()}}, remembers=True)
+    return Texts({**english(), **{f"diagnosed.{k}": v for k, v in cause_texts().items()}})
 
 
 def texts_of(folder: Path | None) -> Texts:

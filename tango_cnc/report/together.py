@@ -13,7 +13,7 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import WARMED, has_grown
+from .tonight import WARMED, has_grown, with_effect
 from .units import Units, shown
 from .words import moved, spoken
 
@@ -171,7 +171,7 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
     if len(same) == 1 and first.get("goes_on") and not first["older"] and not first.get("steady", True):
         return {"text": f"{first['text']} {t('morning.twice')}"}
     if first["older"] and first.get("now") and not how.old:
-        now = plain(t.of(_confirmed_on(first["now"], how.known_of, t)), how.u, t, how.machine)
+        now = plain(_confirmed_on(first["now"], how.known_of, t), how.u, t, how.machine)
         dated = bool(how.known_of) and _of_two_nights(first["now"])
         told = t("morning.now_of", told=now, date=day(how.known_of, t)) if dated else now
         still = whole_sentence(sentence(told, Units()))
@@ -296,6 +296,6 @@ def _whole(
         small = float(first["on_part_um"])
         counted = float((first.get("ignored") or {}).get("total") or own)  # what its effect on a part is of
         large = abs(small * (counted + every - own) / counted)
-        effect = str(first["raw_part"]).replace(f"{small:.1f} µm", f"{large:.1f} µm", 1)
+        effect = with_effect(first["raw_part"], small, large)
         whole |= {"on_part_um": large, "on_part": sentence(plain(effect, u, t, machine), Units())}
     return whole

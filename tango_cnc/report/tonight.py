@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..texts import Said
+from ..texts import LIST, Said, joined
+from ..texts.number import number, shown
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
 WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
+STANDING = "night.words.changed_since_night"
+ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more than a size
+NOW = (*ONLY, "night.alarms.confirmed")
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
 SURE = 4.0  # standard deviations of its size above which it has grown although that is less than AS_FOUND
@@ -37,8 +41,62 @@ def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
         return same
     counted = float((cause.get("ignored") or {}).get("total") or size)
     large = abs(float(small) * (counted + float(total) - size) / counted)
-    own, by_now = f"{small:.1f} µm", f"{large:.1f} µm"
+    return {"on_part": with_effect(part, float(small), large), "on_part_um": large}
+
+
+def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
+    """sentence about a night, an alarm of another night that it names → the sentence with the size that this has by now, where that
+    is another number than its night found: one alarm has one size.
+    """
+    size, now = float(a.get("size") or 0.0), a.get("now")
+    if is_gone(now or "") or not moved_on(a):
+        return text
+    told = next((x.values["told"] for x in _inside(now) if x.key in NOW and isinstance(x.values.get("told"), str)), None)
+    factor, unit = shown(str(a.get("unit") or "mm"))
+    std = None if a.get("std") is None else float(a["std"]) * factor
+    own = number(size * factor, unit, std, signed=a.get("cause") not in LENGTHS)
+    return text if told is None else _with(text, own, told)
+
+
+def moved_on(a: Mapping[str, Any]) -> bool:
+    """alarm of another night → whether what has come together by now is another number than the one that its night found."""
+    total, size = a.get("total"), float(a.get("size") or 0.0)
+    if total is None or not size:
+        return False
+    return bool(a.get("rate_per_day")) or has_grown(float(total), size, a.get("std"))
+
+
+def _inside(text: Any) -> Iterator[Said]:
+    """text → it, and every text within it."""
+    if isinstance(text, Said):
+        yield text
+        for x in text.values.values():
+            yield from _inside(x)
+
+
+def _with(text: Any, own: str, told: str) -> Any:
+    """sentence, size of its alarm, size by now → the sentence with the latter alone."""
+    if not isinstance(text, Said):
+        return told if text == own else text
+    values = {name: _with(x, own, told) for name, x in text.values.items()}
+    if text.key == STANDING and values != text.values:
+        values["now"] = _without(text.values["now"], told)
+    return text.but(**values) if values != text.values else text
+
+
+def _without(now: Any, told: str) -> Any:
+    """what a headline says in brackets of an alarm by now, size by now → the same without what only says that size."""
+    if not isinstance(now, Said) or now.key != LIST:
+        return now
+    parts = [x for name, x in now.values.items() if name != "between"]
+    left = [x for x in parts if not (isinstance(x, Said) and x.key in ONLY and x.values.get("told") == told)]
+    kept = [_without(x, told) for x in left]
+    return joined(str(now.values["between"]), kept) if any(isinstance(x, Said) and x for x in kept) else ""
+
+
+def with_effect(part: str, small: float, large: float) -> str:
+    """what an alarm means for a part, µm that this says, µm in their place → the same with these."""
+    own, by_now = number(small, "µm", signed=False), number(large, "µm", signed=False)
     if not isinstance(part, Said):
-        return {"on_part": str(part).replace(own, by_now), "on_part_um": large}
-    grown = part.but(**{name: v.replace(own, by_now) for name, v in part.values.items() if type(v) is str})
-    return {"on_part": grown, "on_part_um": large}
+        return str(part).replace(own, by_now)
+    return part.but(**{name: by_now if v == own else v for name, v in part.values.items() if isinstance(v, str)})

@@ -6,21 +6,11 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+from ..texts.number import MORE
+from ..texts.number import shown as shown
+
 INCH = 25.4  # mm
 AMOUNT = re.compile(r"([+\-−]?\d+(?:\.\d+)?)((?: ± \d+(?:\.\d+)?)?)([ \u00a0])(µm|mm)(?![\w/²³])")
-
-
-def shown(unit: str) -> tuple[float, str]:
-    """unit of a coefficient (mm, rad, mm/mm², rad/mm …) → factor and unit for people (µm, µrad, µm/m², µrad/m …)."""
-    top, _, bottom = unit.partition("/")
-    factor, label = {"mm": (1e3, "µm"), "rad": (1e6, "µrad"), "": (1.0, "")}.get(top, (1.0, top))
-    if not bottom:
-        return factor, label
-    power = {"": 1, "²": 2, "³": 3}.get(bottom.strip("mrad"), None)
-    if bottom.startswith("mm"):
-        power = power or "⁴⁵⁶⁷⁸⁹".index(bottom[2:]) + 4
-        return factor * 1000.0**power, f"{label}/m{bottom[2:]}"
-    return factor, f"{label}/{bottom}"
 
 
 def inches(value: float, signed: bool = False) -> str:
@@ -48,6 +38,11 @@ class Units:
         return (1.0, "µm") if self.system == "mm" else (1e-3 / INCH, "in")
 
     @property
+    def more(self) -> int:
+        """→ decimals beyond those that were said, of a number that is converted: it is not rounded before."""
+        return 0 if self.system == "mm" else MORE
+
+    @property
     def large(self) -> str:
         """→ unit of positions."""
         return "mm" if self.system == "mm" else "in"
@@ -73,7 +68,8 @@ class Units:
 
             def number(found: str) -> str:
                 sign = found[0] if found[0] in "+-−" else ""
-                decimals = max(len(found.partition(".")[2]) + digits, 0)
+                said = len(found.partition(".")[2])
+                decimals = said - MORE if said > MORE else max(said + digits, 0)  # what is exact is rounded here for the first time
                 return f"{sign}{float(found.lstrip('+-−')) * factor:.{decimals}f}"
 
             spread = f" ± {number(match[2][3:])}" if match[2] else ""

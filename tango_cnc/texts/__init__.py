@@ -12,9 +12,13 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
+from .number import EXACT, Number, again, kept, rounded_from, sizes
+
 LANGUAGE = "en"
 LIST = "list"  # key of several texts with something between them
 MEMBER = "said"  # of a record: {text: [key, {name: value}]}
+SAYING = ("alarms", "standing", "ignored", "unheard", "gone", "repaired", "behind", "trend")  # members with sizes and sentences
+SIZED = (*SAYING, "limits", "volume")
 PLAIN = frozenset({float, int, bool, type(None)})  # most of what a record holds: asked first, no abstract class is as quick
 
 
@@ -91,15 +95,17 @@ def instead(text: str, old: str, new: str) -> str:
     """
     if not isinstance(text, Said):
         return text.replace(f"since {old}", f"since {new}")
-    told = {name: v for name, v in text.values.items() if isinstance(v, str) and name != "night"}
+    told = {name: v for name, v in text.values.items() if isinstance(v, str) and not isinstance(v, Number) and name != "night"}
     return text.but(**{name: new if v == old else instead(v, old, new) for name, v in told.items()})
 
 
-def translated(text: Any, texts: Mapping[str, str]) -> str:
-    """text, texts of a language by key → the same in that language; what has no key stays as it is."""
+def translated(text: Any, texts: Mapping[str, str], more: int = 0) -> str:
+    """text, texts of a language by key, decimals beyond those that were said → the same in that language; what has no key stays as
+    it is.
+    """
     if not isinstance(text, Said):
-        return f"{text}"
-    values = {name: translated(x, texts) if isinstance(x, Said) else x for name, x in text.values.items()}
+        return text.more(more) if isinstance(text, Number) else f"{text}"
+    values = {name: translated(x, texts, more) if isinstance(x, Said | Number) else x for name, x in text.values.items()}
     if text.key == LIST:
         return str(values.pop("between")).join(str(x) for x in values.values())
     if text.key not in texts:
@@ -124,7 +130,7 @@ def _texts(found: Any) -> Iterator[Said]:
 
 def carried(record: Mapping[str, Any]) -> dict[str, Any]:
     """record with texts in it → the same with the keys and values of its texts as one more member, plain enough for JSON."""
-    said = {text[:]: [text.key, {n: v[:] for n, v in text.values.items()}] for text in _texts(record)}
+    said = {text[:]: [text.key, kept(text.values)] for text in _texts(record)}
     return {**record, MEMBER: said} if said else dict(record)
 
 
@@ -135,17 +141,54 @@ def revived(record: Mapping[str, Any]) -> Mapping[str, Any]:
         return record
     made: dict[str, Any] = {}
 
-    def again(found: Any) -> Any:
+    def told(found: Any) -> Any:
         if isinstance(found, str):
             if found not in said:
                 return found
             if found not in made:
                 made[found] = found  # what contains itself is no text of this program
                 key, values = said[found]
-                made[found] = Said(found, str(key), {n: again(v) for n, v in values.items()})
+                made[found] = Said(found, str(key), {n: v if isinstance(v, Number) else told(v) for n, v in again(values).items()})
             return made[found]
         if isinstance(found, dict | Mapping):
-            return {name: value if type(value) in PLAIN else again(value) for name, value in found.items()}
-        return [again(value) for value in found] if isinstance(found, list) else found
+            return {name: value if type(value) in PLAIN else told(value) for name, value in found.items()}
+        return [told(value) for value in found] if isinstance(found, list) else found
 
-    return {name: value if name == MEMBER else again(value) for name, value in record.items()}
+    whole = {name: value if name == MEMBER else told(value) for name, value in record.items()}
+    return whole if any(EXACT in name for _, values in said.values() for name in values) else _with_numbers(whole)
+
+
+def _with_numbers(record: Mapping[str, Any]) -> dict[str, Any]:
+    """record that has its sentences with rounded numbers alone, as they were recorded up to November 2026 → the same; a number that
+    the record has beside its sentence is what that was rounded from.
+    """
+    found, every = dict(record), dict[str, list[float]]()
+    for name in SIZED:
+        own = record.get(name)
+        inside = [x for x in (own if isinstance(own, list) else [own]) if isinstance(x, Mapping)]
+        for a in inside:
+            for size, unit in sizes(a):
+                every.setdefault(unit, []).append(size)
+        if inside and name in SAYING:
+            told = [_filled_in(a) for a in inside]
+            found[name] = told if isinstance(own, list) else told[0]
+    return found | {"headline": _exactly(record.get("headline"), every)}
+
+
+def _filled_in(a: Mapping[str, Any]) -> dict[str, Any]:
+    """alarm or trend of a record → the same, whose sentences know what its sizes were rounded from."""
+    known = dict[str, list[float]]()
+    for size, unit in sizes(a):
+        known.setdefault(unit, []).append(size)
+    return {name: _exactly(x, known) if isinstance(x, Said) else x for name, x in a.items()}
+
+
+def _exactly(text: Any, known: Mapping[str, list[float]], unit: str = "") -> Any:
+    """text, {unit: sizes}, unit of a number that has none → the text whose numbers know what they were rounded from."""
+    if isinstance(text, Number) or not isinstance(text, str):
+        return text
+    if not isinstance(text, Said):
+        return rounded_from(text, known, unit)
+    own = str(text.values.get("unit") or "µm")  # the largest error is in µm
+    values = {n: _exactly(v, known, own if n in ("value", "volume") else "") for n, v in text.values.items()}
+    return Said(text[:], text.key, values)

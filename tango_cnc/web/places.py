@@ -21,7 +21,7 @@ from ..history.clock import told as told_of
 from ..history.former import formers, of_folder
 from ..link.lock import broken_off, cut_off, ended
 from ..records import Cell, Machine, TangoError
-from ..report.age import nights_old
+from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from .newest import NewestRecords
 from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, looks_of
@@ -171,7 +171,12 @@ class Places(Remembered):
 
     def old(self, machine: Served, measured: str) -> int:
         """machine, date of its last measurement → nights since then, where these are too many for an answer of today; else 0."""
-        return nights_old(measured, today(), self.stated(machine).answers_for)
+        return nights_old(measured, self.due(machine), self.stated(machine).answers_for)
+
+    def due(self, machine: Served) -> str:
+        """machine → date of the newest night that has begun by the clock of its nights, whether or not it measured."""
+        last = next((n for n in self.nights(machine, STRIP) if n.verdict != "not_measured"), None)
+        return due(datetime.now(UTC), "" if last is None else last.start_utc)
 
     def stated(self, machine: Served) -> Nightly:
         """machine → nightly.yaml of its cell; what holds without one where it has none, or one that cannot be read."""

@@ -35,11 +35,12 @@ def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any
 class Recorded:
     """A run that writes its journal while it is looked at."""
 
-    def __init__(self, folder: Path, touches: int = 393, simulated: bool = False) -> None:
+    def __init__(self, folder: Path, touches: int = 393, simulated: bool = False, expected: float | None = None) -> None:
         self.journal = Journal(folder / "readings.journal")
         numbers = tuple(range(1, touches + 1))
         controller = {"post": "fanuc", "port": "x"} | ({"simulated": "yes"} if simulated else {})
-        self.journal.add(Segment("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers))
+        head = Segment("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers, expected_s=expected)
+        self.journal.add(head)
         self.made = 0
         self._held = holding(folder, "tango run")
 

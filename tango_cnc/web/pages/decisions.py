@@ -122,7 +122,7 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     texts = {a["id"]: with_its_date({**a, "night": a["id"][:10]}, a["text"], state.texts) for a in told}
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
-        what = plain(state.texts.of(texts.get(d.alarm, "")), state.units, state.texts, place)
+        what = plain(texts.get(d.alarm, ""), state.units, state.texts, place)
         done, text = decided(d, state.texts), sentence(what, state.units)
         past.append({"machine": row.machine, "d": d, "done": done, "place": number, "what": text})
     return past

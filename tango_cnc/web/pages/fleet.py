@@ -22,7 +22,7 @@ from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.reach import to_ask
-from ...report.repeated import exact, of_shop
+from ...report.repeated import of_shop
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
@@ -67,7 +67,7 @@ def unchanged(row: Row, state: PagesState, more: object, make: Callable[[], T], 
     m, places = row.machine, state.places
     head = None if m.history is None else places.written(m.history, m.name)
     night = (row.nights[0].entry, len(row.nights), None if row.before is None else row.before["night"]) if row.nights else ()
-    key, axes = (m, row.standing, night, head, places.stated(m), today(), more), places.geometry(m)
+    key, axes = (m, row.standing, night, head, places.stated(m), today(), places.due(m), more), places.geometry(m)
     with state.lock:
         known = state.rows.get((what, m.slug))
     if known is None or known[0] != key or known[1] is not axes:
@@ -97,7 +97,7 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         told = measuring(told, t)
     moving = told is not None and not busy and is_moving(row.record or {}, row.machine.former)
     axes = state.places.geometry(row.machine)
-    own = of_shop(exact((row.record or {}).get("headline") or "", row.record or {}))
+    own = of_shop((row.record or {}).get("headline") or "")
     said = sentence(plain(plainly(own, t), u, t, axes), Units())
     allowed = {str(x["what"]): float(x["limit"]) for x in ((row.before or row.record or {}).get("limits") or ()) if x.get("limit")}
     complete = next((n.night for n in row.nights if n.status == "complete"), t("web.never"))
@@ -213,15 +213,13 @@ def brief(
     """
 
     def dated(text: str) -> str:
-        return whole_sentence(
-            t("web.since", text=text.rstrip("."), date=day(since, t, since[:4] != today()[:4])) if since else text
-        )
+        return whole_sentence(t("web.since", text=text.rstrip("."), date=day(since, t)) if since else text)
 
     if told is None or told.may in ("yes", "wait"):
         return "", ""
     if moving:
         key = "may.brief_moving_run" if of_run else "may.brief_moving_of"
-        words = t(key, date=day(since, t, since[:4] != today()[:4])) if since else t("may.brief_moving")
+        words = t(key, date=day(since, t)) if since else t("may.brief_moving")
         return t("may.brief_look"), whole_sentence(words)
     parts = parts_first(told, found, t)
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts

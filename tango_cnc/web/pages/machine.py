@@ -14,18 +14,19 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...history import Compensation, Night, compensations
-from ...link.progress import journals
+from ...link.progress import LOOKED, journals
 from ...report.age import measured_on
 from ...report.alarm import sentence
 from ...report.answer import Answer, dates_cut_off, of_no_night
 from ...report.charts import tip
 from ...report.compensated import begins, marked
-from ...report.course import course, jumps_of_tip
+from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import LEVELS, SHORT, context, last_within, never_within, strip, volumes_of, who_of
+from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, exact, in_a_row, of_shop, shortened
+from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
@@ -36,7 +37,6 @@ from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
-OLD = 10  # runs that are looked through for a complete one
 LAST = 365  # nights whose alarms are looked for in a curve
 QUARTER = 90  # nights of the curve; on a phone it has those of the strip
 
@@ -84,12 +84,37 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
     return t(key, count=len(signs), all=every, first=first, last=last)
 
 
-def answer_today(request: Request, machine: Served) -> Answer | None:
-    """request, machine → the answer of its page, for pages that show something older or narrower; None where nothing is known."""
-    busy = busy_of(request, machine)
+def answer_today(request: Request, machine: Served) -> Answer:
+    """request, machine → the answer of its page, for pages that show something older or narrower."""
+    busy, t = busy_of(request, machine), state_of(request).texts
     found = morning_of(request, machine, busy).get("answer")
-    unmoved = None if busy else of_no_night(machine.former, state_of(request).texts)
-    return found if isinstance(found, Answer) else unmoved
+    if isinstance(found, Answer):
+        return found
+    if not busy and (moving := of_no_night(machine.former, t)) is not None:
+        return moving
+    why = unmeasured(ran_of(state_of(request), machine), busy, machine, state_of(request))
+    return Answer("wait" if busy else "unknown", t("may.measuring" if busy else "may.unknown"), "", "", why)
+
+
+def day_of(request: Request, machine: Served) -> dict[str, Any]:
+    """request, machine → values of the first screen of its newest night; without a night `today`, the answer in a line."""
+    return morning_of(request, machine, busy_of(request, machine)) or {"today": answer_today(request, machine)}
+
+
+def todo_today(request: Request, machine: Served) -> list[str]:
+    """request, machine → what to do, in the sentences of its page."""
+    if found := morning_of(request, machine, busy_of(request, machine)):
+        return list(found["todo"])
+    return orders_of_cut_off(machine.former, state_of(request).texts)
+
+
+def who_today(request: Request, machine: Served) -> dict[str, Any]:
+    """request, machine → `who` has it (`has`) or is asked, as on its page, and whether that is `nobody`."""
+    state = state_of(request)
+    if found := morning_of(request, machine, busy_of(request, machine)):
+        return {key: found[key] for key in ("who", "nobody", "has")}
+    owner, deputy = state.places.owner(machine), state.places.deputy(machine)
+    return {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy), "has": False}
 
 
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
@@ -188,7 +213,7 @@ def ran_of(state: PagesState, machine: Served) -> str:
     if machine.folder is None:
         return ""
     cell = state.places.cell(machine.folder)
-    for file in journals(machine.folder)[:OLD]:
+    for file in journals(machine.folder)[:LOOKED]:
         run = state.journals.run(file, touched_by(file, cell))
         if run is not None and run.state == "complete":
             return title(run, state.texts)
@@ -267,9 +292,11 @@ def course_of_tip(request: Request, machine: Served) -> str:
     first = date.fromisoformat(known[0].night)
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
     anew = {*begins(events_of(state, machine), [n.night for n in known]), *_after_repairs(request, machine, known)}
-    jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std, anew)
+    alarms, entries = alarms_by_entry(request, machine), [n.entry for n in known]
+    jumps = jumps_of_tip(alarms, entries, value, std, anew)
+    drift = drift_of_tip(alarms, entries, [n.night for n in known], value, std)
     limit = allowed["volume"] * k if "volume" in allowed else None
-    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
+    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
 
 
 def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:
@@ -290,13 +317,21 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = shortened([exact(as_decided(r := records.get(n.entry, {}), decisions), r) or n.headline for n in nights])
+        said = shortened([_dated(records.get(n.entry, {}), decisions) or n.headline for n in nights])
         return {
             n.entry: sentence(plain(plainly(in_a_row(of_shop(text)), t), u, t, axes), Units())
             for n, text in zip(nights, said, strict=True)
         }
 
     return state.places.kept(key, made, 600)
+
+
+def _dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
+    """record of a night, decisions → its headline; an alarm that goes on has the date of the night that found it first, as on the
+    page of the machine.
+    """
+    going = [a for a in record.get("alarms") or () if a.get("goes_on")]
+    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": going}))
 
 
 def nights(request: Request) -> Response:
@@ -320,7 +355,7 @@ def nights(request: Request) -> Response:
         number=number,
         older=more,
         judged=bool(limits_of(request, found)),
-        **{"simulated": simulated(request, found)} | morning_of(request, found, busy_of(request, found)),
+        **{"simulated": simulated(request, found)} | day_of(request, found),
     )
 
 

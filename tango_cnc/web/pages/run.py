@@ -6,6 +6,7 @@ import hashlib
 import math
 import time
 from collections import Counter
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Any
@@ -22,14 +23,13 @@ from ...link.entries import Reading
 from ...link.progress import journals
 from ...records import Cell
 from ...report.days import at
-from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..served import Served
-from .machine import answer_today
+from .machine import answer_today, todo_today, who_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
@@ -49,7 +49,6 @@ def run(request: Request) -> Response:
     for i, file in enumerate(journals(found.folder) if found.folder else ()):
         listed.append((i, called(file)))
     step = _step(request, found, chosen, cell) if chosen else ""
-    owner, deputy = state.places.owner(found), state.places.deputy(found)
     return page(
         request,
         "run.html",
@@ -62,8 +61,7 @@ def run(request: Request) -> Response:
         follow=_follow(request, found, chosen),
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
-        who=who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts),
-        nobody=not (owner or deputy),
+        **who_today(request, found),
         texts=state.texts,
     )
 
@@ -123,11 +121,14 @@ def _step(request: Request, machine: Served, run: LiveRun, cell: Cell | None) ->
     state, silent = state_of(request), quiet(run, time.time())
     off = broken(run)
     key = f"step {machine.slug} {run.file.name} {run.version} {run.state} {silent} {off}"
-    return state.places.kept(key, lambda: _drawn(request, run, cell, silent, off), 60)
+    present = request.query_params.get("run", "0") == "0"
+    todo = todo_today(request, machine) if present and (off or run.state == "stopped") else []
+    return state.places.kept(f"{key} {todo}", lambda: _drawn(request, run, cell, silent, todo), 60)
 
 
-def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, off: bool) -> str:
-    state = state_of(request)
+def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None, todo: Sequence[str]) -> str:
+    """request, run, its cell, minutes since its last entry, what to do by the page of its machine → its drawing."""
+    state, off = state_of(request), broken(run)
     t, k, unit = state.texts, state.units.per_micron, state.units.small
     values: dict[str, Any] = {
         "t": t,
@@ -138,14 +139,15 @@ def _drawn(request: Request, run: LiveRun, cell: Cell | None, silent: int | None
         "since": at(datetime.fromtimestamp(run.touched, UTC).isoformat(), t),
         "done": len(run.readings),
         "left": "" if not run.remaining or silent else t("web.left", minutes=max(1, math.ceil(run.remaining / 60))),
-        "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)],
+        "deviations": [Markup(_deviations(run, t, unit, k, wide)) for wide in (WIDE, NARROW)] if run.readings else [],
         "drift": [Markup(_drift(run, t("web.drift"), unit, k, wide)) for wide in (WIDE, NARROW)],
         "map": Markup(_map(run, cell, t("web.map"))) if cell is not None else "",
         "latest": [_row(e, k) for e in run.readings[-LATEST:][::-1]],
         "unit": unit,
         "shop": lambda text: shop(str(text), t),
         "office": _office(run, t, off),
-        "resume": _resume(run, t),
+        "resume": _resume(run, t) if off or run.state == "stopped" else "",
+        "todo": todo,
     }
     return state.templates.get_template("_step.html").render(**values)
 

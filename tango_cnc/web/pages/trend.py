@@ -20,7 +20,7 @@ from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..served import Served
-from .machine import LAST, alarms_by_entry, busy_of, course_of_tip, curves, events_of, limits_of, morning_of, simulated
+from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, simulated
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -77,7 +77,7 @@ def trends(request: Request) -> Response:
         wanted=wanted,
         course="" if wanted else course_of_tip(request, found),
         curves=None if wanted else curves(request, found),
-        **{"simulated": simulated(request, found)} | morning_of(request, found, busy_of(request, found)),
+        **{"simulated": simulated(request, found)} | day_of(request, found),
     )
 
 
