@@ -148,7 +148,7 @@ def test_heavy_tails_are_seen_and_normal_touches_are_not_taken_for_them(nu: floa
 def test_a_walk_goes_on_from_touch_to_touch() -> None:
     """Errors that 24 functions promise too little for are as promised with the whole walk: linear algebra, no simulator."""
     rng, n = np.random.default_rng(2), 390
-    time, day = np.cumsum(rng.uniform(3, 7, n)), np.zeros(n)
+    time, day = np.cumsum(rng.uniform(3, 7, n)), np.zeros(n, dtype=np.int64)
     normal = np.eye(3)[rng.integers(3, size=n)] * rng.choice([-1.0, 1.0], n)[:, None]
     far = (time - time[0]) / np.ptp(time)
     walk = 64 * np.minimum.outer(far, far) * (normal @ normal.T)  # µm², after the run; a touch scatters by 1

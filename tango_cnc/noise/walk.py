@@ -36,7 +36,7 @@ class Whole:
     """A walk without its smooth part, as touches see it: worked out where there is a walk, as it has many functions."""
 
     time: Array  # (n,) s
-    day: Array  # (n,)
+    day: NDArray[np.int64]  # (n,)
     normal: Array  # (n, 3)
     waves: int  # functions of a day in each direction that are there already
 
