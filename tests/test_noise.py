@@ -17,7 +17,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
 from tango_cnc.noise._fit import _components, _sure
 from tango_cnc.noise.tails import tails
-from tango_cnc.noise.walk import SMOOTH, Whole, waves_of
+from tango_cnc.noise.walk import SMOOTH, FullWalk, waves_of
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 
@@ -154,7 +154,7 @@ def test_a_walk_goes_on_from_touch_to_touch() -> None:
     walk = 64 * np.minimum.outer(far, far) * (normal @ normal.T)  # µm², after the run; a touch scatters by 1
     rows = np.ones(n, dtype=np.bool_)
     unknowns = np.repeat(rng.normal(size=(n // 13, 12)), 13, axis=0) * normal[:, [0]] + rng.normal(size=(n, 12)) / 3
-    slow, whole = waves_of(time, rows, normal, SMOOTH), Whole(time, day, normal, 24).columns
+    slow, whole = waves_of(time, rows, normal, SMOOTH), FullWalk(time, day, normal, 24).columns
     assert whole is not None and whole.shape[1] < n / 2
 
     def promised(columns: np.ndarray) -> float:
@@ -166,7 +166,7 @@ def test_a_walk_goes_on_from_touch_to_touch() -> None:
 
     assert promised(waves_of(time, rows, normal, 24)) > 1.05
     assert promised(np.hstack([slow, whole])) < 1.02
-    assert Whole(time[:60], day[:60], normal[:60], 12).columns is None  # a short plan sees no more of it
+    assert FullWalk(time[:60], day[:60], normal[:60], 12).columns is None  # a short plan sees no more of it
 
 
 @pytest.mark.long

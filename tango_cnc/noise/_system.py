@@ -13,7 +13,7 @@ from ..plausible.bounds import alone, is_backlash
 from ..records import Array, Machine
 from ..terms import SCALES, Coefficient
 from ._decomposed import eigen
-from .walk import SMOOTH, Whole, waves_of
+from .walk import SMOOTH, FullWalk, waves_of
 
 WAVES = (24, 12)  # functions of the walk in each direction of each day: many, as far as there is room, and few
 EACH = 16  # touches of a day for each of many: what is faster is between two touches
@@ -39,7 +39,7 @@ class System:
     walk: Array  # (n, a), functions by day, the slowest first, each along x y z
     seats: Array  # (n, b)
     waves: int = WAVES[-1]  # functions of a day in each direction
-    whole: Whole | None = None  # the walk without its smooth part, as far as touches tell it
+    whole: FullWalk | None = None  # the walk without its smooth part, as far as touches tell it
 
 
 def system(result: Estimate) -> System:
@@ -59,7 +59,7 @@ def system(result: Estimate) -> System:
         place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
         seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
         walk = np.hstack([waves_of(touches.time, touches.day == day, normal, waves) for day in days])
-        whole = Whole(touches.time, touches.day, normal, waves)
+        whole = FullWalk(touches.time, touches.day, normal, waves)
     known_gaps = result.known_residuals * result.known_weights / result.sigma
     prior = (scale / _before(result)) ** 2
     jacobian, values = result.jacobian[:n] * scale, result.values / scale

@@ -32,7 +32,7 @@ def waves_of(time: Array, rows: NDArray[np.bool_], normal: Array, waves: int) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Whole:
+class FullWalk:
     """A walk without its smooth part, as touches see it: worked out where there is a walk, as it has many functions."""
 
     time: Array  # (n,) s
