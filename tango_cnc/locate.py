@@ -23,7 +23,7 @@ from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
-from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings
+from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings, Vector
 
 TOUCHES = 9
 MOST = 11  # where several facets have an edge near, and the time allows
@@ -294,12 +294,22 @@ def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
     """artefact, mm (3,), rotation vector rad (3,) → the same with its facets and balls there; obstacles stay, they are declared."""
     rotation = Rotation.from_rotvec(turn)
 
-    def there(facet: Facet) -> Facet:
-        x, y, z = (float(v) for v in rotation.apply(facet.point) + by)
-        i, j, k = (float(v) for v in rotation.apply(facet.normal))
-        return replace(facet, point=(x, y, z), normal=(i, j, k))
+    def place(point: Vector) -> Vector:
+        x, y, z = (float(v) for v in rotation.apply(point) + by)
+        return x, y, z
 
-    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()})
+    def way(direction: Vector) -> Vector:
+        i, j, k = (float(v) for v in rotation.apply(direction))
+        return i, j, k
+
+    def there(facet: Facet) -> Facet:
+        surface = facet.surface
+        if surface is not None and surface.axis is not None:
+            surface = replace(surface, axis=way(surface.axis))
+        return replace(facet, point=place(facet.point), normal=way(facet.normal), surface=surface)
+
+    balls = {key: replace(ball, centre=place(ball.centre)) for key, ball in artefact.balls.items()}
+    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()}, balls=balls)
 
 
 def _indexations(cell: Cell) -> Sequence[Indexation]:

@@ -63,7 +63,7 @@ def test_a_table_that_stands_elsewhere_is_not_hit(example: str) -> None:
     assert [met(cell_of(example), 20.0, seed) for seed in range(4)] == [[]] * 4
 
 
-@pytest.mark.parametrize("example", ["huron", pytest.param("split", marks=pytest.mark.long)])
+@pytest.mark.parametrize("example", every(["trunnion", "huron", "split"], 3))
 def test_moves_for_a_table_in_its_place_would_hit_it(example: str) -> None:
     assert [hit for seed in range(4) for hit in met(cell_of(example), 0.0, seed)]
 

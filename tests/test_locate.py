@@ -19,13 +19,16 @@ from support.few import every
 from postprocessors import companions, load, names, program, settings
 from sim_controller.languages import macro_b
 from tango_cnc import astray, check, kinematics, locate, readback
+from tango_cnc.commands.init import write_example
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
+from tango_cnc.files.write import artefact_text
 from tango_cnc.link.client import Touched
 from tango_cnc.plan import displaced, last_motion, plan_hash
 from tango_cnc.plan import plan as planned
 from tango_cnc.records import Array, Artefact, Facet, Indexation, InputError, Plan, Readings
 
+EXAMPLES = [file.parent.name for file in (Path(__file__).parent.parent / "examples").glob("*/tango.yaml")]
 CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
 FACETS = CELL.artefact.facets.items()
 STATUS = {0: "miss", 1: "ok", 2: "early"}
@@ -190,6 +193,23 @@ def test_a_touch_that_met_something_else_is_left_out_and_named() -> None:
     tip[3] += 12.0 * np.array(facets[3].normal)  # a clamp
     got = locate.locate(planned, _met(planned, tip))
     assert got.left_out == (facets[3].id,) and abs(got.moved).max() < 1e-6
+
+
+@pytest.mark.parametrize("example", every(sorted(EXAMPLES), 3))
+def test_what_was_found_is_a_table_that_can_be_read(example: str, tmp_path: Path) -> None:
+    """Balls go with their facets, the axis of a cylinder turns: the next command refused what was written of one with a ball."""
+    write_example(tmp_path / "cell", example)
+    cell = read_cell(tmp_path / "cell")
+    by, turn = np.array([9.0, -7.0, 5.0]), np.radians([1.0, 2.0, -1.5])
+    (tmp_path / "cell" / "artefact.yaml").write_text(artefact_text(locate.moved(cell.artefact, by, turn)))
+    there, rotation = read_cell(tmp_path / "cell").artefact, Rotation.from_rotvec(turn)
+    for name, ball in cell.artefact.balls.items():
+        assert there.balls[name].centre == pytest.approx(rotation.apply(ball.centre) + by)
+    for name, facet in cell.artefact.facets.items():
+        assert there.facets[name].point == pytest.approx(rotation.apply(facet.point) + by)
+        if facet.surface is not None and facet.surface.axis is not None:
+            axis = there.facets[name].surface.axis  # type: ignore[union-attr]
+            assert axis == pytest.approx(rotation.apply(facet.surface.axis))
 
 
 @pytest.mark.parametrize("draws", [pytest.param(12, marks=pytest.mark.long), pytest.param(1000, marks=pytest.mark.campaign)])

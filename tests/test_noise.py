@@ -17,6 +17,7 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.noise import honest
 from tango_cnc.noise._fit import _components, _sure
 from tango_cnc.noise.tails import tails
+from tango_cnc.noise.walk import SMOOTH, FullWalk, waves_of
 from tango_cnc.plausible import judge, swamped
 from tango_cnc.records import Cell, Readings, World
 
@@ -142,6 +143,30 @@ def test_heavy_tails_are_seen_and_normal_touches_are_not_taken_for_them(nu: floa
     assert found[1] == pytest.approx(1 / heavy.std(), rel=0.25)
     assert sum(tails(rng.normal(size=400), 350) is not None for _ in range(50)) <= 2
     assert tails(heavy / heavy.std(), 30) is None  # so few do not show it
+
+
+def test_a_walk_goes_on_from_touch_to_touch() -> None:
+    """Errors that 24 functions promise too little for are as promised with the whole walk: linear algebra, no simulator."""
+    rng, n = np.random.default_rng(2), 390
+    time, day = np.cumsum(rng.uniform(3, 7, n)), np.zeros(n, dtype=np.int64)
+    normal = np.eye(3)[rng.integers(3, size=n)] * rng.choice([-1.0, 1.0], n)[:, None]
+    far = (time - time[0]) / np.ptp(time)
+    walk = 64 * np.minimum.outer(far, far) * (normal @ normal.T)  # µm², after the run; a touch scatters by 1
+    rows = np.ones(n, dtype=np.bool_)
+    unknowns = np.repeat(rng.normal(size=(n // 13, 12)), 13, axis=0) * normal[:, [0]] + rng.normal(size=(n, 12)) / 3
+    slow, whole = waves_of(time, rows, normal, SMOOTH), FullWalk(time, day, normal, 24).columns
+    assert whole is not None and whole.shape[1] < n / 2
+
+    def promised(columns: np.ndarray) -> float:
+        rest = np.mean(np.diag(walk) - 64 * np.sum(columns**2, axis=1))
+        inverse = np.linalg.inv(64 * columns @ columns.T + (1 + rest) * np.eye(n))
+        covariance = np.linalg.inv(unknowns.T @ inverse @ unknowns)
+        back = covariance @ unknowns.T @ inverse
+        return float(np.sqrt(np.diag(back @ (walk + np.eye(n)) @ back.T) / np.diag(covariance)).max())
+
+    assert promised(waves_of(time, rows, normal, 24)) > 1.05
+    assert promised(np.hstack([slow, whole])) < 1.02
+    assert FullWalk(time[:60], day[:60], normal[:60], 12).columns is None  # a short plan sees no more of it
 
 
 @pytest.mark.long

@@ -107,6 +107,33 @@ def test_touches_that_are_late_toward_one_side_are_named_with_it(root: Path) -> 
 
 
 @pytest.mark.long
+def test_late_touches_that_are_more_than_a_plausible_backlash_are_named_with_side_and_size(root: Path) -> None:
+    """The backlash took half of it, and what was left of some touches was named in its place."""
+    cell, readings = measured(root, "split", 4)
+    mask = from_readings(cell.machine, cell.artefact, readings).machine_normal[:, 1] < -0.7
+    found = first(judged(cell, late(cell, readings, mask, 0.2)), "late_touches")
+    assert found.fits and "toward Y+" in found.text
+    said = re.search(r"(\d+) µm late", found.text)
+    assert said and abs(float(said[1]) - 200) < 3
+
+
+@pytest.mark.long
+def test_a_sign_that_was_lost_where_no_contact_shows_it_is_named_from_there(root: Path) -> None:
+    cell, readings = measured(root, "fork_head", 4)
+    position = np.array(readings.position)
+    column = cell.machine.column("C")
+    position[37:, column] = np.abs(position[37:, column])  # C turns the ball about itself at touches 38 to 42
+    found = first(judged(cell, replace(readings, position=position)), "lost_sign")
+    assert found.key == "C" and "touches from 38 to" in found.text
+
+
+@pytest.mark.long
+def test_a_part_begins_and_ends_with_touches_that_feel_it(root: Path) -> None:
+    found = first(spoilt(root, "hu40t", "X", slice(101, 121), 0.05), "zero_since")
+    assert (found.touches[0], found.touches[-1]) == (106, 121)
+
+
+@pytest.mark.long
 def test_touches_without_weight_of_one_indexation_are_a_reason(root: Path) -> None:
     """Twenty-three of its thirty-six touches went on to agree, by facets that no other indexation touches: no angle fitted them."""
     judgement = spoilt(root, "hu40t", "C", slice(263, 299), math.radians(0.05), seed=700)

@@ -20,6 +20,7 @@ from tango_cnc.cli import tango
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.words import changed, headline, value
 from tango_cnc.report.age import due, nights_old
+from tango_cnc.report.days import day
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
@@ -59,6 +60,68 @@ def test_a_run_that_broke_off_asks_for_the_same_on_its_own_page(tmp_path: Path) 
         assert steps(page)[0].startswith("Look at the machine first")
         assert "tango run --resume" in page.partition("<details")[2] and "Make the missing touches" not in page
         assert re.search(r"broke off on .{8,20} at \d\d:\d\d [A-Z]{3}", read(site, f"/machine/{M}"))  # the zone, as of other times
+
+
+def struck(**more: Any) -> list[dict[str, Any]]:
+    """two nights of yesterday and the days before, the first of which found a knock that nobody has answered → their records."""
+    found = []
+    for number, ago in ((1, 6), (2, 1)):
+        start = datetime.now(UTC).replace(microsecond=0) - timedelta(days=ago)
+        stamp = f"{start:%Y-%m-%dT%H:%M:%SZ}"
+        found.append(night(M, number, "changed", night=f"{start:%Y-%m-%d}", start_utc=stamp, end_utc=stamp))
+    alarm = {**knock(found[0]["night"]), "since": found[0]["night"], "owner": "Ann, 4711", "parameter": "EX0C"}
+    found[0]["alarms"] = [alarm]
+    standing = {**alarm, "night": found[0]["night"], "now": "", "total": None, "confirmed": None, "steady": True}
+    found[1] |= {"standing": [standing], "owner": "Ann, 4711", "deputy": "Bob, 4712"} | more
+    return found
+
+
+def test_everybody_is_sent_to_the_same_person(tmp_path: Path) -> None:
+    """The page of a run called the owner, who had not answered for days; beside a cause of a crossed limit, what to do did."""
+    most = {"what": "volume", "parameter": "EX0C", "unit": "mm", "text": "most of it comes from EX0C", "since": "", "size": -0.094}
+    limit = {"what": "volume", "value": 141.0, "unit": "µm", "low": 140.0, "high": 142.0, "limit": 60.0, "passed": False}
+    more: dict[str, Any] = {"verdict": "out_of_limits", "limits": [limit], "behind": [{**most, "rate_per_day": None, "do": ""}]}
+    for name, records in (("one", struck()), ("two", struck(**more))):
+        place = cell(tmp_path / name, records=records)
+        (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\ndeputy: Bob, 4712\n", encoding="utf-8")
+        run = Recorded(place, 20)
+        run.begin()
+        run.touch()
+        run.gone()
+        with site_of(place) as site:
+            for path in ("/", f"/machine/{M}", f"/machine/{M}/run", f"/machine/{M}/nights", "/alarms"):
+                text = read(site, path)
+                assert "Call Bob, 4712: Ann, 4711 was asked first" in text and "Call Ann" not in text, (name, path)
+
+
+def test_the_next_night_stands_in_for_a_full_measurement_that_is_asked_for(tmp_path: Path) -> None:
+    coming = {"kind": "full", "why": "tonight's check found a change"}
+    for do, said in (
+        ("Run the full measurement.", "A full measurement, by itself. Where that is soon enough"),
+        ("Ask.", "Full measurement."),
+    ):
+        records = struck(next=coming)
+        records[0]["alarms"][0]["do"] = records[1]["standing"][0]["do"] = do
+        with site_of(cell(tmp_path / do[:3], records=records)) as site:
+            assert f"Next night {said}" in read(site, f"/machine/{M}")
+
+
+def test_a_headline_has_the_size_of_the_box(tmp_path: Path) -> None:
+    """Of one knock the box had +20 µm, as it was found, and the row of the night +22, as it stood, though both are one step."""
+    record = night(M, 20, "out_of_limits")
+    since = "2026-11-04"
+    sizes = {"found": value(0.020386, "mm", 0.000456), "stands": value(0.022179, "mm", 0.00059)}
+    text = {name: changed("EX0C", size, since) for name, size in sizes.items()}
+    limit = {"what": "volume", "value": 84.5, "unit": "µm", "low": 83.0, "high": 86.0, "limit": 60.0, "passed": False}
+    alarm = {**knock("2026-11-05"), "size": 0.020386, "std": 0.000456, "text": text["found"], "total": 0.022179}
+    alarm |= {"night": "2026-11-05", "now": say("night.alarms.still_there", told=sizes["stands"]), "confirmed": None}
+    behind = {"what": "volume", "parameter": "EX0C", "unit": "mm", "since": since, "size": 0.022179, "text": text["stands"]}
+    record |= {"limits": [limit], "standing": [alarm], "behind": [{**behind, "rate_per_day": None}]}
+    assert "by +20.4 ± 0.5 µm" in headline(record) and "22.2" not in headline(record)
+    warm = {**knock(record["night"]), "parameter": "temperature", "text": "it is warmer", "since": ""}
+    assert "by +20.4 ± 0.5 µm" in headline(record | {"alarms": [warm]})  # beside an alarm of tonight, too
+    alarm |= {"std": 0.0003}  # surely another number: the box has that, too
+    assert "by +22.2 ± 0.6 µm" in headline(record) and "20.4" not in headline(record)
 
 
 def test_a_run_without_a_touch_draws_nothing(tmp_path: Path) -> None:
@@ -147,6 +210,15 @@ def test_a_message_begins_with_the_size_that_the_page_has() -> None:
     assert "+28 µm" in plain(record["standing"][0]["now"], Units(), texts())
 
 
+def test_the_row_of_a_drift_has_size_and_date_of_its_alarm(tmp_path: Path) -> None:
+    """The row had the size of the night of the alarm, and the night before it as its date."""
+    place = cell(tmp_path / "one", records=[drifting()])
+    with site_of(place) as site:
+        row = read(site, f"/machine/{M}/nights").partition("All 1 nights")[2]
+        assert "Changed: C axis has moved along X by +28 µm since the night ending Sun 8 Nov 2026, +4.1 µm a day" in row
+        assert "12 µm" not in row and "7 Nov" not in row and "that night" not in row
+
+
 def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record = drifting()
     alarm = record["standing"][0]
@@ -154,6 +226,58 @@ def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record["headline"] = headline(record)
     first = next(line for line in message(record, (), ())[1].splitlines() if line.startswith("Still changed"))
     assert "by +12.4 ± 0.3 µm since" in first and "still there: +12.6 ± 0.3 µm" in first
+
+
+def test_a_message_says_of_a_drift_that_goes_on_what_it_made_since_last_night() -> None:
+    """ "+3.6 µm of it since 2026-11-19", the night before it began, though that is what it made in one night; and two dates."""
+    record = night(M, 30, "out_of_limits")  # of 2026-11-23
+    size = value(0.0406, "mm", 0.0002)
+    text = texts()("changed.drift", moved=changed("EX0C", size, "2026-11-12"), rate=value(0.0037, "mm"))
+    step = say("night.goes_on.text", step=value(0.0036, "mm", 0.0002), since=say("night.alarms.last_night"), night="2026-11-13")
+    alarm = {**knock(record["night"]), "id": "2026-11-13-020005-1", "since": "2026-11-12", "size": 0.0406, "std": 0.0002}
+    alarm |= {"text": text, "rate_per_day": 0.0037, "steady": True, "goes_on": {"step": 0.0036, "std": 0.0002, "text": step}}
+    limit = {"what": "volume", "value": 103.8, "unit": "µm", "low": 103.0, "high": 104.0, "limit": 90.0, "passed": False}
+    behind = {"what": "volume", "parameter": "EX0C", "unit": "mm", "since": "2026-11-12", "size": 0.0406, "text": text}
+    behind |= {"night": "2026-11-13", "rate_per_day": 0.0037, "cause": "axis_location"}
+    record |= {"alarms": [alarm], "limits": [limit], "behind": [behind]}
+    record["headline"] = headline(record)
+    told = message(record, (), ())[1]
+    first = next(line for line in told.splitlines() if line.startswith("Volume is"))
+    assert "+3.6 ± 0.2 µm of it since last night" in first and "since the night ending 2026-11-13" in first
+    assert told.count("since the night ending 2026-11-13 (EX0C)") == 3 and "2026-11-12" not in told
+
+
+def test_a_drift_has_one_date_and_is_no_jump(tmp_path: Path) -> None:
+    """Rows of its later nights had the last night without it; the curve called what its first night found a jump."""
+    records, start = [], datetime.now(UTC).replace(microsecond=0) - timedelta(days=14)
+    for i in range(14):
+        now = start + timedelta(days=i)
+        stamp, step = f"{now:%Y-%m-%dT%H:%M:%SZ}", 4.0 * max(0, i - 5)
+        more: dict[str, Any] = {"volume": {"worst_um": 40.0 + step, "rms_um": 9.8, "std_um": 0.3}, "limits": []}
+        record = night(M, i, "changed" if step else "good", night=stamp[:10], start_utc=stamp, end_utc=stamp, **more)
+        record["parameters"]["EX0C"]["value"] = -0.1 + 1e-3 * step
+        if step:
+            since = f"{start + timedelta(days=5):%Y-%m-%d}"
+            alarm = {**knock(f"{start + timedelta(days=6):%Y-%m-%d}"), "since": since, "size": 1e-3 * step, "std": 0.0003}
+            text = changed("EX0C", value(1e-3 * step, "mm", 0.0003), since)
+            if i > 7:
+                text = texts()("changed.drift", moved=text, rate=value(0.004, "mm"))
+                told = say(
+                    "night.goes_on.text",
+                    step=value(0.004, "mm", 0.0003),
+                    since=say("night.alarms.last_night"),
+                    night=alarm["id"][:10],
+                )
+                alarm |= {"rate_per_day": 0.004, "steady": True, "goes_on": {"step": 0.004, "std": 0.0003, "text": told}}
+            record["alarms"] = [{**alarm, "text": text}] if i in (6, 8, 9, 10, 11, 12, 13) else []
+        records.append(record | {"headline": headline(record | {"repaired": [], "standing": []})})
+    place = cell(tmp_path / "one", records=records)
+    found = f"{start + timedelta(days=6):%Y-%m-%d}"
+    with site_of(place) as site:
+        rows = read(site, f"/machine/{M}/nights").partition("All 14 nights")[2]
+        assert rows.count(f"since the night ending {day(found, texts())}") == 6  # those of later nights
+        for path in (f"/machine/{M}", f"/machine/{M}/trend"):
+            assert "Jumped" not in read(site, path) and "rises by 2" in read(site, path).lower(), path
 
 
 @pytest.fixture

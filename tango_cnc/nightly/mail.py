@@ -10,7 +10,7 @@ from ..history import Decision
 from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
-from ..report.repeated import as_decided
+from ..report.repeated import as_decided, as_found, first_night
 from ..report.texts import Texts, code, texts
 from ..report.tonight import WARMED, by_tonight, with_its_size
 from ..report.words import named
@@ -80,11 +80,9 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
 def _first(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> list[str]:
     """record, decisions, texts → its headline with the date that pages give an alarm, and what comes before everything else."""
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    first: Any = as_decided(record, decisions)
+    first: Any = as_found(as_decided(record, decisions), record)
     for one in (record.get("standing") or ())[:1]:
         first = with_its_size(first, one)
-    for one in (*record["alarms"], *(record.get("standing") or ())[:1]):
-        first = _of_its_night(first, one, record["night"])
     return [*lines, _sentence(t.of(first)), *parts_first(record, t), ""]
 
 
@@ -123,9 +121,19 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
 def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     """record, who is asked, texts → what stands behind a limit that was crossed, or what to do where nobody knows it."""
     lines: list[str] = []
-    told = {alarm.get("parameter") for alarm in (*record["alarms"], *(record.get("standing") or ())[:SHOWN])}  # said already
+    alarms = [*record["alarms"], *(record.get("standing") or ())[:SHOWN]]
+    told = {alarm.get("parameter") for alarm in alarms}  # said already
     for cause in record.get("behind") or ():
-        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=cause['text'])}"]
+        same = next(
+            (
+                a
+                for a in alarms
+                if a.get("since") and (a.get("parameter"), a["since"]) == (cause.get("parameter"), cause.get("since"))
+            ),
+            None,
+        )
+        text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
+        lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]
         lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
@@ -226,7 +234,7 @@ def _checked(point: Mapping[str, Any], t: Texts) -> str:
 
 def _since(a: Mapping[str, Any], night: str = "") -> str:
     """alarm, its night where that is tonight → since when: the night that found it, where the one before was without it."""
-    found = str(a.get("night") or night)
+    found = first_night(a, night)
     next_to = days_between(a.get("since") or found, found) == 1
     return say("morning.found", date=found) if next_to else str(a.get("since") or "")
 

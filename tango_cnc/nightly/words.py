@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ..report.texts import texts
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, moved_on
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
@@ -76,7 +76,7 @@ def _headline(record: Mapping[str, Any]) -> str:
     gap = _gap(record)
     if beyond:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
-        behind = [x for x in record.get("behind") or () if x["what"] == b["what"]]
+        behind = [_as_it_stands(x, record) for x in record.get("behind") or () if x["what"] == b["what"]]
         by_alarm = {alarm.get("parameter") for alarm in alarms}
         why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
         own = [every(alarms)] if alarms else []
@@ -147,7 +147,7 @@ def _headline(record: Mapping[str, Any]) -> str:
 
 def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> list[Said]:
     """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
-    alarm that stands: a change that is both is said once, with the size that it has by now.
+    alarm that stands: a change that is both is said once, with the size that it has by now where that is another number.
     """
     first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
     key = first.get("parameter"), first.get("since")
@@ -156,6 +156,17 @@ def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -
         return [*(x["text"] for x in behind), *_open(record)]
     told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
     return [told if x is one else x["text"] for x in behind]
+
+
+def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """what stands behind a limit, record → the same; what an alarm of another night has found has the size of its page: as it was
+    found, until what has come together is another number.
+    """
+    for a in record.get("standing") or ():
+        same = x.get("since") and (x.get("parameter"), x["since"]) == (a.get("parameter"), a.get("since"))
+        if same and a.get("total") is not None and not moved_on(a):
+            return {**x, "text": a["text"]}
+    return x
 
 
 def _open(record: Mapping[str, Any]) -> list[Said]:

@@ -13,6 +13,7 @@ from ..plausible.bounds import alone, is_backlash
 from ..records import Array, Machine
 from ..terms import SCALES, Coefficient
 from ._decomposed import eigen
+from .walk import SMOOTH, FullWalk, waves_of
 
 WAVES = (24, 12)  # functions of the walk in each direction of each day: many, as far as there is room, and few
 EACH = 16  # touches of a day for each of many: what is faster is between two touches
@@ -20,7 +21,6 @@ MOST = 600  # columns of Z beyond which the noise is taken as it is assumed: whi
 PLAIN = 0.1  # share of it, above which touches tell how large a smooth drift is
 WIDER = 3.0  # times the walk that a smooth drift may be which they do not tell
 FAINTER = 1e-2  # share of what a component does to the touches, below which unknowns stand for it
-SMOOTH = 3  # of them are drift that is smooth: any size of theirs is as likely as another, once there is a walk
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class System:
     walk: Array  # (n, a), functions by day, the slowest first, each along x y z
     seats: Array  # (n, b)
     waves: int = WAVES[-1]  # functions of a day in each direction
+    whole: FullWalk | None = None  # the walk without its smooth part, as far as touches tell it
 
 
 def system(result: Estimate) -> System:
@@ -50,20 +51,21 @@ def system(result: Estimate) -> System:
     normal = touches.machine_normal
     count = int(touches.indexation.max(initial=0)) + 1
     days = np.unique(touches.day)
-    walk, seats = np.empty((n, 0)), np.empty((n, 0))
+    walk, seats, whole = np.empty((n, 0)), np.empty((n, 0)), None
     waves = max(min(WAVES[0], n // len(days) // EACH), WAVES[-1]) if n else WAVES[-1]
     if 3 * (count + waves * len(days)) > MOST:
         waves = WAVES[-1]
     if 3 * (count + waves * len(days)) <= MOST:
         place = np.eye(count)[touches.indexation] if count > 2 else np.empty((n, 0))
         seats = (place[:, :, None] * normal[:, None, :]).reshape(n, -1)
-        walk = np.hstack([_waves(touches.time, touches.day == day, normal, waves) for day in days])
+        walk = np.hstack([waves_of(touches.time, touches.day == day, normal, waves) for day in days])
+        whole = FullWalk(touches.time, touches.day, normal, waves)
     known_gaps = result.known_residuals * result.known_weights / result.sigma
     prior = (scale / _before(result)) ** 2
     jacobian, values = result.jacobian[:n] * scale, result.values / scale
     repeats = max(touches.machine.probe.repeatability, SIGMA_FLOOR)
     least = max(repeats / 5, SIGMA_FLOOR)
-    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, repeats, walk, seats, waves)
+    return System(result.residuals, jacobian, known, known_gaps, scale, values, prior, least, repeats, walk, seats, waves, whole)
 
 
 def _before(result: Estimate) -> Array:
@@ -80,15 +82,6 @@ def _known(c: Coefficient, machine: Machine, table: TableTolerances) -> float:
     if is_backlash(c) or (c.slot.stage in ("stylus", "table", "inter") and c.slot.axis):
         return alone(c, machine, table)[0]
     return machine.tolerances.scale if c.name in SCALES else np.inf
-
-
-def _waves(time: Array, rows: NDArray[np.bool_], normal: Array, waves: int) -> Array:
-    """→ (n, 3 waves) Karhunen–Loève functions of a Wiener process of variance 1 at the end, along x y z."""
-    span = np.ptp(time[rows]) or 1.0
-    t = (time - time[rows].min()) / span
-    rate = (np.arange(waves) + 0.5) * np.pi
-    wave = np.sqrt(2) * np.sin(t[:, None] * rate) / rate * rows[:, None]
-    return np.asarray((wave[:, :, None] * normal[:, None, :]).reshape(len(time), -1))
 
 
 def widened(s: System, columns: Array, prior: float = 0.0) -> System:
@@ -118,7 +111,7 @@ def drifting(s: System, turn: Array, seen: NDArray[np.bool_], variance: float) -
     """
     columns = s.walk[:, smooth(s)] @ turn
     free = widened(widened(s, columns[:, seen]), columns[:, ~seen], prior=1 / (WIDER**2 * variance))
-    return replace(free, walk=s.walk[:, ~smooth(s)])
+    return replace(free, walk=s.walk[:, ~smooth(s)] if s.whole is None or s.whole.columns is None else s.whole.columns)
 
 
 def beside(part: Array, basis: Array, share: float = FAINTER) -> tuple[Array, NDArray[np.bool_]]:

@@ -44,7 +44,8 @@ EXPLAINED = 0.1  # mm: a mistake that leaves less explains the readings
 GROSS = 5.0  # mm, root mean square of all touches as the cell states it, beyond which the whole cell is wrong
 NOISY = 4.0  # times the stated repeatability that a touch may scatter before the result is doubtful
 DIRECT = ("another_program", "copied_positions", "constant_column", "row_order")  # seen in the readings without any fit
-MIDWAY = ("column_wrong", "zero_since", "unit_since")  # one axis from a touch on
+MIDWAY = ("column_wrong", "zero_since", "unit_since", "lost_sign")  # one axis from a touch on
+BESIDE = 8  # touches between two moments that are one
 STRUCTURED = 3.0  # times the white scatter that a walk or seating may have before the result is doubtful
 SWAMPED = 3.0  # times what white noise would make of it that the standard deviation of a trusted parameter may be
 SINGLE = 3  # touches made elsewhere that may be slips in single rows
@@ -182,8 +183,8 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
     ]
     kinds = {s.kind for s in first if s.text in sure}
     rest = [s for s in tried if s.kind not in kinds]
-    if tried and tried[0].kind in MIDWAY and tried[0].fits is not False and ", " not in tried[0].key:
-        # One number of one axis does what a displacement needs three for, or touches of which each is wrong by itself.
+    if tried and not copied and _one_number(tried[0], own, NOISY * max(cell.machine.probe.repeatability, 1e-4)):
+        # It does what a displacement needs three for, or touches of which each is wrong by itself.
         first = [tried[0], *(s for s in first if s.kind != tried[0].kind)]
         rest = [s for s in rest if s is not tried[0]]
     lost = any(s.kind == "missing_touches" for s in own)  # where none is, a wrong cell can leave too few that fit it
@@ -192,6 +193,17 @@ def _suspicions(cell: Cell, readings: Readings, found: Sequence[Remark]) -> tupl
         rest = [less(s) for s in rest]
     named = {(s.kind, s.touches) for s in (*first[:1], *rest)}
     return (*first, *rest, *(s for s in own if s not in first and (s.kind, s.touches) not in named))
+
+
+def _one_number(tried: Suspicion, own: Sequence[Suspicion], near: float) -> bool:
+    """the mistake that explains most, what the readings show by themselves, mm → whether one number explains every touch: an axis
+    from a touch on, or late touches that leave no more than that, and not as a tip that was changed at the same touch does."""
+    if tried.fits is False or ", " in tried.key:
+        return False
+    if tried.kind != "late_touches":
+        return tried.kind in MIDWAY
+    steps = [s.touches[0] for s in own if s.kind == "step" and s.touches]
+    return tried.after < near and all(abs(at - tried.touches[0]) > BESIDE for at in steps)
 
 
 def _fit(cell: Cell, result: Estimate, told: Sequence[Bound], agrees: bool, patterns: bool) -> list[Remark]:

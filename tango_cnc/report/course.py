@@ -30,17 +30,23 @@ Told = tuple[int, int] | None  # places of the night before a drift, and of the 
 
 def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], name: str, factor: float) -> list[Jump]:
     """{entry: alarms of that night}, entries of a series, parameter, factor to its unit → its jumps, oldest first."""
-    found = []
+    found, drifts = [], _drifts(alarms)
     for place, entry in enumerate(entries):
-        own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and _at_once(a)]
+        own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and _at_once(a, drifts)]
         if own and place:
             found.append((place, float(own[0]["size"]) * factor))
     return found
 
 
-def _at_once(alarm: Mapping[str, Any]) -> bool:
-    """alarm → whether it moved in its night: a drift did not, nor what a repair has left."""
-    return not alarm.get("rate_per_day") and not alarm.get("repair")
+def _at_once(alarm: Mapping[str, Any], drifts: Collection[str]) -> bool:
+    """alarm, ids of drifts → whether it moved in its night: a drift did not, nor what a repair has left."""
+    return not alarm.get("rate_per_day") and not alarm.get("repair") and str(alarm.get("id")) not in drifts
+
+
+def _drifts(alarms: Mapping[int, Sequence[Mapping[str, Any]]]) -> set[str]:
+    """{entry: alarms of that night} → ids of those that went on night after night: what their first night found was no jump."""
+    every = [a for own in alarms.values() for a in own if a.get("rate_per_day") and a.get("steady", True) and a.get("id")]
+    return {str(x) for a in every for x in (a["id"], *((a.get("goes_on") or {}).get("with") or ()))}
 
 
 def jumps_of_tip(
@@ -52,26 +58,37 @@ def jumps_of_tip(
 ) -> list[Jump]:
     """{entry: alarms of that night}, entries, (n,) error at the tool tip, its standard deviation, places of nights that begin with
     another compensation → its jumps on such nights."""
-    found = []
+    found, drifts = [], _drifts(alarms)
     for place, entry in enumerate(entries):
-        moved = any(_at_once(a) and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
+        moved = any(_at_once(a, drifts) and not change(a.get("cause")).of_the_probe for a in alarms.get(entry, ()))
         if (moved or place in begins) and place and abs(float(value[place] - value[place - 1])) > SURE * np.sqrt(2) * std:
             found.append((place, float(value[place] - value[place - 1])))
     return found
 
 
 def drift_told(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], nights: Sequence[str], name: str) -> Told:
-    """{entry: alarms of that night}, entries and dates of a series, parameter → places of the night before its last drift, and of
-    the first night that told it; None for no drift.
+    """{entry: alarms of that night}, entries and dates of a series, parameter ('': any of the machine, for the tool tip) → places
+    of the night before its last drift, and of the first night that told it; None for no drift.
     """
     found = None
     for place, entry in enumerate(entries):
         for a in alarms.get(entry, ()):
             begun = str(a.get("since"))
-            if a.get("parameter") == name and a.get("rate_per_day") and a.get("steady", True) and begun in nights:
+            mine = a.get("parameter") == name if name else not change(a.get("cause")).of_the_probe
+            if mine and a.get("rate_per_day") and a.get("steady", True) and begun in nights:
                 before = list(nights).index(begun)
                 found = found if found is not None and found[0] == before else (before, place)
     return found
+
+
+def drift_of_tip(
+    alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], nights: Sequence[str], value: Array, std: float
+) -> Told:
+    """{entry: alarms of that night}, entries and dates, (n,) error at the tool tip, its standard deviation → places of the drift
+    that has made it larger or smaller; None where none has.
+    """
+    told = drift_told(alarms, entries, nights, "")
+    return told if told is not None and abs(float(value[-1] - value[told[0]])) > SURE * np.sqrt(2) * std else None
 
 
 def _drifted(first: date, days: Array, value: Array, std: Array, told: tuple[int, int], unit: str, t: Texts) -> tuple[str, float]:

@@ -138,7 +138,7 @@ def _with_limits(found: list[dict[str, Any]], how: _Today) -> list[dict[str, Any
         if same and max(map(size_of, same)) >= 0.8 * size_of(as_loaded(a, how.events)):
             continue
         asked = next((x for x in same if not closed(x)), None)
-        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner")}
+        whose = {} if asked is None else {key: asked[key] for key in ("who", "nobody", "owner", "silent", "night")}
         found = [*found, how.alarm(a, None) | {"older": False} | whose]
     return found
 

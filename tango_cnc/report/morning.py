@@ -130,8 +130,8 @@ def context(
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, t)
-    if busy:
-        told = measuring(told, t)
+    told = measuring(told, t) if busy else told
+    todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
     return {
         "t": t,
         "units": u,
@@ -158,7 +158,7 @@ def context(
         "nobody": found[0]["nobody"] if found else not (asked["owner"] or asked["deputy"]),
         "has": bool(found and found[0]["decision"]),
         "done": bool(found and found[0]["id"]) and not still_open(found[:1]),
-        "next_kind": _next_kind(told, coming_night, t),
+        "next_kind": _next_kind(told, coming_night, todo, t),
         "limit_for": _limit_for(told, record, before, t),
         "busy": busy,
         "old": stale,
@@ -168,7 +168,7 @@ def context(
         "headline": sentence(as_decided(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
-        "todo": orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ()),
+        "todo": todo,
         "alarms": alarms,
         "first": found[0] | {"brief": brief_of(found[0])} if found else None,
         "repaired": [_repaired(x, u, t, machine) for x in record.get("repaired") or ()],
@@ -243,14 +243,15 @@ def next_night(record: Mapping[str, Any], decisions: Sequence[Any], before: Mapp
     return {"kind": "full", "why": say("night.analysis.repaired_since_last_full_run", value=said_of_repair(last))}
 
 
-def _next_kind(told: Answer, coming: Mapping[str, Any], t: Texts) -> str:
-    """answer, next night, texts → what it measures, beside what is asked for now; '' where somebody has to see to the machine or
-    the computer before any night can measure.
+def _next_kind(told: Answer, coming: Mapping[str, Any], todo: Sequence[str], t: Texts) -> str:
+    """answer, next night, what to do, texts → what it measures, beside a full measurement that is asked for now; '' where somebody
+    has to see to the machine or the computer before any night can measure.
     """
     kind = str(coming.get("kind") or "")
     if not kind or told.old or told.state in ("cut_off", "moved", "not_measured"):
         return ""
-    key = f"morning.next_{kind}" if told.may in ("no", "but") and f"morning.next_{kind}" in t else f"morning.kind_{kind}"
+    asked = told.may in ("no", "but") and any(t("morning.kind_full") in line for line in todo)
+    key = f"morning.next_{kind}" if asked and f"morning.next_{kind}" in t else f"morning.kind_{kind}"
     return t(key) if key in t else kind
 
 

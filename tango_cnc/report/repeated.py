@@ -51,12 +51,17 @@ def said_of_repair(decision: Any) -> str:
     return str(decision.note or f"{decision.owner}, {str(decision.utc)[:10]}")
 
 
+def first_night(a: Mapping[str, Any], night: str) -> str:
+    """alarm, date of the night that tells it → date of the first night that did: its id begins with it."""
+    return str(a.get("night") or (str(a.get("id") or "")[:10] if a.get("goes_on") else "") or night)
+
+
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
     date of the night that raised it, as on the page of the machine, and not that of the night before.
     """
     for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
-        since, night = str(a.get("since") or ""), str(a.get("night") or record.get("night"))
+        since, night = str(a.get("since") or ""), first_night(a, str(record.get("night")))
         if since:
             dated = instead(a["text"], LAST_NIGHT, since)
             next_to = days_between(since, night) == 1
@@ -112,11 +117,25 @@ def of_shop(headline: str) -> str:
     if not isinstance(headline, Said) or headline.key != STANDING:
         return headline
     text, night = headline.values["text"], headline.values["night"]
-    since = text.values.get("since") if isinstance(text, Said) else None
-    if not isinstance(text, Said) or not isinstance(since, str) or isinstance(since, Said):
+    dated = _found(text, str(night))
+    if dated is None:
         return headline
-    values = {name: headline.values[name] for name in ("now", "who", "more", "part", "gap")}
-    return say("morning.still", text=text.but(since=say("morning.found", date=night)), **values)
+    return say("morning.still", text=dated, **{name: headline.values[name] for name in ("now", "who", "more", "part", "gap")})
+
+
+def _found(text: Any, night: str) -> Said | None:
+    """sentence on an alarm, date of the night that found it → the same with that date; None where it has another one: a drift may
+    have begun nights before its alarm.
+    """
+    if not isinstance(text, Said):
+        return None
+    since, moved = text.values.get("since"), text.values.get("moved")
+    if isinstance(since, str) and not isinstance(since, Said):
+        return text.but(since=say("morning.found", date=night))
+    if not isinstance(moved, Said) or days_between(moved.values.get("since"), night) != 1:
+        return None
+    dated = _found(moved, night)
+    return None if dated is None else text.but(moved=dated)
 
 
 def in_a_row(text: Any) -> Any:

@@ -48,8 +48,8 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     """sentence about a night, an alarm of another night that it names → the sentence with the size that this has by now, where that
     is another number than its night found: one alarm has one size.
     """
-    total, size, now = a.get("total"), float(a.get("size") or 0.0), a.get("now")
-    if total is None or not size or is_gone(now or "") or not _moved_on(a):
+    size, now = float(a.get("size") or 0.0), a.get("now")
+    if is_gone(now or "") or not moved_on(a):
         return text
     told = next((x.values["told"] for x in _inside(now) if x.key in NOW and isinstance(x.values.get("told"), str)), None)
     factor, unit = shown(str(a.get("unit") or "mm"))
@@ -58,9 +58,12 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     return text if told is None else _with(text, own, told)
 
 
-def _moved_on(a: Mapping[str, Any]) -> bool:
-    """alarm with its total → whether that is another number than its size."""
-    return bool(a.get("rate_per_day")) or has_grown(float(a["total"]), float(a["size"]), a.get("std"))
+def moved_on(a: Mapping[str, Any]) -> bool:
+    """alarm of another night → whether what has come together by now is another number than the one that its night found."""
+    total, size = a.get("total"), float(a.get("size") or 0.0)
+    if total is None or not size:
+        return False
+    return bool(a.get("rate_per_day")) or has_grown(float(total), size, a.get("std"))
 
 
 def _inside(text: Any) -> Iterator[Said]:

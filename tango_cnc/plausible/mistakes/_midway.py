@@ -27,6 +27,7 @@ GROSS = 1.0  # mm or, times 100 mm, rad: what is beyond it is seen without any f
 HELPS = 12.0  # sum of a part from which on a gross change is one
 SEEN = 25.0  # χ² of a small one
 TINY = 1e-12
+UNFELT = 1e-3  # share of its χ² that touches which do not feel a change add to a part, at most
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,11 @@ class Left:
             first, end = on, n
         if gain[first, end] < SEEN:
             return None
+        # Of touches that do not feel it, nobody knows whether they are in the part: it begins and ends with one that does.
+        same = gain[first, end] * (1 - UNFELT)
+        first += int(np.argmin(np.append(gain[first:end, end] >= same, False))) - 1
+        if end < n:
+            end -= int(np.argmin(np.append(gain[first, end:first:-1] >= same, False))) - 1
         return Part(first, end, float(gain[first, end])), float(found[first, end] / size[first, end])
 
     def since(self, levers: Array) -> tuple[Part, Array] | None:

@@ -18,6 +18,7 @@ TOWARD = 0.7  # cosine between a normal and an axis of the machine
 MANY = 0.05  # share of all touches that some of all are
 MOST = 0.6
 SINGLE = 1.5  # price of each single touch that the hypothesis calls late
+SIDE = 14.0  # χ² of a side, one of six, which its price and a suspicion ask for: backlash within its tolerance takes the rest
 OFF = 0.02  # mm, and 20 times the repeatability: what is less is no latch
 ROUNDS = 8
 
@@ -31,7 +32,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         for sign in (1.0, -1.0):
             mask = touches.machine_normal[:, i] * sign > TOWARD
             what = say("mistake.late_touches.toward", sign="-" if sign > 0 else "+", axis=axis)
-            yield from _late(case, touches, left, mask, what, 4.0)
+            yield from _late(case, touches, left, mask, what, 4.0, SIDE)
     if (found := left.parts(ones)) is not None:
         part = found[0]
         number = touches.number[part.first : part.end]
@@ -68,11 +69,13 @@ def _least(case: Case) -> float:
     return max(OFF, 20 * case.machine.probe.repeatability)
 
 
-def _late(case: Case, touches: Touches, left: Left, mask: NDArray[np.bool_], what: str, price: float) -> Iterator[Hypothesis]:
+def _late(
+    case: Case, touches: Touches, left: Left, mask: NDArray[np.bool_], what: str, price: float, seen: float = SEEN
+) -> Iterator[Hypothesis]:
     if not FEWEST <= mask.sum() <= len(mask) - FEWEST:
         return
     size, gain = left.size(mask.astype(float))
-    if gain < SEEN or abs(size) < _least(case) / 2:
+    if gain < seen or abs(size) < _least(case) / 2:
         return
     how = "late" if size < 0 else "early"
     numbers = tuple(int(t) for t in touches.number[mask])

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ... import kinematics
+from ...asked import asked
 from ...texts import say
 from ...touches import FAR
+from ..columns import TURNED, turned
 from ._case import Case, Hypothesis, moved_column
 
 FEWEST = 3  # rows
+NEARER = 1.0  # mm that the other sign takes a touch nearer, where the sign was lost elsewhere: near zero both are not far
 MOST = 0.8  # share of all rows: more is an axis that goes the other way, unless some rows fit with this sign alone
 
 
@@ -25,10 +29,13 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     for name in (*machine.linear, *machine.rotary):
         column = machine.column(name)
         other = moved_column(readings, column, -readings.position[:, column])
-        near = np.linalg.norm(kinematics.tip(chain, other.position) - contact, axis=1) < FAR
+        other_away = np.linalg.norm(kinematics.tip(chain, other.position) - contact, axis=1)
+        near = other_away < FAR
         wrong, right = (away > FAR) & near, (away < FAR) & ~near
         if wrong.sum() < FEWEST or (wrong.sum() > MOST * len(readings) and right.sum() < FEWEST):
             continue
+        wrong |= near & (other_away + NEARER < away)
+        wrong |= _mirrored(case, name)
         touches = tuple(int(t) for t in readings.touch[wrong])
         signs = np.where(wrong, -1.0, 1.0)
         yield Hypothesis(
@@ -39,3 +46,17 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             readings=moved_column(readings, column, signs * readings.position[:, column]),
             price=4.0,
         )
+
+
+def _mirrored(case: Case, name: str) -> NDArray[np.bool_]:
+    """case, axis → (n,) rows of which the program has the other sign: what turns the ball about itself shows in no contact."""
+    readings, machine = case.readings, case.machine
+    found = np.zeros(len(readings), dtype=np.bool_)
+    if name in machine.linear:
+        return found
+    touches, column = asked(case.cell, None), machine.column(name)
+    rows = np.flatnonzero((readings.touch >= 1) & (readings.touch <= len(touches)))
+    made, meant = readings.position[rows, column], touches.position[readings.touch[rows] - 1, column]
+    limit = np.radians(TURNED)
+    found[rows] = (np.abs(turned(made, -meant)) < limit) & (np.abs(turned(made, meant)) > limit)
+    return found

@@ -20,14 +20,15 @@ from ...report.alarm import sentence
 from ...report.answer import Answer, dates_cut_off, of_no_night
 from ...report.charts import tip
 from ...report.compensated import begins, marked
-from ...report.course import course, jumps_of_tip
+from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import LEVELS, SHORT, context, last_within, never_within, strip, volumes_of, who_of
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
-from ...report.repeated import as_decided, in_a_row, of_shop, shortened
+from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
 from ...report.texts import Texts
+from ...report.tonight import with_its_size
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
@@ -106,6 +107,15 @@ def todo_today(request: Request, machine: Served) -> list[str]:
     if found := morning_of(request, machine, busy_of(request, machine)):
         return list(found["todo"])
     return orders_of_cut_off(machine.former, state_of(request).texts)
+
+
+def who_today(request: Request, machine: Served) -> dict[str, Any]:
+    """request, machine → `who` has it (`has`) or is asked, as on its page, and whether that is `nobody`."""
+    state = state_of(request)
+    if found := morning_of(request, machine, busy_of(request, machine)):
+        return {key: found[key] for key in ("who", "nobody", "has")}
+    owner, deputy = state.places.owner(machine), state.places.deputy(machine)
+    return {"who": who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts), "nobody": not (owner or deputy), "has": False}
 
 
 def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
@@ -283,9 +293,11 @@ def course_of_tip(request: Request, machine: Served) -> str:
     first = date.fromisoformat(known[0].night)
     days = np.array([(date.fromisoformat(n.night) - first).days for n in known], dtype=float)
     anew = {*begins(events_of(state, machine), [n.night for n in known]), *_after_repairs(request, machine, known)}
-    jumps = jumps_of_tip(alarms_by_entry(request, machine), [n.entry for n in known], value, std, anew)
+    alarms, entries = alarms_by_entry(request, machine), [n.entry for n in known]
+    jumps = jumps_of_tip(alarms, entries, value, std, anew)
+    drift = drift_of_tip(alarms, entries, [n.night for n in known], value, std)
     limit = allowed["volume"] * k if "volume" in allowed else None
-    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts)
+    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
 
 
 def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:
@@ -306,13 +318,25 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
 
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
-        said = shortened([as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights])
-        return {
-            n.entry: sentence(plain(plainly(in_a_row(of_shop(text)), t), u, t, axes), Units())
-            for n, text in zip(nights, said, strict=True)
-        }
+        said = shortened([_dated(records.get(n.entry, {}), decisions) or n.headline for n in nights])
+        rows = [in_a_row(of_shop(_sized(text, records.get(n.entry, {})))) for n, text in zip(nights, said, strict=True)]
+        return {n.entry: sentence(plain(plainly(row, t), u, t, axes), Units()) for n, row in zip(nights, rows, strict=True)}
 
     return state.places.kept(key, made, 600)
+
+
+def _dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
+    """record of a night, decisions → its headline; an alarm that goes on has the date of the night that found it first, as on the
+    page of the machine.
+    """
+    going = [a for a in record.get("alarms") or () if a.get("goes_on")]
+    return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": going}))
+
+
+def _sized(text: str, record: Mapping[str, Any]) -> str:
+    """headline, record → the same; the alarm of another night that it names has the size that it had that night."""
+    first = next(iter(record.get("standing") or ()), None)
+    return text if first is None else str(with_its_size(text, first))
 
 
 def nights(request: Request) -> Response:

@@ -23,14 +23,13 @@ from ...link.entries import Reading
 from ...link.progress import journals
 from ...records import Cell
 from ...report.days import at
-from ...report.morning import who_of
 from ...report.plain import office, shop
 from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
 from ..served import Served
-from .machine import answer_today, todo_today
+from .machine import answer_today, todo_today, who_today
 
 STEP = 2.0  # s that a finished step is kept for all who follow it
 LATEST = 8
@@ -50,7 +49,6 @@ def run(request: Request) -> Response:
     for i, file in enumerate(journals(found.folder) if found.folder else ()):
         listed.append((i, called(file)))
     step = _step(request, found, chosen, cell) if chosen else ""
-    owner, deputy = state.places.owner(found), state.places.deputy(found)
     return page(
         request,
         "run.html",
@@ -63,8 +61,7 @@ def run(request: Request) -> Response:
         follow=_follow(request, found, chosen),
         listed=listed,
         heading=title(chosen, state.texts) if chosen else "",
-        who=who_of(None, {"owner": owner, "deputy": deputy}, (), state.texts),
-        nobody=not (owner or deputy),
+        **who_today(request, found),
         texts=state.texts,
     )
 
