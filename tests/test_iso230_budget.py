@@ -80,8 +80,20 @@ def test_a_budget_names_what_every_machine_has() -> None:
 
 
 def test_what_the_touches_decide_is_as_uncertain_as_their_scatter_makes_it() -> None:
-    """A reversal is decided by the touches alone: the prior has no part in it, and the scatter is that beside all error motions."""
+    """The touches alone decide how two reversals differ: the prior has no part in it, and the scatter is that beside all error
+    motions. What both have in common rests on the radius of the tip, too.
+    """
     w = whole(fitted())
     assert w.gain is not None
-    i = [c.name for c in w.coefficients].index("EXXb")
-    assert np.sqrt(w.covariance[i, i]) == pytest.approx(w.sigma * np.linalg.norm(w.gain[i]), rel=0.03)
+    names = [c.name for c in w.coefficients]
+    x, y = names.index("EXXb"), names.index("EYYb")
+
+    def std(sign: int) -> tuple[float, float]:
+        weights = np.zeros(len(names))
+        weights[x], weights[y] = 1, sign
+        return float(np.sqrt(weights @ w.covariance @ weights)), float(w.sigma * np.linalg.norm(weights @ w.gain))
+
+    differ, scatter = std(-1)
+    assert differ == pytest.approx(scatter, rel=0.03)
+    alike, scatter = std(1)
+    assert alike > 1.1 * scatter

@@ -210,6 +210,15 @@ def test_a_message_begins_with_the_size_that_the_page_has() -> None:
     assert "+28 µm" in plain(record["standing"][0]["now"], Units(), texts())
 
 
+def test_the_row_of_a_drift_has_size_and_date_of_its_alarm(tmp_path: Path) -> None:
+    """The row had the size of the night of the alarm, and the night before it as its date."""
+    place = cell(tmp_path / "one", records=[drifting()])
+    with site_of(place) as site:
+        row = read(site, f"/machine/{M}/nights").partition("All 1 nights")[2]
+        assert "Changed: C axis has moved along X by +28 µm since the night ending Sun 8 Nov 2026, +4.1 µm a day" in row
+        assert "12 µm" not in row and "7 Nov" not in row and "that night" not in row
+
+
 def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record = drifting()
     alarm = record["standing"][0]

@@ -24,7 +24,7 @@ from ..identify import Selection
 from ..kinematics import Slot, slot_name
 from ..model import STYLUS, Model, known, linearise
 from ..records import COMPONENTS, Array, Machine, TangoError
-from ..terms import Coefficient, backlash, cause, causes, error_motion, inter_axis
+from ..terms import GAP, Coefficient, backlash, cause, causes, error_motion, inter_axis
 from ..touches import Touches
 from .drift import drifting, is_drift
 
@@ -40,6 +40,7 @@ STILL = 1e-3  # of a standard deviation: no coefficient moves more in a step tha
 ALONE = 0.02  # share of a touch's own error that is left of it, below which no other touch says what it should be
 UNFELT = 0.1  # of its size before the touches: less is what a stylus shows that is a few µm beside the spindle axis
 TURN = 5  # component of a turn about Z, the direction of the spindle in every topology
+BALLS, RADIUS = "ERball", 2e-3  # mm: what nobody knows of the effective radius of a tip; late readings make it smaller
 SHORTEST = 1e-3  # mm or rad: what moves less stands still
 Drifts = Mapping[str, float]  # coefficients of `drifting`, their standard deviations, mm
 STANDS_STILL: Drifts = MappingProxyType({})
@@ -273,7 +274,22 @@ def with_all(fitted: Model, degree: int = DEGREE, order: int = ORDER) -> tuple[M
     setup = [c for c in fitted.coefficients if c.slot.axis in ("t", "w")]
     names = {c.name for c in own}
     extra = [c for c in every(fitted.touches, degree, order) if c.name not in names]
-    return Model(fitted.touches, (*own, *extra, *setup, *drifting(fitted.touches))), len(own) + len(extra)
+    beside = (*drifting(fitted.touches), *_radius(fitted.touches))
+    return Model(fitted.touches, (*own, *extra, *setup, *beside)), len(own) + len(extra)
+
+
+def _radius(touches: Touches) -> tuple[Coefficient, ...]:
+    """touches → how much larger tip and balls are together than stated, mm; () where no ball was touched.
+
+    Facets are as high as they are, and take the tip's own radius. A ball has its stated size: a tip that is 1 µm larger would be
+    read as backlash, which comes to it from all sides alike.
+    """
+    on_ball = np.array([touches.artefact.facets[f].ball is not None for f in touches.facet], dtype=bool)
+    return (Coefficient(BALLS, "mm", GAP, _on_balls),) if on_ball.any() else ()
+
+
+def _on_balls(touches: Touches) -> Array:
+    return -np.array([touches.artefact.facets[f].ball is not None for f in touches.facet], dtype=float)
 
 
 def every(touches: Touches, degree: int = DEGREE, order: int = ORDER) -> Iterator[Coefficient]:
@@ -354,6 +370,9 @@ def widths(model: Model, hidden: bool = False, drifts: Drifts | float = STANDS_S
         size = float(np.max(np.abs(model.regressors[j])))
         if is_drift(c):
             found[j] = 0.0 if size == 0 else drifts if isinstance(drifts, float) else drifts.get(c.name, 0.0)
+            continue
+        if c.name == BALLS:
+            found[j] = RADIUS
             continue
         if hidden and size <= FAINT and c.slot.stage in ("motion", "intra"):
             size = 1.0  # a wave of a rotary axis that is zero wherever it was touched

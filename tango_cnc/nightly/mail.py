@@ -125,7 +125,12 @@ def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
     told = {alarm.get("parameter") for alarm in alarms}  # said already
     for cause in record.get("behind") or ():
         same = next(
-            (a for a in alarms if a["since"] and (a["parameter"], a["since"]) == (cause["parameter"], cause["since"])), None
+            (
+                a
+                for a in alarms
+                if a.get("since") and (a.get("parameter"), a["since"]) == (cause.get("parameter"), cause.get("since"))
+            ),
+            None,
         )
         text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
         lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]

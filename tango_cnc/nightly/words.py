@@ -163,7 +163,8 @@ def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[st
     found, until what has come together is another number.
     """
     for a in record.get("standing") or ():
-        if x.get("since") and (x.get("parameter"), x["since"]) == (a.get("parameter"), a.get("since")) and not moved_on(a):
+        same = x.get("since") and (x.get("parameter"), x["since"]) == (a.get("parameter"), a.get("since"))
+        if same and a.get("total") is not None and not moved_on(a):
             return {**x, "text": a["text"]}
     return x
 

@@ -117,11 +117,25 @@ def of_shop(headline: str) -> str:
     if not isinstance(headline, Said) or headline.key != STANDING:
         return headline
     text, night = headline.values["text"], headline.values["night"]
-    since = text.values.get("since") if isinstance(text, Said) else None
-    if not isinstance(text, Said) or not isinstance(since, str) or isinstance(since, Said):
+    dated = _found(text, str(night))
+    if dated is None:
         return headline
-    values = {name: headline.values[name] for name in ("now", "who", "more", "part", "gap")}
-    return say("morning.still", text=text.but(since=say("morning.found", date=night)), **values)
+    return say("morning.still", text=dated, **{name: headline.values[name] for name in ("now", "who", "more", "part", "gap")})
+
+
+def _found(text: Any, night: str) -> Said | None:
+    """sentence on an alarm, date of the night that found it → the same with that date; None where it has another one: a drift may
+    have begun nights before its alarm.
+    """
+    if not isinstance(text, Said):
+        return None
+    since, moved = text.values.get("since"), text.values.get("moved")
+    if isinstance(since, str) and not isinstance(since, Said):
+        return text.but(since=say("morning.found", date=night))
+    if not isinstance(moved, Said) or days_between(moved.values.get("since"), night) != 1:
+        return None
+    dated = _found(moved, night)
+    return None if dated is None else text.but(moved=dated)
 
 
 def in_a_row(text: Any) -> Any:
