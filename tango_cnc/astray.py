@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy import special
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -14,6 +15,8 @@ from .records import Array, Facet
 
 AGREES = 0.05  # mm between a touch and the table that was found, where nothing else is stated
 DRAWN = 0.5  # mm to which a table that nobody has calibrated may have its facets beside each other
+WALL = 0.95  # cosine: facets that lie as much alike may be met by the stem at once
+CHANCE = 1e-3  # that touches which met something else, or facets that are not in their places, agree as well as that
 LEAST = 8  # touches that have to agree
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 TURNED = 3.0  # deg by which it may be turned then
@@ -60,7 +63,8 @@ def no_proof(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[int
     of another size can be turned so that it fits.
     """
     out, found, residual = best
-    if (loose := drawn(facets, tip, radius, agrees)) is not None:
+    kept = [row for row in range(len(facets)) if row != out]
+    if (loose := drawn(facets, tip, radius, agrees)) is not None and by_chance(residual[kept], len(facets), loose) > CHANCE:
         return (
             f"Either it met something else, or artefact.yaml has the facets in their places to {loose:g} mm only; these touches "
             f"cannot tell. 'tango locate --readings FILE --agrees {loose:g}' places the table from all of them, and nothing "
@@ -108,21 +112,39 @@ def drawn(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) -> 
     return drawn if agrees < drawn <= DRAWN else None
 
 
+def by_chance(residual: Array, touches: int, loose: float) -> float:
+    """(m,) mm of the touches that count, of how many in all, mm to which facets are in their places → chance that the best m agree
+    at least so well where none met anything but its facet.
+
+    Places anywhere within ± `loose` have a standard deviation of `loose` / √3; six unknowns leave m − 6 squares (χ²), and there are
+    `touches` choices of the one to leave out (Bonferroni).
+    """
+    square = float(residual @ residual) / (loose**2 / 3)
+    return float(touches * special.chdtr(len(residual) - 6, square))
+
+
 def two_against(
     facets: Sequence[Facet], tip: Array, radius: float, best: tuple[float, tuple[int, ...], Array, Array], agrees: float
 ) -> bool:
     """facets, tips, the fit that leaves one touch out, mm → whether that one is right where two others are wrong.
 
     The stem of the stylus may meet one wall at two facets: both are met early (+), and the one that is right, on the same wall or
-    on the opposite one, disagrees with both.
+    on the opposite one, disagrees with both. Facets of two walls are early by different lengths: that they agree with all others
+    nevertheless is chance, and the nearer they agree the less of it.
     """
-    kept, residual = best[1], best[3]
+    agree, kept, _, residual = best
     (out,) = set(range(len(facets))) - set(kept)
     for pair in combinations(kept, 2):
         rows = tuple(sorted({*kept, out} - set(pair)))
         other = solved(facets, tip, radius, rows)[1]
-        early = other[list(pair)].min() > 0
-        if early and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max():
+        early = float(other[list(pair)].min())
+        one, two = (facets[row].normal for row in pair)
+        alike = abs(np.dot(one, two)) > WALL
+        if (
+            early > 0
+            and (alike or agree > CHANCE * early)
+            and np.abs(other[list(rows)]).max() <= agrees < np.abs(other - residual).max()
+        ):
             return True
     return False
 

@@ -185,6 +185,22 @@ def test_a_table_of_another_size_is_not_placed(larger: float) -> None:
         locate.locate(planned, _met(planned, tip))
 
 
+@pytest.mark.parametrize(("beside", "placed"), [(0.0, True), (0.03, False)])
+def test_the_nearer_eight_agree_the_less_it_is_chance(beside: float, placed: bool) -> None:
+    """The stem meets facet 6, 0.5 mm early. Two others, early by other lengths, or facets right to 0.5 mm would explain it too."""
+    planned, radius, rng = made(), made().machine.probe.tip_radius, np.random.default_rng(8)
+    facets = [CELL.artefact.facets[touch.facet] for touch in planned.touches]
+    tip = np.array([_center(facet, radius) for facet in facets])
+    tip += rng.uniform(-beside, beside, (len(tip), 1)) * np.array([facet.normal for facet in facets])
+    row = [facet.id for facet in facets].index("6")
+    tip[row] += 0.5 * np.array(facets[row].normal)
+    if placed:
+        assert locate.locate(planned, _met(planned, tip)).left_out == ("6",)
+    else:
+        with pytest.raises(InputError, match=r"facet 6: .*--agrees 0\.\d"):
+            locate.locate(planned, _met(planned, tip))
+
+
 @pytest.mark.few(0)
 def test_a_touch_that_met_something_else_is_left_out_and_named() -> None:
     planned, radius = made(), made().machine.probe.tip_radius

@@ -131,6 +131,7 @@ def test_a_sign_that_was_lost_where_no_contact_shows_it_is_named_from_there(root
 def test_a_part_begins_and_ends_with_touches_that_feel_it(root: Path) -> None:
     found = first(spoilt(root, "hu40t", "X", slice(101, 121), 0.05), "zero_since")
     assert (found.touches[0], found.touches[-1]) == (106, 121)
+    assert "between touches 91 and 106" in found.change  # 102 is the first that is wrong
 
 
 @pytest.mark.long

@@ -13,12 +13,12 @@ The latest proof of a belief counts, and only while what it depends on is what i
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from ..records import InputError
-from .checked import load, printable
+from .checked import Node, Scalar, load, printable
 from .write import dump, write_text
 
 NAME = "commissioning.yaml"
@@ -47,10 +47,10 @@ def read_commissioning(folder: Path) -> tuple[Proof, ...]:
     if not file.is_file():
         return ()
     try:
-        data = load(file).plain()
-        if data["format"] != FORMAT:
-            raise InputError(f"{file}: format: found {data['format']!r:.80}; allowed: {FORMAT}")
-        proofs = tuple(_proof(item) for item in data["proofs"])
+        data = dict(load(file).items())
+        if (stated := data["format"].plain()) != FORMAT:
+            raise InputError(f"{file}: format: found {stated!r:.80}; allowed: {FORMAT}")
+        proofs = tuple(_proof(item) for item in data["proofs"].list())
     except (KeyError, TypeError) as error:
         said = printable(str(error))
         raise InputError(f"{file}: is no {FORMAT} file: {said}; move it away and run 'tango commission' again") from None
@@ -60,14 +60,20 @@ def read_commissioning(folder: Path) -> tuple[Proof, ...]:
     return proofs
 
 
-def _proof(item: Mapping[str, Any]) -> Proof:
+def _proof(item: Node) -> Proof:
     """one of the file → proof. Raises TypeError for members that no proof has."""
-    proof = Proof(**item)
-    for field in fields(Proof):
-        value = getattr(proof, field.name)
-        if not isinstance(value, (float, int, type(None)) if field.name == "value" else str) or isinstance(value, bool):
-            raise TypeError(f"{field.name}: found {value!r}")
+    stated: dict[str, Any] = {key: child.plain() if key == "value" else _words(child) for key, child in item.items()}
+    proof = Proof(**stated)
+    if not isinstance(proof.value, (float, int, type(None))) or isinstance(proof.value, bool):
+        raise TypeError(f"value: found {proof.value!r}")
     return proof
+
+
+def _words(value: Node) -> str:
+    """scalar → its characters, also where they look like a number: older files have hashes such as 2E9312264611 without quotes."""
+    if not isinstance(value.raw, Scalar) or value.raw.tag == "tag:yaml.org,2002:null":
+        raise TypeError(f"{value.path}: found no text")
+    return str(value.raw.value)
 
 
 def latest(proofs: Iterable[Proof], keys: Mapping[str, str]) -> dict[str, Proof]:

@@ -19,6 +19,18 @@ class _Dumper(yaml.SafeDumper):
     """Mappings of a file's first two levels in block style, whatever is below in one line."""
 
 
+def _quoted(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
+    """text → scalar, in quotes where a reader would take it for a number: the hash 2E9312264611 is none."""
+    try:
+        float(text)
+    except ValueError:
+        return dumper.represent_str(text)
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'")
+
+
+_Dumper.add_representer(str, _quoted)
+
+
 def dump(data: Any) -> str:
     """plain data → YAML text, keys in the given order."""
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)

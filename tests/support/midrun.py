@@ -71,9 +71,13 @@ def _moment(n: int, rng: Rng) -> int:
 
 def _near(s: Suspicion, readings: Readings, rows: Array) -> bool:
     """→ whether the touches of a suspicion begin where the mistake does."""
+    begin = int(np.flatnonzero(rows)[0])
+    if between := re.search(r"between touches (\d+) and (\d+)", s.change):  # those between do not show it
+        before, first = (int(np.searchsorted(readings.touch, int(n))) for n in between.groups())
+        return before - NEAR < begin <= first + NEAR
     said = re.search(r"touch(?:es)?(?: from)? (\d+)", s.text)
     number = s.touches[0] if s.touches else int(said[1]) if said else -99
-    return abs(int(np.searchsorted(readings.touch, number)) - int(np.flatnonzero(rows)[0])) <= NEAR
+    return abs(int(np.searchsorted(readings.touch, number)) - begin) <= NEAR
 
 
 def _moves(s: Suspicion, axis: str) -> bool:

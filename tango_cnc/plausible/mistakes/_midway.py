@@ -37,6 +37,7 @@ class Part:
     first: int
     end: int
     gain: float
+    unfelt: int = 0  # rows before the first that do not show it, so that it may have begun with any of them
 
     def rows(self, count: int) -> NDArray[np.bool_]:
         """n → (n,) mask."""
@@ -113,10 +114,12 @@ class Left:
             return None
         # Of touches that do not feel it, nobody knows whether they are in the part: it begins and ends with one that does.
         same = gain[first, end] * (1 - UNFELT)
-        first += int(np.argmin(np.append(gain[first:end, end] >= same, False))) - 1
+        unfelt = int(np.argmin(np.append(gain[first - 1 :: -1, end] >= same, False))) if first else 0
+        more = int(np.argmin(np.append(gain[first:end, end] >= same, False))) - 1
+        first, unfelt = first + more, unfelt + more
         if end < n:
             end -= int(np.argmin(np.append(gain[first, end:first:-1] >= same, False))) - 1
-        return Part(first, end, float(gain[first, end])), float(found[first, end] / size[first, end])
+        return Part(first, end, float(gain[first, end]), unfelt), float(found[first, end] / size[first, end])
 
     def since(self, levers: Array) -> tuple[Part, Array] | None:
         """(n, a) gap a unit of several axes → from which touch on they are elsewhere, and by how much (a,)."""

@@ -54,11 +54,20 @@ def _hypothesis(case: Case, names: tuple[str, ...], found: Changed) -> Hypothesi
         say(f"mistake.zero_since.{'from' if on else 'between'}", **which),
         "readings",
         ", ".join(names),
-        say("mistake.zero_since.change", axes=joined(", ", names), first=int(number[0])),
+        _change(case, names, found.part),
         readings=found.readings,
         touches=tuple(int(t) for t in number),
         price=PRICE + (0.0 if on else MORE) + (SEVERAL if len(names) > 1 else 0.0),
     )
+
+
+def _change(case: Case, names: tuple[str, ...], part: Part) -> str:
+    """→ where to look: between the last touch that has the old zero and the first that has the new one."""
+    number, before = case.readings.touch, part.first - part.unfelt - 1
+    which = {"axes": joined(", ", names), "first": int(number[part.first])}
+    if before < 0:
+        return say("mistake.zero_since.change", **which)
+    return say("mistake.zero_since.change_between", before=int(number[before]), **which)
 
 
 def _said(case: Case, names: tuple[str, ...], more: Array) -> str:
