@@ -321,6 +321,21 @@ def test_the_box_of_the_nights_dates_an_alarm_by_the_night_that_raised_it(
     assert "the night before" not in box.text and (rate is not None or f"since the {dated}" in box.text)
 
 
+def test_the_box_of_the_nights_has_the_size_that_an_alarm_has_on_its_page(facts: Facts) -> None:
+    """It had +19 µm, the number of the night of the alarm, where the page had +21 µm."""
+    text = say("changed.unnamed", name="EY0C", size=value(0.0191, "mm", 0.0005), since="2026-11-11")
+    alarm = {"id": "2026-11-12-020000-1", "night": "2026-11-12", "since": "2026-11-11", "text": text, "rate_per_day": None}
+    alarm |= {"parameter": "EY0C", "decision": None, "owner": None, "unit": "mm", "size": 0.0191, "std": 0.0005, "total": 0.0212}
+    alarm |= {"now": say("night.alarms.still_there", told=value(0.0212, "mm", 0.0005))}
+    limits = [{"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}]
+    record: dict[str, Any] = {"night": "2026-11-30", "kind": "check", "status": "complete", "standing": [alarm], "limits": limits}
+    record |= {"verdict": "out_of_limits", "alarms": []}
+    record |= {"headline": headline(record)}
+    night = NewestNight("2026-11-30", "out_of_limits", as_decided(record, ()), 1, record=record)
+    box = next(c for c in verdict(replace(facts, nights=night), texts()).checks if c.name == "nights")
+    assert "by +21 µm since the night ending Thu 12 Nov 2026" in box.text and "+19" not in box.text
+
+
 def test_letters_of_pictures_are_legible_on_paper() -> None:
     """A drawing of 36 pt had letters of 3.7 pt, a picture over half a page such of 5.5 pt."""
     drawn = '<svg xmlns="x" viewBox="0 0 108 78" width="108" height="78" font-size="10"><text font-size="40">X</text></svg>'
