@@ -17,12 +17,14 @@ from starlette.testclient import TestClient
 from tango_cnc.files.nightly import read_nightly
 from tango_cnc.nightly.mail import message
 from tango_cnc.report.answer import answer, renamed, said_cut_off
+from tango_cnc.report.faults import faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import of_faults
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.report.words import subject
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -228,7 +230,9 @@ def test_nobody_is_told_when_to_make_parts_below_make_no_parts(verdict: str, tmp
     assert (usual in message(record, (), ())[1]) is not forbidden
     for path in ("/alarms", f"/machine/{M}") if verdict != "doubtful" else ("/alarms",):
         page = seen(place, path)
-        assert (usual in page) is not forbidden and ("come to its usual temperature and measure it again" in page) is forbidden, path
+        assert (usual in page) is not forbidden and ("come to its usual temperature and measure it again" in page) is forbidden, (
+            path
+        )
 
 
 @pytest.mark.parametrize("confirmed", [None, "2026-11-26"])

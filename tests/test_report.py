@@ -21,7 +21,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_readings, read_world, readings_text, write_text
 from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
-from tango_cnc.nightly.words import headline
+from tango_cnc.nightly.words import headline, value
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings, TangoError
 from tango_cnc.report import page, pdf
