@@ -130,30 +130,36 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
+    _told(found, result, agrees, len(kept), known[1])
+
+
+def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, worst: str) -> None:
+    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet that is known worst → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
     click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
     if found.left_out:
-        worst = float(found.residual[np.argmax(np.abs(found.residual))])
+        off = float(found.residual[np.argmax(np.abs(found.residual))])
         click.echo(
-            f"facet {found.left_out[0]} does not count: its touch is {worst:+.2f} mm from where the others place the "
+            f"facet {found.left_out[0]} does not count: its touch is {off:+.2f} mm from where the others place the "
             "table. Something else was met there: see what it is before you go on"
         )
-    click.echo(f"facets that are right to {agrees:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}")
+    click.echo(
+        f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
+    )
     if agrees > AGREES:
-        spare = len(kept) - 6
         click.echo(
-            f"{len(kept)} touches count, {spare} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
+            f"{kept} touches count, {kept - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
             "met something else by a little more than that is not noticed. Touch three facets by hand before you go on"
         )
-    if unseen:
+    if unseen := result["unseen"]:
         click.echo(
             f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
             "them. Measure that size before you trust a short search there"
         )
-    click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
+    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
 def _notice(made: Plan, within: float) -> str:

@@ -109,7 +109,7 @@ def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Cal
         if unsaid := [what for what in asked if what not in said]:
             return Ruling("OPEN", f"nobody has said it of {', '.join(unsaid)}")
         return Ruling(
-            "PASS", "said by --answers yes, by nobody at the machine" if seen.unasked else "said by the person at the machine"
+            "PASS", "said by --answers yes, and no person was asked" if seen.unasked else "said by the person at the machine"
         )
 
     return judge
