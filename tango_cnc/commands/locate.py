@@ -134,7 +134,7 @@ def command(
 
 
 def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, worst: str) -> None:
-    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet that is known worst → says it."""
+    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet known worst → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
