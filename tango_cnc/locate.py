@@ -229,13 +229,16 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
     met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
     if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
-        raise InputError(f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands")
+        raise InputError(
+            f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands; "
+            f"{_missed(readings)}. {_advice(plan)}"
+        )
     tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
     least = min(LEAST, len(plan.touches))
     if len(met) < least:
         raise InputError(
-            f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed. "
-            f"{_advice(plan)}"
+            f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed; "
+            f"{_missed(readings)}. {_advice(plan)}"
         )
     radius = plan.machine.probe.tip_radius
     kept, found, residual = agreeing(facets, tip, radius, least, agrees)
@@ -250,8 +253,8 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
         worst = int(np.argmax(np.abs(residual)))
         raise InputError(
             f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
-            f"{agrees:g} mm.{_looser(facets, tip, radius, least, agrees)} Was another facet touched, or something that is not the "
-            f"table? {_advice(plan)}"
+            f"{agrees:g} mm. Was another facet touched, or something that is not the table? {_advice(plan)}."
+            f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     artefact = moved(plan.artefact, found[:3], found[3:])
@@ -262,6 +265,17 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
     return Located(found[:3], found[3:], residual, left_out, artefact)
+
+
+def _missed(readings: Readings) -> str:
+    """readings of the cycle → at which facets nothing was met."""
+    names = [name for name, status in zip(readings.facet, readings.status, strict=True) if status not in ("ok", "early")]
+    return f"nothing was met at {', '.join(names)}"
+
+
+def _hidden(readings: Readings) -> str:
+    """readings of the cycle, in which a touch met nothing → why a table whose file is less exact is not offered."""
+    return f" As {_missed(readings)}, too few touches are left to take the table for less exact than its file"
 
 
 def unseen(artefact: Artefact, names: Sequence[str]) -> tuple[str, ...]:
@@ -285,8 +299,8 @@ def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agre
     if enough is None:
         return ""
     return (
-        f" If the facets are in their places on the table to {enough:g} mm only, 'tango locate --readings FILE --agrees "
-        f"{enough:g}' places it from these same touches; nothing moves."
+        f" Only if you know that the facets are in their places on the table to {enough:g} mm and no better: 'tango locate "
+        f"--readings FILE --agrees {enough:g}' places it from these same touches; nothing moves"
     )
 
 

@@ -141,7 +141,8 @@ def test_a_table_like_its_drawing_is_found_from_the_same_touches_once_that_is_st
     true = replace(true, facets=moved)
     came = readings(touched(true))
     with pytest.raises(
-        InputError, match=r"allowed: 0\.05 mm\. If the facets .* --agrees (0\.\d)' places it from these same touches"
+        InputError,
+        match=r"allowed: 0\.05 mm\. .*Only if you know that the facets .* --agrees (0\.\d)' places it from these same touches",
     ):
         locate.locate(made(), came)
     got = locate.locate(made(), came, 0.3).artefact

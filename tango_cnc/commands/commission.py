@@ -164,7 +164,8 @@ def command(
     turn = TURN.format(100 * commission.DIAL)
     if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)) and click.confirm(turn, err=True):
         seen, control = _at_quarter(at, seen)
-    seen = replace(seen, answers=_asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none"))
+    said_so = _asked(commission.answerable(questions, seen), answers if someone or answers != "ask" else "none")
+    seen = replace(seen, answers=said_so, unasked=answers == "yes")
     judged = [j for j in commission.judge(seen) if j.experiment.belief in wanted or j.verdict.verdict == "FAIL"]
     failed = told(cell, post, judged, programs[0].mark, control, json_file)
     if not seen.ended:
@@ -172,8 +173,7 @@ def command(
     if failed:
         raise click.exceptions.Exit(FAILED)
     if json_file != "-":
-        _left_open([j.experiment.belief for j in judged if j.verdict.verdict == "OPEN"])
-        ahead(folder, "run")
+        _afterwards(folder, [j.experiment.belief for j in judged if j.verdict.verdict == "OPEN"])
 
 
 @dataclass(frozen=True)
@@ -268,14 +268,16 @@ def _at_quarter(at: _Control, seen: Any) -> tuple[Any, str]:
     return replace(seen, dialled=once.times, kept=_kept(at.address, at.post, once.begun)), control
 
 
-def _left_open(still: Sequence[str]) -> None:
-    """beliefs that are neither proven nor refuted → what to do about them, where there are any."""
+def _afterwards(folder: Path, still: Sequence[str]) -> None:
+    """cell, beliefs that are neither proven nor refuted → what to do about them, where there are any, and what comes next."""
     if still:
         click.echo(
             f"OPEN is not proven: {', '.join(still)}. Before a run that nobody watches, commission again at a terminal, with a "
             "person at the machine who answers what is asked (--held and --dial are asked there, too)",
             err=True,
         )
+    click.echo("Where artefact.yaml is right to some 20 mm only, find the table before the run: tango locate", err=True)
+    ahead(folder, "run")
 
 
 def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:

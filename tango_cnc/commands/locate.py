@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
+from ..astray import AGREES
 from ..files import artefact_text, read_cell, read_readings, write_text
+from ..files.origin import set_aside
 from ..files.targets import spared
+from ..records import InputError
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._live import Live
 from ._written import conducted, written
 
 if TYPE_CHECKING:
     from ..locate import Located
+    from ..records import Plan
 
 PLACE = "Measure 20"  # in the list of commands
+FAILED = 1  # exit status: the touches were made, and do not say where the table stands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
 
@@ -78,25 +83,17 @@ def command(
         if any(option.name == "misses" for option in post.options):
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
         programs = written(cell, folder / FOLDER / "program", post, made, options)
+        notice = _notice(made, within)
         if only_program:
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
             click.echo(
                 f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then 'tango locate -C {folder} "
                 '--port "file:///FOLDER/TANGO.TXT?from=last" --yes\' makes readings of that file and says where the table stands'
             )
+            click.echo(f"before it: {notice}")
             return
-        approach = made.strategy.approach
-        notice = (
-            f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
-            f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
-        )
-        near, most = locate.beside(made, within)
-        if most < within:
-            notice += (
-                f" Facets {', '.join(near)} have an edge nearer than that: a table more than {most} mm away may show the "
-                f"ball something else there. Then it is refused, and nothing is hit. 'tango locate --within {max(most, 1)}' is for "
-                "a table whose place is known so well."
-            )
+        if yes:
+            click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
         address, many = address_of(cell, port), len(made.touches)
         with holding(folder, "tango locate"), Live(None) as live:
@@ -106,8 +103,13 @@ def command(
     else:
         assert file is not None
         readings = read_readings(file, cell.machine, cell.artefact)
-    found = locate.locate(made, readings, agrees)
     where = out or folder / FOLDER / "artefact.yaml"
+    before = set_aside(where) if out is None and post is not None else None
+    try:
+        found = locate.locate(made, readings, agrees)
+    except InputError as error:
+        click.echo(f"\ntango: {error}{_before(where, before)}", err=True)
+        raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
     kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
@@ -128,24 +130,62 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
+    _told(found, result, agrees, len(kept), known[1])
+
+
+def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, worst: str) -> None:
+    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet known worst → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
     click.echo(f"and turned by {float(np.linalg.norm(turned)):.4f} deg: {parts}")
     click.echo(f"largest difference of a touch that counts: {_worst(found):.4f} mm")
     if found.left_out:
-        worst = float(found.residual[np.argmax(np.abs(found.residual))])
+        off = float(found.residual[np.argmax(np.abs(found.residual))])
         click.echo(
-            f"facet {found.left_out[0]} does not count: its touch is {worst:+.2f} mm from where the others place the "
+            f"facet {found.left_out[0]} does not count: its touch is {off:+.2f} mm from where the others place the "
             "table. Something else was met there: see what it is before you go on"
         )
-    click.echo(f"facets that are right to {agrees:g} mm on the table are known to {known[0]:.2f} mm now, the worst is {known[1]}")
-    if unseen:
+    click.echo(
+        f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
+    )
+    if agrees > AGREES:
+        click.echo(
+            f"{kept} touches count, {kept - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
+            "met something else by a little more than that is not noticed. Touch three facets by hand before you go on"
+        )
+    if unseen := result["unseen"]:
         click.echo(
             f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
             "them. Measure that size before you trust a short search there"
         )
-    click.echo(f"→ {where}; copy it over artefact.yaml of the cell if this is right")
+    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
+
+
+def _notice(made: Plan, within: float) -> str:
+    """plan of the cycle, mm by which the table may stand elsewhere → what the person at the machine has to know before it moves."""
+    from .. import locate
+
+    approach = made.strategy.approach
+    notice = (
+        f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
+        f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
+    )
+    near, most = locate.beside(made, within)
+    if most < within:
+        notice += (
+            f" Facets {', '.join(near)} have an edge nearer than that: a table more than {most} mm away may show the "
+            f"ball something else there. Then it is refused, and nothing is hit. 'tango locate --within {max(most, 1)}' is for "
+            "a table whose place is known so well."
+        )
+    return notice
+
+
+def _before(where: Path, aside: str | None) -> str:
+    """file of the artefact in its place, name under which an earlier one is kept → a sentence about an earlier one; '' for none."""
+    if aside is not None:
+        return f" What was found before is kept as {where.with_name(aside)}: the table may have moved since"
+    return f" {where} is of an earlier locating, not of these readings" if where.exists() else ""
 
 
 def _worst(found: Located) -> float:

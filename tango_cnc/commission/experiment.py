@@ -25,6 +25,7 @@ class Seen:
     seconds: float | None = None  # from the start mark to the end mark
     held: bool | None = None  # whether the program stopped while somebody held the stylus aside; None: not tried
     answers: Mapping[str, Mapping[str, bool]] = field(default_factory=dict)  # {belief: {what: what the person says of it}}
+    unasked: bool = False  # --answers yes has answered: nobody has seen it
     pivots: Mapping[str, Pivot] | None = None  # of the rotary axes, where the table was touched
     late: float | None = None  # s by which positions are read late
     times: Mapping[int, float] = field(default_factory=dict)  # s at which each record has come, by touch number
@@ -98,6 +99,8 @@ def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Cal
     def judge(seen: Seen) -> Ruling:
         said, asked = seen.answers.get(belief, {}), asks(seen.plan)
         unmade = unmade_of(asked, seen)
+        if not asked:
+            return Ruling("PASS", "there is nothing of it on this machine that a person could see")
         wrong = [what for what in asked if what not in unmade and said.get(what) is False]
         if wrong:
             return Ruling("FAIL", f"{', '.join(wrong)}: the person at the machine says no")
@@ -105,6 +108,8 @@ def answered(belief: str, asks: Callable[[Plan], Mapping[str, Question]]) -> Cal
             return Ruling("OPEN", f"the moves of {', '.join(unmade)} were not made")
         if unsaid := [what for what in asked if what not in said]:
             return Ruling("OPEN", f"nobody has said it of {', '.join(unsaid)}")
-        return Ruling("PASS", "said by the person at the machine")
+        return Ruling(
+            "PASS", "said by --answers yes, and no person was asked" if seen.unasked else "said by the person at the machine"
+        )
 
     return judge

@@ -174,7 +174,7 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
         now = plain(_confirmed_on(first["now"], how.known_of, t), how.u, t, how.machine)
         dated = bool(how.known_of) and _of_two_nights(first["now"])
         told = t("morning.now_of", told=now, date=day(how.known_of, t)) if dated else now
-        still = whole_sentence(sentence(told, Units()))
+        still = whole_sentence(sentence(told, Units(), t))
         return {"still": still, "text": f"{first['text']} {still}"}
     if len(same) > 1 and not story.one_number:
         return {"text": f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"}

@@ -18,7 +18,7 @@ MORE = 3.0  # for an end
 SEVERAL = 6.0  # for all axes at once
 NEARLY = 0.9  # of what an axis does to a part of a run is of one indexation: then that was turned
 MOSTLY = 0.5  # and so much of that indexation is in the part
-LEAST, LEAST_TURN = 0.05, math.radians(0.015)  # mm, rad (that 200 mm away): less is a knock or a drift, nothing that somebody sets
+LEAST, LEAST_TURN = 0.05, 0.05 / 150  # mm, rad (as much 150 mm away): less is a knock or a drift, nothing that somebody sets
 
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
