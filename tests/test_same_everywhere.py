@@ -234,6 +234,19 @@ def test_an_alarm_has_one_size_on_a_page_in_the_fleet_and_in_the_status(tmp_path
         assert "along X by +21.2 ± 0.3 µm since" in row and "19.1" not in row, words
 
 
+def test_pages_show_the_history_that_was_put_in_place_of_another(tmp_path: Path) -> None:
+    """The server kept the file open that `tango history restore` had renamed, and showed its nights until it was started again."""
+    place = cell(tmp_path / "one", records=[night(M, i) for i in range(9)])
+    other = cell(tmp_path / "two", records=[night(M, i) for i in range(3)])
+    with site_of(place) as site:
+        assert "All 9 nights" in read(site, f"/machine/{M}/nights")
+        (place / "history.db").rename(place / "history.db.before")
+        (other / "history.db").rename(place / "history.db")
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined] # five seconds later
+        assert "All 3 nights" in read(site, f"/machine/{M}/nights") and read(site, f"/machine/{M}").count("2 Nov") == 0
+        assert day(night(M, 2)["night"], texts()) in read(site, f"/machine/{M}")
+
+
 def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record = drifting()
     alarm = record["standing"][0]
