@@ -77,7 +77,8 @@ def test_a_fork_that_sits_elsewhere_as_a_whole_does_nothing_once_the_zero_is_fou
 
 
 def test_a_message_names_the_axis_that_may_be_meant_instead() -> None:
-    names = _about({"text": "", "on_part": "", "do": "", "instead": ["EX0C", "stylus"]}, "Ann", texts())
+    cause = {"text": "", "on_part": "", "do": "", "instead": ["EX0C", "stylus"]}
+    names = _about(cause, "Ann", texts(), {"verdict": "changed"})
     assert any("C axis off in X (EX0C), stylus" in line for line in names)
 
 
