@@ -17,12 +17,14 @@ from starlette.testclient import TestClient
 from tango_cnc.files.nightly import read_nightly
 from tango_cnc.nightly.mail import message
 from tango_cnc.report.answer import answer, renamed, said_cut_off
+from tango_cnc.report.faults import faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.orders import of_faults
 from tango_cnc.report.reach import or_else, to_ask
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.report.words import subject
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -214,3 +216,35 @@ def test_the_first_screen_has_the_size_that_counts_and_the_rest_is_folded() -> N
 def test_what_drifts_is_named_by_its_axis() -> None:
     t = texts()
     assert [subject(name, None, t) for name in ("EY0C", "EX0S", "EXX1")] == ["C axis", "spindle", "scale of X"]
+
+
+@pytest.mark.parametrize("verdict", ["changed", "out_of_limits", "doubtful"])
+def test_nobody_is_told_when_to_make_parts_below_make_no_parts(verdict: str, tmp_path: Path) -> None:
+    """ "Make no parts on it." stood above "Make parts while the machine is at its usual temperature", and both in the message."""
+    told = {"cause": "temperature", "parameter": "temperature", "text": "the machine has moved with its temperature"}
+    told |= {"do": say("cause.temperature.do"), "on_part": "Warm and cold parts differ.", "rate_per_day": None}
+    old = knock("2026-11-20") | told | {"night": "2026-11-20", "since": "2026-11-19", "now": "", "total": None}
+    record = night(M, 30, verdict, standing=[old], **dated(0)) | {"headline": "as it is"}
+    place = cell(tmp_path / "one", records=[record])
+    usual, forbidden = "Make parts while the machine is", verdict != "changed"
+    assert (usual in message(record, (), ())[1]) is not forbidden
+    for path in ("/alarms", f"/machine/{M}") if verdict != "doubtful" else ("/alarms",):
+        page = seen(place, path)
+        assert (usual in page) is not forbidden and ("come to its usual temperature" in page) is (verdict == "out_of_limits"), path
+
+
+@pytest.mark.parametrize("confirmed", [None, "2026-11-26"])
+def test_no_compensation_is_asked_for_a_change_that_made_the_error_nearly_nothing(confirmed: str | None) -> None:
+    """ "Have the compensation written" stood above "It is nearly right now: do not correct the change"."""
+    do = say("cause.axis_location.do")
+    a = knock("2026-11-25") | {"id": "2026-11-25-1", "night": "2026-11-25", "since": "2026-11-24", "size": 0.0198, "do": do}
+    a |= {"now": "", "total": 0.0198, "confirmed": confirmed}
+    for value, right in ((0.0011, True), (-0.091, False)):
+        record = night(M, 30, "changed", standing=[a])
+        record["parameters"]["EX0C"] |= {"value": value, "seen": True}
+        (one,) = faults(record, (), {}, Units(), texts())
+        assert ("do not correct the change" in one["whole"]) is right
+        for told in (one["todo"], message(record, (), ())[1]):
+            assert ("have the compensation written" in told) is not right, told
+            assert ("ave no compensation written" in told) is right and "have maintenance look" in told
+            assert ("two measurements show" in told) is bool(confirmed)

@@ -21,7 +21,7 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_readings, read_world, readings_text, write_text
 from tango_cnc.iso230.signed import signed
 from tango_cnc.judgement import Judgement
-from tango_cnc.nightly.words import headline
+from tango_cnc.nightly.words import headline, value
 from tango_cnc.plausible import judge
 from tango_cnc.records import Cell, InputError, Readings, TangoError
 from tango_cnc.report import page, pdf
@@ -319,6 +319,21 @@ def test_the_box_of_the_nights_dates_an_alarm_by_the_night_that_raised_it(
     tonight = {**record, "night": "2026-11-21", "standing": [], "alarms": [alarm | {"text": text.but(since="last night")}]}
     box = boxed(NewestNight("2026-11-21", record["verdict"], headline(tonight), 1, record=tonight))
     assert "the night before" not in box.text and (rate is not None or f"since the {dated}" in box.text)
+
+
+def test_the_box_of_the_nights_has_the_size_that_an_alarm_has_on_its_page(facts: Facts) -> None:
+    """It had +19 µm, the number of the night of the alarm, where the page had +21 µm."""
+    text = say("changed.unnamed", name="EY0C", size=value(0.0191, "mm", 0.0005), since="2026-11-11")
+    alarm = {"id": "2026-11-12-020000-1", "night": "2026-11-12", "since": "2026-11-11", "text": text, "rate_per_day": None}
+    alarm |= {"parameter": "EY0C", "decision": None, "owner": None, "unit": "mm", "size": 0.0191, "std": 0.0005, "total": 0.0212}
+    alarm |= {"now": say("night.alarms.still_there", told=value(0.0212, "mm", 0.0005))}
+    limits = [{"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}]
+    record: dict[str, Any] = {"night": "2026-11-30", "kind": "check", "status": "complete", "standing": [alarm], "limits": limits}
+    record |= {"verdict": "out_of_limits", "alarms": []}
+    record |= {"headline": headline(record)}
+    night = NewestNight("2026-11-30", "out_of_limits", as_decided(record, ()), 1, record=record)
+    box = next(c for c in verdict(replace(facts, nights=night), texts()).checks if c.name == "nights")
+    assert "by +21 µm since the night ending Thu 12 Nov 2026" in box.text and "+19" not in box.text
 
 
 def test_letters_of_pictures_are_legible_on_paper() -> None:

@@ -219,6 +219,34 @@ def test_the_row_of_a_drift_has_size_and_date_of_its_alarm(tmp_path: Path) -> No
         assert "12 µm" not in row and "7 Nov" not in row and "that night" not in row
 
 
+def test_an_alarm_has_one_size_on_a_page_in_the_fleet_and_in_the_status(tmp_path: Path) -> None:
+    """Pages had +21 µm of an alarm, `tango fleet` and the status +19 µm, which was the number of its own night."""
+    record = drifting()
+    record["standing"][0] |= {"rate_per_day": None, "size": 0.0191, "total": 0.0212, "std": 0.0003}
+    record["standing"][0] |= {"text": changed("EX0C", value(0.0191, "mm", 0.0003), "2026-11-07")}
+    record["standing"][0] |= {"now": say("night.alarms.still_there", told=value(0.0212, "mm", 0.0003))}
+    record["headline"] = headline(record)
+    place = cell(tmp_path / "one", records=[record])
+    with site_of(place) as site:
+        assert "along X by +21 µm since" in read(site, f"/machine/{M}/nights")
+    for words in (["fleet", str(place)], ["nightly", "-C", str(place), "--status"], ["history", "list", "-C", str(place)]):
+        row = next(line for line in CliRunner().invoke(tango, words).output.splitlines() if "along X" in line)
+        assert "along X by +21.2 ± 0.3 µm since" in row and "19.1" not in row, words
+
+
+def test_pages_show_the_history_that_was_put_in_place_of_another(tmp_path: Path) -> None:
+    """The server kept the file open that `tango history restore` had renamed, and showed its nights until it was started again."""
+    place = cell(tmp_path / "one", records=[night(M, i) for i in range(9)])
+    other = cell(tmp_path / "two", records=[night(M, i) for i in range(3)])
+    with site_of(place) as site:
+        assert "All 9 nights" in read(site, f"/machine/{M}/nights")
+        (place / "history.db").rename(place / "history.db.before")
+        (other / "history.db").rename(place / "history.db")
+        site.app.state.tango.places.forget()  # type: ignore[attr-defined] # five seconds later
+        assert "All 3 nights" in read(site, f"/machine/{M}/nights") and read(site, f"/machine/{M}").count("2 Nov") == 0
+        assert day(night(M, 2)["night"], texts()) in read(site, f"/machine/{M}")
+
+
 def test_a_message_keeps_the_size_of_what_is_as_it_was_found() -> None:
     record = drifting()
     alarm = record["standing"][0]

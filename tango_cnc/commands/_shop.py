@@ -11,6 +11,7 @@ import click
 from ..files.nightly import Nightly, read_nightly
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts_of
+from ..report.tonight import sized
 
 if TYPE_CHECKING:
     from ..history import History, Night
@@ -30,13 +31,14 @@ def here() -> Texts:
     return of_shop(read_nightly(folder) if isinstance(folder, Path) else Nightly())
 
 
-def headlines(history: History, nights: Sequence[Night]) -> Mapping[int, str]:
-    """history, nights of one machine → {entry: what the night said, with what was decided since}, as texts that can be translated
-    where they were recorded so.
+def headlines(history: History, nights: Sequence[Night], by_now: bool = True) -> Mapping[int, str]:
+    """history, nights of one machine, whether an alarm of another night has the size of the night that names it → {entry: what the
+    night said, with what was decided since}, as texts that can be translated where they were recorded so.
     """
     records = history.records_of([n.entry for n in nights])
     decisions = history.decisions(nights[0].machine) if nights else ()
-    return {n.entry: as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights}
+    said = {n.entry: as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights}
+    return {entry: sized(text, records.get(entry, {})) for entry, text in said.items()} if by_now else said
 
 
 def note_simulated(history: History, machine: str, t: Texts) -> None:

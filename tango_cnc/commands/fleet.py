@@ -19,6 +19,7 @@ from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, TangoError
 from ..report.repeated import as_found
+from ..report.tonight import sized
 from ..texts import instead, joined, say
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
@@ -178,12 +179,13 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
 
     nights = history.nights(s.machine, last=NIGHTS)
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
-    said = headlines(history, nights[:1])[nights[0].entry] if nights else ""
+    said = headlines(history, nights[:1], by_now=False)[nights[0].entry] if nights else ""
     record = history.night(nights[0].entry).record if nights else {}
     said = as_found(said, {**record, "alarms": ()})
     if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
         said = as_found(said, record)
         said = instead(said, "last night", say("check.night_before", date=nights[0].night))
+    said = sized(said, record)
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
     yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)

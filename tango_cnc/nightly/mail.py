@@ -11,8 +11,9 @@ from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night
+from ..report.right import by_its_whole
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight, with_its_size
+from ..report.tonight import WARMED, by_tonight, by_verdict, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
@@ -80,9 +81,7 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
 def _first(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> list[str]:
     """record, decisions, texts → its headline with the date that pages give an alarm, and what comes before everything else."""
     lines = [t("audit.simulated"), ""] if record.get("simulated") else []
-    first: Any = as_found(as_decided(record, decisions), record)
-    for one in (record.get("standing") or ())[:1]:
-        first = with_its_size(first, one)
+    first = sized(as_found(as_decided(record, decisions), record), record)
     return [*lines, _sentence(t.of(first)), *parts_first(record, t), ""]
 
 
@@ -94,7 +93,7 @@ def _alarms(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) 
         lines += [f"* {t.of(_of_its_night(alarm['text'], alarm, record['night']))}", f"  {since}"]
         lines += [f"  {t.of(more['text'])}"] if (more := beside(alarm)) else []
         taken = alarm["owner"] if alarm.get("decision") else ""
-        lines += _about(alarm, owner_of(alarm["owner"], record, t), t, record["night"])
+        lines += _about(alarm, owner_of(alarm["owner"], record, t), t, record, record["night"])
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     return lines
 
@@ -108,7 +107,7 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
         lines += [f"* {t('mail.alarm_of', night=alarm['night'], who=who, text=_of_its_night(alarm['text'], alarm))}"]
         lines += [f"  {t.of(alarm['now'])}"] if alarm.get("now") else []
         lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
-        lines += [*_about(alarm, owner_of(alarm["owner"], record, t), t)]
+        lines += [*_about(alarm, owner_of(alarm["owner"], record, t), t, record)]
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
     if len(standing) > SHOWN:
         lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
@@ -134,7 +133,7 @@ def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
         )
         text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
         lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]
-        lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t)), ""]
+        lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t, record)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
         lines += [f"* {t('mail.do', text=t('night.beyond_do'))}", f"  {t('mail.owner', owner=owner)}", ""]
     return lines
@@ -246,8 +245,10 @@ def _of_its_night(text: str, a: Mapping[str, Any], night: str = "") -> str:
     return instead(instead(text, "last night", str(a["since"])), str(a["since"]), _since(a, night))
 
 
-def _about(cause: Mapping[str, Any], owner: str, t: Texts, night: str = "") -> list[str]:
-    """alarm or what stands behind a limit, who is asked, texts, its night where that is tonight → what it does, what to do."""
+def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, Any], night: str = "") -> list[str]:
+    """alarm or what stands behind a limit, who is asked, texts, record, its night if that is tonight → effect, what to do."""
+    usual = cause["do"]
+    cause = by_its_whole(by_verdict(cause, record["verdict"]), record)
     steady = cause.get("rate_per_day") and cause.get("steady", True)  # what came in one night goes on at no rate
     rate = value(cause["rate_per_day"], cause["unit"]) if steady else ""
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
@@ -255,7 +256,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, night: str = "") -> l
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
     lines += [
         t("mail.on_part", text=_of_its_night(by_tonight(cause)["on_part"], cause, night)),
-        t("mail.do", text=t(again) if again in t else cause["do"]),
+        t("mail.do", text=t(again) if again in t and cause["do"] == usual else cause["do"]),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
     if steady and of_machine and not cause.get("stands"):

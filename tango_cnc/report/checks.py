@@ -15,6 +15,7 @@ from .facts import Facts
 from .plain import length, plain
 from .repeated import as_found
 from .texts import Texts
+from .tonight import sized
 from .verdict import MISSING, OUTLIERS, PREDICTED, RATIO, Check, Level, Verdict, graded, worst_of
 
 VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
@@ -155,7 +156,7 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     word = t(f"morning.{n.verdict}") if n.verdict in VERDICTS else n.verdict
     # What was said in the night knows nothing of what was decided since.
     headline = n.cause if n.cause and n.verdict == "changed" else n.headline
-    dated = as_found(headline, n.record or {})
+    dated = sized(as_found(headline, n.record or {}), n.record or {})
     said = instead(dated, "last night", say("check.night_before", date=n.date))  # a report is read tomorrow, too
     age = n.beside(f.paper.measured)
     text = t(

@@ -19,9 +19,10 @@ from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
 from .reach import instead_of
+from .right import is_right, whole_of, without_compensation
 from .texts import Texts
 from .together import CLOSED, SAME, closed, together
-from .tonight import LENGTHS, by_tonight
+from .tonight import LENGTHS, by_tonight, by_verdict
 from .units import Units, shown
 from .words import spoken, subject, unforeseen
 
@@ -79,7 +80,7 @@ def faults(
     how = _Today(record, known, decisions, u, t, machine, today, events)
     repaired = [str(d.utc) for d in decisions.values() if d.action == "repaired" and d.utc]
     causes = together(_told(how, waiting), u, t, machine, events, repaired, str(known.get("night") or ""), bool(old))
-    found = [x | {"whole": "" if old else _whole_error(x, known, u, t, machine, events)} for x in causes]
+    found = [x | ({"whole": ""} if old else _whole_error(x, known, u, t, machine, events)) for x in causes]
     found = _after_a_drift(_with_limits(found, how), machine, t)
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
@@ -109,6 +110,7 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         a = _as_its_night_wrote(a, former.get(key)) if before_tonight else {**a, "utc": how.record.get("start_utc")}
         if how.stale:  # what the last night measured was another machine
             a |= {"total": None, "now": ""}
+        a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
     return list(told.values())
@@ -238,8 +240,9 @@ def _entered(a: Mapping[str, Any]) -> bool:
 
 def _whole_error(
     a: Mapping[str, Any], known: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None, events: Sequence[Any]
-) -> str:
-    """fault, last night that measured → what its parameter is in all today beside the change, which nobody may correct by alone.
+) -> dict[str, str]:
+    """fault, last night that measured → `whole`: what its parameter is in all today beside the change, which nobody may correct by
+    alone; where it is nearly right now, also what to do, which then asks for no compensation.
 
     Nothing for what is no error of an axis, where nothing is known of it, and of a night that is not to be believed.
     """
@@ -247,29 +250,28 @@ def _whole_error(
     now = (known.get("parameters") or {}).get(name)
     total = a.get("total") if a.get("total") is not None else a.get("size")
     if a["gone"] or not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
-        return ""
+        return {"whole": ""}
     if (newer := after(known, events)) is not None:
         words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
-        return t("part.whole_since", **words)
+        return {"whole": t("part.whole_since", **words)}
     there = known.get("in_control") or {}
     if there and not there["measured"]:
-        return t("part.whole_open", number=there["number"], target=there["target"])
-    whole, change_ = float(now["value"]) - float(now.get("in_control") or 0.0), float(total)  # as parts have it
-    was = whole - change_ if a.get("was") is None else float(a["was"])  # what that night showed stays what it was
+        return {"whole": t("part.whole_open", number=there["number"], target=there["target"])}
+    whole, was, slack = whole_of(a, now, float(total))
     factor, unit = shown(str(a.get("unit") or "mm"))
     sizes = {"now": number(whole * factor, unit), "before": number(was * factor, unit)}
     text = plain(t("part.whole", what=spoken(name, machine, t), date=day(known.get("night"), t), **sizes), u, t, machine)
     text += f" {t('part.whole_held')}" if now.get("in_control") else ""
     if a["drifts"]:  # what goes on is not corrected by any number
-        return text
-    slack = max(2 * float(now.get("std") or 0.0), SAME * abs(change_))
+        return {"whole": text}
     if a.get("settled"):  # a compensation was entered after it: what is left of it is no order
-        return f"{text} {t('part.whole_right')}" if abs(whole) <= slack else text
-    right = abs(whole) <= slack and abs(was) > slack
+        return {"whole": f"{text} {t('part.whole_right')}" if abs(whole) <= slack else text}
+    right = is_right(whole, was, slack)
     way = (
         "right" if right else "smaller" if abs(whole) < abs(was) - slack else "larger" if abs(whole) > abs(was) + slack else "same"
     )
-    return f"{text} {t(f'part.whole_{way}')}"
+    told = {"whole": f"{text} {t(f'part.whole_{way}')}"}
+    return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 
 
 def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:

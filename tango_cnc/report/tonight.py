@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..texts import LIST, Said, joined
+from ..texts import LIST, Said, joined, say
 from ..texts.number import number, shown
+from .texts import texts
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
 WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
@@ -15,6 +16,7 @@ ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more tha
 NOW = (*ONLY, "night.alarms.confirmed")
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
+BEYOND = ("out_of_limits", "doubtful")  # verdicts of a night after which no part is made
 SURE = 4.0  # standard deviations of its size above which it has grown although that is less than AS_FOUND
 
 
@@ -56,6 +58,21 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     std = None if a.get("std") is None else float(a["std"]) * factor
     own = number(size * factor, unit, std, signed=a.get("cause") not in LENGTHS)
     return text if told is None else _with(text, own, told)
+
+
+def sized(headline: Any, record: Mapping[str, Any]) -> Any:
+    """headline of a night, its record → the same; the alarm of another night that it names first has the size of that night."""
+    first = next(iter(record.get("standing") or ()), None)
+    return headline if first is None else with_its_size(headline, first)
+
+
+def by_verdict(a: Mapping[str, Any], verdict: object) -> dict[str, Any]:
+    """alarm, verdict of the last night that measured → the same; where no part is made it does not say when to make them."""
+    own, key = a.get("do"), "cause.temperature.do"
+    usual = own.key == key if isinstance(own, Said) else own == texts()(key)
+    if a.get("cause") != "temperature" or verdict not in BEYOND or not usual:
+        return dict(a)
+    return {**a, "do": say("cause.temperature.do_beyond")}
 
 
 def moved_on(a: Mapping[str, Any]) -> bool:

@@ -24,7 +24,7 @@ from ..records import Cell, Machine, TangoError
 from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
 from .newest import NewestRecords
-from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, looks_of
+from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, file_of, looks_of
 from .served import Row, Served, slug_of
 from .settings import Settings
 
@@ -41,6 +41,8 @@ class Places(Remembered):
         super().__init__(clock)
         self.settings, self._stack = settings, ExitStack()
         self._histories: dict[str, History] = {}
+        self._files: dict[str, tuple[int, int] | None] = {}  # by history: which file is open
+        self._replaced: list[History] = []  # what is read of a history is kept by its id, which no other may get
         self._read: dict[int, dict[int, Mapping[str, Any]]] = {}  # records of the list of machines, by entry
         self._nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = {}  # by history: entries, nights
         self._cells: dict[Path, tuple[float, Stamp, Cell | str]] = {}
@@ -218,12 +220,17 @@ class Places(Remembered):
             return None, str(error)
 
     def _history(self, where: str, must: bool = True) -> History | None:
-        if where in self._histories:
-            return self._histories[where]
+        known, file = self._histories.get(where), file_of(where)
+        if known is not None and file in (None, self._files.get(where)):
+            return known
         if not must and "://" not in where and not Path(where).exists():
             return None
         history = self._stack.enter_context(opened(where, create=False)).as_of(lambda: datetime.now(UTC))
+        if known is not None:  # another file of this name: 'tango history restore', or a folder that was put back
+            known.engine.dispose()
+            self._replaced.append(known)
         self._histories[where], self.where[id(history)] = history, where
+        self._files[where] = file
         return history
 
     def fleet(self) -> Sequence[Row]:

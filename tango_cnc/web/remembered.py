@@ -117,3 +117,12 @@ def looks_of(name: str) -> tuple[int, int]:
     except OSError:
         return 0, 0
     return stat.st_mtime_ns, stat.st_size
+
+
+def file_of(name: str) -> tuple[int, int] | None:
+    """name of a file → which file it is (device, number on it): another one may get its name; None for none, and for a URL."""
+    try:
+        stat = os.stat(name)
+    except OSError:
+        return None
+    return stat.st_dev, stat.st_ino

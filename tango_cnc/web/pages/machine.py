@@ -28,7 +28,7 @@ from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
 from ...report.texts import Texts
-from ...report.tonight import with_its_size
+from ...report.tonight import sized
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
@@ -319,7 +319,7 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
     def made() -> dict[int, str]:
         records = history.records_of([n.entry for n in nights])
         said = shortened([_dated(records.get(n.entry, {}), decisions) or n.headline for n in nights])
-        rows = [in_a_row(of_shop(_sized(text, records.get(n.entry, {})))) for n, text in zip(nights, said, strict=True)]
+        rows = [in_a_row(of_shop(sized(text, records.get(n.entry, {})))) for n, text in zip(nights, said, strict=True)]
         return {n.entry: sentence(plain(plainly(row, t), u, t, axes), Units()) for n, row in zip(nights, rows, strict=True)}
 
     return state.places.kept(key, made, 600)
@@ -331,12 +331,6 @@ def _dated(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     """
     going = [a for a in record.get("alarms") or () if a.get("goes_on")]
     return str(as_found(as_decided(record, decisions), {"night": record.get("night"), "alarms": going}))
-
-
-def _sized(text: str, record: Mapping[str, Any]) -> str:
-    """headline, record → the same; the alarm of another night that it names has the size that it had that night."""
-    first = next(iter(record.get("standing") or ()), None)
-    return text if first is None else str(with_its_size(text, first))
 
 
 def nights(request: Request) -> Response:
