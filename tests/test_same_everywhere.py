@@ -46,14 +46,19 @@ def steps(html: str) -> list[str]:
     return re.findall(r"<li>(.*?)</li>", html.partition('<ol class="steps">')[2].partition("</ol>")[0])
 
 
-def test_a_run_that_broke_off_asks_for_the_same_on_its_own_page(tmp_path: Path) -> None:
-    """The page of the run asked for the missing touches first; nobody else did."""
-    place = cell(tmp_path / "one", records=[night(M, 0)])
-    (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 100000\nowner: Ann, 4711\n", encoding="utf-8")
+def broken_off(place: Path) -> None:
+    """cell → it has a run of twenty touches that ended after the first."""
     run = Recorded(place, 20)
     run.begin()
     run.touch()
     run.gone()
+
+
+def test_a_run_that_broke_off_asks_for_the_same_on_its_own_page(tmp_path: Path) -> None:
+    """The page of the run asked for the missing touches first; nobody else did."""
+    place = cell(tmp_path / "one", records=[night(M, 0)])
+    (place / "nightly.yaml").write_text("nightly: 1\nstale_days: 100000\nowner: Ann, 4711\n", encoding="utf-8")
+    broken_off(place)
     with site_of(place) as site:
         page, own = site.get(f"/machine/{M}/run").text, site.get(f"/machine/{M}").text
         assert len(steps(own)) > 1 and steps(page) == steps(own)
@@ -84,10 +89,7 @@ def test_everybody_is_sent_to_the_same_person(tmp_path: Path) -> None:
     for name, records in (("one", struck()), ("two", struck(**more))):
         place = cell(tmp_path / name, records=records)
         (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann, 4711\ndeputy: Bob, 4712\n", encoding="utf-8")
-        run = Recorded(place, 20)
-        run.begin()
-        run.touch()
-        run.gone()
+        broken_off(place)
         with site_of(place) as site:
             for path in ("/", f"/machine/{M}", f"/machine/{M}/run", f"/machine/{M}/nights", "/alarms"):
                 text = read(site, path)

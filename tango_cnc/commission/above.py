@@ -42,7 +42,7 @@ def flight(cell: Cell, most: int, wanted: Collection[str], within: float | None)
         raise complaints[-1]
     raise InputError(
         f"--within: found {within:g} mm, by which the table may stand elsewhere, and the moves in the air would be so high that: "
-        f"{complaints[0]}. Measure the place of the table, correct it in artefact.yaml, and state less"
+        f"{str(complaints[0]).rstrip('.')}. Measure the place of the table, correct it in artefact.yaml, and state less"
     )
 
 
@@ -51,7 +51,7 @@ def said(found: Flight) -> str:
     if found.within == 0.0:
         return (
             "The travels leave no room for a table that stands elsewhere than artefact.yaml says: measure its place before you "
-            "start, to 5 mm."
+            "start, and correct that file."
         )
     turned = f"{found.within:g} mm and {locate.turned(found.within):g} deg"
     if found.within < locate.FARTHEST:

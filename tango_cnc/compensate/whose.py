@@ -150,7 +150,7 @@ def size(h: Held, number: float, limits: Limits, machine: Machine) -> tuple[floa
 
 
 def matched(there: Present, held: Sequence[Held]) -> Present:
-    """what a control is said to hold, what its target stores → the same numbers. A point within `NEAR` of a point of today's table
+    """what a control shall hold, what its target stores → the same numbers. A point within `NEAR` of a point of today's table
     gets that point's name: each run ends its volume a little elsewhere.
     """
     own: dict[tuple[str, ...], list[tuple[float, str]]] = {}
@@ -174,7 +174,7 @@ def _column(found: re.Match[str]) -> tuple[str, ...]:
 
 
 def looked_at(there: Present, held: Sequence[Held], request: Request) -> tuple[str, ...]:
-    """what a control is said to hold, what its target stores, job → doubts, for a person.
+    """what a control shall hold, what its target stores, job → doubts, for a person.
 
     Raises InputError for numbers that no control of this machine holds.
     """
@@ -200,7 +200,7 @@ def looked_at(there: Present, held: Sequence[Held], request: Request) -> tuple[s
 
 
 def _whole(there: Present, given: Mapping[str, tuple[Held, float]], held: Sequence[Held], machine: Machine) -> None:
-    """what a control is said to hold → nothing. Raises InputError where a table lacks rows, and where somebody cut the file off."""
+    """what a control shall hold → nothing. Raises InputError where a table lacks rows, and where somebody cut the file off."""
     lost = [h for h in held if h.place not in given]
     for h in lost:
         rows = [other for other in held if other.table == h.table and other.at is not None]

@@ -20,7 +20,7 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _quoted(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
-    """text → scalar, in quotes where a reader would take it for a number: the hash 2E9312264611 is none."""
+    """text → scalar, in quotes where a reader would take it for a number, as the hash 2E9312264611."""
     try:
         float(text)
     except ValueError:

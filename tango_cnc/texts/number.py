@@ -77,7 +77,7 @@ def kept(values: Mapping[str, str]) -> dict[str, str]:
 
 
 def again(values: Mapping[str, Any]) -> dict[str, Any]:
-    """what a record has of a sentence → what was filled in. Raises ValueError for a number that is none."""
+    """what a record has of a sentence → what was filled in. Raises ValueError where a number cannot be read."""
     found = {name: v for name, v in values.items() if not name.endswith(EXACT)}
     for name, text in found.items():
         if (exact := values.get(f"{name}{EXACT}")) is not None:

@@ -49,7 +49,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
 
 
 def _mirrored(case: Case, name: str) -> NDArray[np.bool_]:
-    """case, axis → (n,) rows of which the program has the other sign: what turns the ball about itself shows in no contact."""
+    """case, axis → (n,) rows where the program has the other sign: no contact shows a turn of the ball about itself."""
     readings, machine = case.readings, case.machine
     found = np.zeros(len(readings), dtype=np.bool_)
     if name in machine.linear:
