@@ -21,7 +21,7 @@ from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation
 from .texts import Texts
-from .together import CLOSED, SAME, closed, together
+from .together import SAME, closed, together
 from .tonight import LENGTHS, by_tonight, by_verdict
 from .units import Units, shown
 from .words import spoken, subject, unforeseen
@@ -218,19 +218,12 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     What was ignored until a date counts as unanswered after that day.
     """
-    from ..history.records import merged
+    from ..history.answers import answers  # databases are slow to load
 
-    last = {d.alarm: d for d in history.decisions(machine)}
-    last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
-    newest: dict[str, dict[str, Any]] = {}
-    parts: set[str] = set()
-    for stored in history.alarmed(machine):
-        parts |= merged(stored.record["alarms"])
-        for a in stored.record["alarms"]:
-            newest.setdefault(a["id"], dated(a, stored.record))  # several nights report one that goes on
-    closed_ = {key for key in newest if key in last and last[key].action in CLOSED}
-    undone = {str(newest[key]["undoes"]["alarm"]) for key in closed_ if newest[key].get("undoes")}  # closed with its way back
-    return [a for a in newest.values() if a["id"] not in parts | closed_ | undone], last
+    nights = {stored.night.entry: stored.record for stored in history.alarmed(machine)}
+    known = answers([(entry, record["alarms"]) for entry, record in nights.items()], history.decisions(machine), today)
+    open_ = [dated(a, nights[entry]) for key, (entry, a) in known.newest.items() if not known.closed(key)]
+    return open_, dict(known.decided)
 
 
 def _entered(a: Mapping[str, Any]) -> bool:
