@@ -102,7 +102,8 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in how.known.get(key) or ()}  # what somebody ignores
     former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
     tonight = [(a, False) for a in how.record.get("alarms") or ()]
-    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting)]
+    helped = {str(x.get("alarm")) for x in how.record.get("repaired") or ()}  # a way back of these is that repair
+    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting) if _undone_by(a) not in helped]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
@@ -114,6 +115,11 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
     return list(told.values())
+
+
+def _undone_by(a: Mapping[str, Any]) -> str:
+    """alarm → id of the one that it takes back; '' for none."""
+    return str((a.get("undoes") or {}).get("alarm") or "")
 
 
 def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known: Mapping[str, Any]) -> dict[str, Any]:
