@@ -323,7 +323,7 @@ def nights(
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
         cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
         open_ones, soon = len(still_open(found)), ahead(by_limit(before or record, limit_um), volumes_of(lately), today)
-        said = as_decided(record, history.decisions(machine)) or n.headline
+        said = as_decided(record, tuple(decisions.values())) or n.headline
         if (future := in_future(history, machine)) is not None:
             said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
             waits = waits or (future.night if asks(future) else "")

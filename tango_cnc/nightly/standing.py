@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..history.records import merged
+from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
 from ..report.tonight import is_gone
@@ -43,24 +43,19 @@ def standing(
     """
     if not past.knows(machine):
         return []
-    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    today = date_of(day)
+    held = of_machine(past, machine, today, LISTED)
     known, when = (parameters, "") if parameters else _known(past, machine)
     found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
-    seen, undone = set(tonight), set[str]()
+    seen = {*tonight, *held.parts}
     for stored in past.alarmed(machine, LISTED):
-        seen |= merged(stored.record["alarms"])
         for alarm in stored.record["alarms"]:
             if alarm["id"] and alarm["id"] in seen:
                 continue
             seen.add(alarm["id"])
-            decision = last.get(alarm["id"])
-            if decision is not None and decision.action in ("accept", "repaired"):
-                undone |= {str(alarm["undoes"]["alarm"])} if alarm.get("undoes") else set()
-                continue
-            if alarm["id"] in undone:  # who closed its way back has closed it: what moves after that is another event
-                continue
-            if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
+            decision = held.decided.get(alarm["id"])
+            if held.closed(alarm["id"]) or (decision is not None and decision.action == "ignore"):
                 continue
             if measured is None:
                 measured = _measured(past, machine)
@@ -69,9 +64,7 @@ def standing(
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
-            told |= {
-                key: alarm[key] for key in ("alike", "compensation", "ignored", "again", "follows", "undoes") if alarm.get(key)
-            }
+            told |= {key: alarm[key] for key in BESIDE if alarm.get(key)}
             told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
             told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)

@@ -21,7 +21,7 @@ from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation
 from .texts import Texts
-from .together import CLOSED, SAME, closed, together
+from .together import SAME, closed, together
 from .tonight import LENGTHS, by_tonight, by_verdict
 from .units import Units, shown
 from .words import spoken, subject, unforeseen
@@ -102,7 +102,8 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in how.known.get(key) or ()}  # what somebody ignores
     former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
     tonight = [(a, False) for a in how.record.get("alarms") or ()]
-    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting)]
+    helped = {str(x.get("alarm")) for x in how.record.get("repaired") or ()}  # a way back of these is that repair
+    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting) if _undone_by(a) not in helped]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
@@ -114,6 +115,11 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
     return list(told.values())
+
+
+def _undone_by(a: Mapping[str, Any]) -> str:
+    """alarm → id of the one that it takes back; '' for none."""
+    return str((a.get("undoes") or {}).get("alarm") or "")
 
 
 def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known: Mapping[str, Any]) -> dict[str, Any]:
@@ -218,19 +224,12 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     What was ignored until a date counts as unanswered after that day.
     """
-    from ..history.records import merged
+    from ..history.answers import answers  # databases are slow to load
 
-    last = {d.alarm: d for d in history.decisions(machine)}
-    last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
-    newest: dict[str, dict[str, Any]] = {}
-    parts: set[str] = set()
-    for stored in history.alarmed(machine):
-        parts |= merged(stored.record["alarms"])
-        for a in stored.record["alarms"]:
-            newest.setdefault(a["id"], dated(a, stored.record))  # several nights report one that goes on
-    closed_ = {key for key in newest if key in last and last[key].action in CLOSED}
-    undone = {str(newest[key]["undoes"]["alarm"]) for key in closed_ if newest[key].get("undoes")}  # closed with its way back
-    return [a for a in newest.values() if a["id"] not in parts | closed_ | undone], last
+    nights = {stored.night.entry: stored.record for stored in history.alarmed(machine)}
+    known = answers([(entry, record["alarms"]) for entry, record in nights.items()], history.decisions(machine), today)
+    open_ = [dated(a, nights[entry]) for key, (entry, a) in known.newest.items() if not known.closed(key)]
+    return open_, dict(known.decided)
 
 
 def _entered(a: Mapping[str, Any]) -> bool:
