@@ -297,8 +297,8 @@ class Registers(Dialogue):
             return f"{READS} readings in a row speak of another command than the one that is done"
         changing = ", ".join(sorted({self._layout.owner(register) for register in self._restless} - {"tick"}))
         return (
-            f"no two of {READS} readings of the registers in a row agree, as these go on changing: {changing}. The control's program "
-            "has to put all values into the registers before it acknowledges, and to leave them alone until the next command"
+            f"no two of {READS} readings of the registers in a row agree, as these go on changing: {changing}. The control's "
+            "program has to put all values into the registers before it acknowledges, and leave them alone until the next command"
         )
 
     def _but_tick(self, block: Words) -> Words:
