@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from support.nights import night
 from support.server import cell
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
+from tango_cnc.cli import tango
+from tango_cnc.commands.report import nights
+from tango_cnc.files import read_cell
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.standing import standing
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
-from tango_cnc.texts import say
+from tango_cnc.texts import joined, say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -83,6 +88,58 @@ def test_the_error_at_the_tool_tip_says_that_it_is_of_all_causes() -> None:
     assert one["grown"].startswith("75 µm on")
     closed = Decision(warm(6, 90.0)["id"], "accept", "Ann", utc=UTC)
     assert context(record, (closed,), None, texts(), volumes=volumes)["grown"].startswith("75 µm on")
+
+
+@pytest.mark.parametrize("grown", [True, False])
+@pytest.mark.parametrize("word", ["now", "still_there", "confirmed", "was", "later"])
+def test_an_open_alarm_has_one_size_at_the_computer(tmp_path: Path, word: str, grown: bool) -> None:
+    """It had that of its night and that of last night in one line: +18.6 and +24.1 µm, or +18.6 and +18.9."""
+    told, total = ("+24.1 ± 0.3 µm", 0.0241) if grown else ("+18.9 ± 0.3 µm", 0.0189)
+    now: Any = say(
+        f"night.alarms.{'now' if word == 'later' else word}", told=told, **({"night": "2026-11-01"} if word == "was" else {})
+    )
+    if word == "later":
+        now = joined("; ", (now, say("night.alarms.came", size="+5.5 ± 0.3 µm", night="2026-10-30")))
+    stands = alarm(2, 18.6, total=total, now=now)
+    records = [night(M, 2, "changed", alarms=[alarm(2, 18.6)]), night(M, 9, "changed", standing=[stands])]
+    place = cell(tmp_path / "one", records=records)
+    said = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(place)]).output
+    line = next(x for x in said.splitlines() if "open alarm 2026-10-26" in x)
+    assert re.findall(r"[+−-][\d.]+ ± [\d.]+ µm", line) == ["+24.1 ± 0.3 µm" if grown else "+18.6 ± 0.3 µm"], line
+
+
+def test_what_has_gone_again_says_at_the_computer_what_is_left(tmp_path: Path) -> None:
+    left = alarm(2, 18.6, total=0.0004, now=say("night.alarms.gone_again_left", told="+0.4 ± 0.3 µm"))
+    records = [night(M, 2, "changed", alarms=[alarm(2, 18.6)]), night(M, 9, "changed", standing=[left])]
+    said = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(cell(tmp_path / "one", records=records))]).output
+    assert "by +18.6 ± 0.3 µm since" in said and "gone again: +0.4 ± 0.3 µm is left" in said
+
+
+@pytest.mark.parametrize("key", ["changed.most", "changed.off"])
+def test_a_report_knows_a_share_of_the_night_from_a_change(tmp_path: Path, key: str) -> None:
+    values = {"name": "EX0C", "size": "-90.6 ± 0.4 µm", "share": "121.9 µm", "what": "C axis", "letter": "X", "since": "2026-10-26"}
+    limit = {"what": "volume", "value": 137.0, "unit": "µm", "low": 136, "high": 138, "limit": 120.0, "passed": False}
+    behind = {
+        "what": "volume",
+        "parameter": "EX0C",
+        "text": say(key, **values),
+        "since": "",
+        "size": -0.09,
+        "std": 0.0004,
+        "unit": "mm",
+    }
+    behind |= {"on_part": "A part is off.", "do": "Have it compensated.", "rate_per_day": None, "cause": "axis_location"}
+    place = cell(tmp_path / "one", records=[night(M, 9, "out_of_limits", limits=[limit], behind=[behind])])
+    found = nights(place, read_cell(place).machine, Units(), texts())
+    assert found is not None and found.share == (key == "changed.most") and "C axis" in found.cause
+
+
+def test_curves_of_one_page_write_their_dates_in_one_way(tmp_path: Path) -> None:
+    with TestClient(create(Settings((cell(tmp_path / "one"),))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        for query in ("", "?parameter=EX0C"):
+            text = client.get(f"/machine/{M}/trend{query}").text
+            axes = re.findall(r">([^<>]* … [^<>]*\d{4}[^<>]*)</text>", text)
+            assert axes and set(axes) == {"Sat 24 Oct 2026 … Sun 22 Nov 2026"}, axes
 
 
 PAST = "On Fri 30 Oct 2026 the machine was 6.1 K warmer (bed 26.0 °C) than on Thu 29 Oct 2026 (19.9 °C) and had moved with it"
