@@ -147,8 +147,7 @@ def context(
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
-            (volumes or {}).get(began),
-            began,
+            (began, (volumes or {}).get(began)),
             str((before or record).get("night")) if told.old or before or dates_cut_off(former or ()) else "",
             u,
             t,
@@ -305,10 +304,11 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     return found
 
 
-def _grown(record: Mapping[str, Any], was: float | None, began: str, on: str, u: Units, t: Texts, several: bool) -> str:
-    """last night that measured, µm at the tool tip before any open fault, its date, date of that night where it is no answer of
-    today, units, texts, whether the fault has several causes → which of the two is larger, and that it is of all; or nothing.
+def _grown(record: Mapping[str, Any], before: tuple[str, float | None], on: str, u: Units, t: Texts, several: bool) -> str:
+    """last night that measured, date before any open fault and µm at the tool tip then, date of that night where it is no answer of
+    today, units, texts, whether several causes are open → which of the two is larger, and that it is of all; or nothing.
     """
+    began, was = before
     v = record.get("volume") or {}
     same_date = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
     if same_date or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
