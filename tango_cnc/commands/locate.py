@@ -149,8 +149,9 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> 
         f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
     )
     if agrees > AGREES:
+        many = len(found.counted)
         click.echo(
-            f"{len(found.counted)} touches count, {len(found.counted) - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
+            f"{many} touches count, {many - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
             "met something else by a little more than that is not noticed. Touch three facets by hand before you go on"
         )
     if unseen := result["unseen"]:
@@ -181,7 +182,7 @@ def _notice(made: Plan, within: float) -> str:
 
 
 def _before(where: Path, aside: str | None) -> str:
-    """file of the artefact in its place, name under which an earlier one is kept → what follows about an earlier one; '' for none."""
+    """file of the artefact in its place, name under which an earlier one is kept → what is said of an earlier one; '' for none."""
     if aside is not None:
         return f". What was found before is kept as {where.with_name(aside)}: the table may have moved since"
     return f". {where} is of an earlier locating, not of these readings" if where.exists() else ""
