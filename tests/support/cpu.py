@@ -11,7 +11,7 @@ from collections.abc import Generator
 
 import pytest
 
-SHOWN = 100
+SHOWN = 7000
 
 
 def spent() -> float:
