@@ -11,7 +11,7 @@ from collections.abc import Generator
 
 import pytest
 
-SHOWN = 7000
+SHOWN = 100
 
 
 def spent() -> float:

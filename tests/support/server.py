@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import pickle
 import shutil
 from collections.abc import Sequence
 from functools import cache
@@ -30,17 +30,17 @@ def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any
     quoted = name.replace("'", "''")
     (folder / "machine.yaml").write_text(text.replace("name: HU40T-like", f"name: '{quoted}'"), encoding="utf-8")
     (folder / "nightly.yaml").write_text(RHYTHM, encoding="utf-8")
-    (folder / "history.db").write_bytes(_history(json.dumps(thirty(name) if records is None else records)))
+    (folder / "history.db").write_bytes(_history(pickle.dumps(thirty(name) if records is None else records)))
     return folder
 
 
 @cache
-def _history(records: str) -> bytes:
-    """nights, as JSON → the file of a history that holds them: many tests begin with the same ones."""
+def _history(records: bytes) -> bytes:
+    """nights, pickled → the file of a history that holds them: many tests begin with the same ones."""
     with TemporaryDirectory() as place:
         file = Path(place) / "history.db"
         with opened(file) as history:
-            into(history, json.loads(records))
+            into(history, pickle.loads(records))
         return file.read_bytes()
 
 
