@@ -17,8 +17,10 @@ from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.history.former import formers
 from tango_cnc.nightly.standing import standing
+from tango_cnc.nightly.words import headline
 from tango_cnc.report.faults import unclosed
 from tango_cnc.report.morning import context
+from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.texts import texts
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -127,10 +129,15 @@ def test_no_page_and_no_command_names_a_repair_as_a_fault(tmp_path: Path, end: s
 
 def test_a_night_that_told_a_repair_and_its_way_back_tells_the_repair_alone() -> None:
     """Nights before this held have both: the repair that helped, and the alarm that it undoes, still standing."""
-    back = moved(5, -19.0, undoes={"alarm": KNOCK, "left": 0.001}, total=-0.019)
+    back = moved(5, -19.0, undoes={"alarm": KNOCK, "left": 0.001}, total=-0.019, night="2026-10-29", now="")
     other = moved(6, 15.0, parameter="EX0S", total=0.015)
     helped = {"alarm": KNOCK, "text": "as before, after the repair by Dora on 2026-10-30: all of it", "since": "2026-10-25"}
     record = night(M, 7, "changed", standing=[back, other], repaired=[helped])
+    closed = Decision(back["id"], "repaired", "Dora", utc=night(M, 6)["end_utc"])
+    head = headline(record)
+    assert "nobody has answered" in head and "as before, after the repair" in head
+    told = as_decided(record | {"headline": head}, (closed,))
+    assert "Dora has repaired it" in told and "nobody has answered" not in told and "as before, after the repair" in told
     page = context(record, (Decision(KNOCK, "repaired", "Dora", utc=night(M, 6)["end_utc"]),), None, texts())
     assert page["first"]["id"] == other["id"] and not page["also"] and page["count"] == 1
     assert page["suspect"].startswith("All that were made since Thu 29 Oct 2026")

@@ -739,6 +739,26 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     assert ("Look for what has moved since the night." in lines) == (larger < 1)
 
 
+def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
+    """169 µm by these readings, and below it "which does 122 µm of it", which was of the 137 µm of the night."""
+    assert facts.tip is not None
+    there = 500.0 * facts.tip.worst
+    limit = {"what": "volume", "value": there, "unit": "µm", "low": there - 1, "high": there + 1, "limit": 1.0, "passed": False}
+    record = {"verdict": "out_of_limits", "night": "2026-11-20", "limits": [limit], "volume": {"worst_um": there, "std_um": 0.5}}
+    share = "Most of it comes from C axis off in X: −91 µm, which does 122 µm of it."
+    values: dict[str, Any] = {"cause": share, "brief": share, "todo": ("Have it compensated.",), "share": True}
+    night = NewestNight("2026-11-20", "out_of_limits", "", 1, "2026-11-20T02:30:00+00:00", record, **values)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
+    newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=1e-3))
+    told, found = may(newer, texts()), page.context(newer)
+    assert told.by_night and f"{1e3 * facts.tip.worst:.0f} µm, 1 µm allowed" in told.answer.numbers
+    assert told.cause.startswith("Most of it comes from") and "122" not in told.cause and "122" not in " ".join(found["todo"])
+    own = replace(newer, paper=replace(paper, measured="2026-11-20T02:10:00Z"))  # readings of that night: the number is its own
+    assert may(own, texts()).cause == share
+    moved = replace(newer, nights=replace(night, cause="Spindle has moved.", brief="", share=False))
+    assert may(moved, texts()).cause == "Spindle has moved."  # what has changed is no share
+
+
 def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
     """It ended with 'No first item' and wrote nothing."""
     values = page.context(facts) | {"todo": []}

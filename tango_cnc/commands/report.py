@@ -29,12 +29,12 @@ from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import drift_told, jumps_of
-from ..report.days import local_day
+from ..report.days import between, local_day
 from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
-from ..texts import joined
+from ..texts import Said, joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
@@ -336,11 +336,17 @@ def nights(
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
             chain=history.newest_hashes().get(machine),
+            share=bool(found) and _is_share(found[0].get("raw_text")),
             busy=minutes_left(folder, now.timestamp()) is not None,
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
         return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))
+
+
+def _is_share(text: object) -> bool:
+    """text of what is wrong first, as its night recorded it → whether it names the largest share of an error, and no change."""
+    return isinstance(text, Said) and text.key == "changed.most"
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:
@@ -381,7 +387,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
                 {
                     **{"title": name, "unit": unit, "days": days, "value": (value * factor).tolist()},
                     **{"half": (INTERVAL * std * factor).tolist(), "alarm": [e in alarms for e in entries]},
-                    "x_label": f"{dates[0]} … {dates[-1]}",
+                    "x_label": between(dates, t),
                     "first": first,
                     "events": placed(events, first, date.fromisoformat(dates[-1])),
                     "limit": allowed.get(name),

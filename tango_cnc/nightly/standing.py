@@ -66,7 +66,8 @@ def standing(
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
             told |= {key: alarm[key] for key in BESIDE if alarm.get(key)}
             told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
-            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
+            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])), told["night"])
+            told["do"] = unforeseen(alarm["do"], told["night"]) if alarm.get("do") else alarm.get("do")
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
             gone = is_gone(told["now"])
@@ -116,7 +117,7 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
                 continue
             now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
-            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
+            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])), _first_night(a, stored.record))
             told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
             found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))

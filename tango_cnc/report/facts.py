@@ -94,6 +94,7 @@ class NewestNight:
     brief: str = ""  # `cause` with the size that counts alone
     asks: str = ""  # whom to call, as one of `todo`
     chain: tuple[int, str] | None = None  # number and hash of the newest entry of the history
+    share: bool = False  # whether `cause` is the largest share of this night's error, and no change
     busy: bool = False  # whether a run or a night is at work in the cell
 
     def answer(self, u: Units, t: Texts, machine: Machine, limit: float | None = None) -> Answer:

@@ -24,7 +24,7 @@ from .texts import Texts
 from .together import SAME, closed, together
 from .tonight import LENGTHS, by_tonight, by_verdict
 from .units import Units, shown
-from .words import spoken, subject, unforeseen
+from .words import of_its_night, spoken, subject, unforeseen
 
 if TYPE_CHECKING:
     from ..history import History
@@ -32,7 +32,13 @@ if TYPE_CHECKING:
 
 def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """alarms of earlier nights → the same, read today: "since last night" names the night instead, and a forecast is over."""
-    return [{**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))))} for a in alarms]
+    return [_earlier(a) for a in alarms]
+
+
+def _earlier(a: Mapping[str, Any]) -> dict[str, Any]:
+    night = str(a.get("id") or a.get("night") or "")[:10]
+    found = {**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))), night)}
+    return found | ({"do": unforeseen(a["do"], night)} if a.get("do") else {})
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,8 @@ def faults(
 ) -> list[dict[str, Any]]:
     """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations, nights
     since the machine was measured, where these are too many (then nobody knows what still stands) → what is wrong, by what it does
-    to a part, whether or not somebody has it; what is no error of a part comes after that, what somebody ignores after that, what
-    is closed last. One order a machine: what was done is not told again.
+    to a part by now, whether or not somebody has it; what is no error of a part comes after that, what is closed last. One order a
+    machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     how = _Today(record, known, decisions, u, t, machine, today, events)
@@ -108,13 +114,22 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
         a = _as_it_stands(a, standing.get(key), how.known)
-        a = _as_its_night_wrote(a, former.get(key)) if before_tonight else {**a, "utc": how.record.get("start_utc")}
+        a = _earlier(_as_its_night_wrote(a, former.get(key))) if before_tonight else _of_tonight(a, how)
         if how.stale:  # what the last night measured was another machine
             a |= {"total": None, "now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
     return list(told.values())
+
+
+def _of_tonight(a: Mapping[str, Any], how: _Today) -> dict[str, Any]:
+    """alarm of the newest night, how it is told → with its moment; where no night came after it, its temperature has its date."""
+    night = str(how.record.get("night") or "")
+    told = {**a, "utc": how.record.get("start_utc")}
+    if how.today <= night:
+        return told
+    return told | {key: of_its_night(a[key], night) for key in ("text", "do") if a.get(key)}
 
 
 def _undone_by(a: Mapping[str, Any]) -> str:
@@ -273,6 +288,8 @@ def _whole_error(
     return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-    ignored = a["decision"] is not None and a["decision"].action == "ignore"
-    return ignored, change(a.get("cause")).of_the_probe, -size_of(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
+    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+    own, left = float(a.get("size") or 0.0), a.get("total")
+    share = abs(float(left or 0.0) / own) if a["gone"] and own else 1.0
+    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -size_of(a) * min(share, 1.0)

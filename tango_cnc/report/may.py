@@ -62,7 +62,7 @@ def _known(f: Facts, t: Texts) -> Told:
     return Told(
         night,
         basis + _by_option(f, t),
-        "" if night.may == "yes" else f.nights.brief or f.nights.cause,
+        "" if night.may == "yes" else _behind(f, newest, own, t),
         _run(f, not newest, t),
         True,
     )
@@ -173,6 +173,14 @@ def _own(f: Facts, t: Texts) -> Answer:
     if found.may == "yes" and trust.level == "look":
         return replace(found, may="but", word=t("may.but"), state="", why=t("may.with_care"))
     return found
+
+
+def _behind(f: Facts, newest: bool, own: Answer, t: Texts) -> str:
+    """facts with nights, whether the number beside it is of these readings, their answer, texts → what is wrong first; a share is
+    one of the number beside it.
+    """
+    assert f.nights is not None
+    return _most(f, own, t) if newest and f.nights.share else f.nights.brief or f.nights.cause
 
 
 def _most(f: Facts, own: Answer, t: Texts) -> str:

@@ -30,6 +30,7 @@ from .texts import Texts, texts_of
 from .together import SAME
 from .units import Units
 from .verdict import Level
+from .words import of_its_night
 
 FORMAT = "tango-night/1"
 LEVELS: Mapping[str, Level] = {
@@ -146,11 +147,11 @@ def context(
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
-            (volumes or {}).get(began),
-            began,
+            (began, (volumes or {}).get(began)),
             str((before or record).get("night")) if told.old or before or dates_cut_off(former or ()) else "",
             u,
             t,
+            sum(not a["gone"] for a in still_open(found)) > 1,
         ),
         "who": who_of(told, asked, found, t),
         "whom": t("morning.call", owner=named) if (named := asked["owner"] or asked["deputy"]) else "",
@@ -297,26 +298,28 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     found = []
     for a in record.get("unheard") or ():
         if str(a["alarm"]) not in shown:
-            words = {"text": told(a["text"]), "owner": a["owner"], "until": day(a["until"], t)}
+            words = {"text": told(of_its_night(a["text"], str(a["alarm"])[:10])), "owner": a["owner"], "until": day(a["until"], t)}
             now = {"now": told(a["now"])} if a["now"] else {}
             found.append(t("morning.ignored_now" if now else "morning.ignored_by", **words, **now))
     return found
 
 
-def _grown(record: Mapping[str, Any], was: float | None, began: str, on: str, u: Units, t: Texts) -> str:
-    """last night that measured, µm at the tool tip before any open fault, its date, date of that night where it is no answer of
-    today → which of the two is larger; or nothing.
+def _grown(record: Mapping[str, Any], before: tuple[str, float | None], on: str, u: Units, t: Texts, several: bool) -> str:
+    """last night that measured, date before any open fault and µm at the tool tip then, date of that night where it is no answer of
+    today, units, texts, whether several causes are open → which of the two is larger, and that it is of all; or nothing.
     """
+    began, was = before
     v = record.get("volume") or {}
-    several = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
-    if several or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
+    same_date = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
+    if same_date or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
         return ""
     now = float(v["worst_um"])
     slack = max(2 * float(v.get("std_um") or 0.0), LIKE * was)
     key = "larger" if now > was + slack else "smaller" if now < was - slack else "same"
     then = t("morning.grown_on", size=amount(now, "µm", u, t), date=day(on, t)) if on else ""
     sizes = {"before": amount(was, "µm", u, t), "now": then or t("morning.grown_now", size=amount(now, "µm", u, t))}
-    return t(f"morning.grown_{key}", date=day(began, t), **sizes)
+    told = t(f"morning.grown_{key}", date=day(began, t), **sizes)
+    return t("morning.grown_all", told=told) if several else told
 
 
 def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:

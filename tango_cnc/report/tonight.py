@@ -14,6 +14,7 @@ WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no beari
 STANDING = "night.words.changed_since_night"
 ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more than a size
 NOW = (*ONLY, "night.alarms.confirmed")
+WAS = "night.alarms.was"
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
 BEYOND = ("out_of_limits", "doubtful")  # verdicts of a night after which no part is made
@@ -58,6 +59,17 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     std = None if a.get("std") is None else float(a["std"]) * factor
     own = number(size * factor, unit, std, signed=a.get("cause") not in LENGTHS)
     return text if told is None else _with(text, own, told)
+
+
+def by_now(text: Any, a: Mapping[str, Any]) -> Any:
+    """sentence of an alarm, the alarm → the sentence with one size: what there is of it by the last night that measured; of one
+    that has gone again what its night found, and what is left.
+    """
+    now = a.get("now")
+    if is_gone(now or ""):
+        return joined("; ", (text, now))
+    last = next((x for x in _inside(now) if x.key == WAS), None)
+    return with_its_size(text, a if last is None else {**a, "now": say(ONLY[0], told=last.values["told"])})
 
 
 def sized(headline: Any, record: Mapping[str, Any]) -> Any:
