@@ -57,6 +57,7 @@ class Located:
     turned: Array
     residual: Array  # (n,) mm of every touch
     left_out: tuple[str, ...]  # facets beside which something else was met
+    counted: tuple[str, ...]  # facets whose touches the place rests on
     artefact: Artefact  # in its new place
 
 
@@ -240,12 +241,17 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed; "
             f"{_missed(readings)}. {_advice(plan)}"
         )
+    if agrees > AGREES and len(met) < len(readings.status):  # one that met something else would agree to so much by chance
+        raise InputError(
+            f"--agrees: found {agrees:g}; allowed: {AGREES:g} where a touch met nothing.{_hidden(readings)}. See why "
+            f"nothing was met there, then touch again. {_advice(plan)}"
+        )
     radius = plan.machine.probe.tip_radius
     kept, found, residual = agreeing(facets, tip, radius, least, agrees)
     if kept is not None and len(kept) < len(facets):
         (out,) = set(range(len(facets))) - set(kept)
         room = float(_room(plan.artefact, [facets[out].id])[0])
-        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room):
+        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room, len(met) == len(readings.status)):
             raise InputError(
                 f"facet {facets[out].id}: its touch is {residual[out]:+.2f} mm from where the others place the table. {why}"
             )
@@ -257,6 +263,7 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
+    counted = tuple(facet.id for row, facet in enumerate(facets) if row in kept)
     artefact = moved(plan.artefact, found[:3], found[3:])
     away = max(math.dist(artefact.facets[facet.id].point, facet.point) for facet in facets)
     if away > (most := 1.5 * plan.strategy.approach.search):
@@ -264,7 +271,7 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
-    return Located(found[:3], found[3:], residual, left_out, artefact)
+    return Located(found[:3], found[3:], residual, left_out, counted, artefact)
 
 
 def _missed(readings: Readings) -> str:

@@ -132,6 +132,13 @@ def test_an_early_facet_and_a_miss_are_on_record_as_such(name: str) -> None:
     assert ran(far, name, World(facets={"3": 7.0, "4": -8.0}))[0] == ["ok"] * 4 + ["early", "miss"]
 
 
+def test_how_many_misses_in_a_row_stop_it_is_counted_in_touches_not_in_moves(golden: Plan) -> None:
+    """Each touch is two moves here: twenty touches without contact are allowed as with one move, one more is not."""
+    list(program(load("fanuc"), golden, {"misses": 20}, plan_hash(golden))[2]())
+    with pytest.raises(InputError, match=r"controller\.misses: found 21; allowed: 1 … 20"):
+        list(program(load("fanuc"), golden, {"misses": 21}, plan_hash(golden))[2]())
+
+
 @quick_and_long
 def test_a_facet_that_is_nearer_than_the_measuring_move_begins_stops_with_a_text(name: str, golden: Plan) -> None:
     touched, text, _ = ran(golden, name, World(facets={"3": 7.0}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from tango_cnc import kinematics, locate
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import locate as command
 from tango_cnc.commands.init import write_example
-from tango_cnc.files import read_cell
+from tango_cnc.files import read_cell, readings_text
 from tango_cnc.plan import last_motion
 from tango_cnc.records import Plan, Readings
 
@@ -130,3 +131,35 @@ def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_
     ) as refused:
         locate.locate(made, missing)
     assert "--agrees" not in str(refused.value)
+
+
+def test_with_a_touch_missing_no_table_is_taken_for_less_exact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The refusal withheld `--agrees`, and the command took it: 2.7 mm beside, "9 touches count", one of which had met nothing."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    gone = made.touches[0].facet
+    (tmp_path / "touches.csv").write_text(readings_text(touched(made, gone)))
+    assert call("locate", "-C", cell, "--readings", tmp_path / "touches.csv", "--agrees", "0.7") == 1
+    said = capsys.readouterr().err
+    assert f"--agrees: found 0.7; allowed: 0.05 where a touch met nothing. As nothing was met at {gone}, too few touches" in said
+    assert not (cell / "locate" / "artefact.yaml").exists()
+
+
+def test_only_touches_that_met_something_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A touch that met nothing stood among those by which facets are known, and sides seen."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    names = [touch.facet for touch in made.touches]
+    assert len(names) > locate.LEAST
+    by_other = {name: [other for other in names if other != name] for name in names}
+    gone = max(names, key=lambda name: locate.known_to(made.artefact, by_other[name])[0])
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(made, gone)))
+    assert call("locate", "-C", cell, "--readings", file, "--json", "-") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["residual_mm"]) == len(names) - 1
+    assert found["known_mm"] == round(locate.known_to(made.artefact, by_other[gone])[0], 3)
+    assert found["known_mm"] > round(locate.known_to(made.artefact, names)[0], 3)
+    assert found["unseen"] == list(locate.unseen(made.artefact, by_other[gone]))

@@ -108,12 +108,11 @@ def command(
     try:
         found = locate.locate(made, readings, agrees)
     except InputError as error:
-        click.echo(f"\ntango: {error}{_before(where, before)}", err=True)
+        click.echo(f"\ntango: {str(error).rstrip('.')}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
-    kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
-    known, unseen = locate.known_to(made.artefact, kept, agrees), locate.unseen(made.artefact, kept)
+    known, unseen = locate.known_to(made.artefact, found.counted, agrees), locate.unseen(made.artefact, found.counted)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -130,11 +129,11 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
-    _told(found, result, agrees, len(kept), known[1])
+    _told(found, result, agrees, known[1])
 
 
-def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, worst: str) -> None:
-    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet known worst → says it."""
+def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> None:
+    """where the table stands, the same for --json, mm of --agrees, the facet known worst → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
@@ -150,8 +149,9 @@ def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, wors
         f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
     )
     if agrees > AGREES:
+        many = len(found.counted)
         click.echo(
-            f"{kept} touches count, {kept - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
+            f"{many} touches count, {many - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
             "met something else by a little more than that is not noticed. Touch three facets by hand before you go on"
         )
     if unseen := result["unseen"]:
@@ -182,10 +182,10 @@ def _notice(made: Plan, within: float) -> str:
 
 
 def _before(where: Path, aside: str | None) -> str:
-    """file of the artefact in its place, name under which an earlier one is kept → a sentence about an earlier one; '' for none."""
+    """file of the artefact in its place, name under which an earlier one is kept → what is said of an earlier one; '' for none."""
     if aside is not None:
-        return f" What was found before is kept as {where.with_name(aside)}: the table may have moved since"
-    return f" {where} is of an earlier locating, not of these readings" if where.exists() else ""
+        return f". What was found before is kept as {where.with_name(aside)}: the table may have moved since"
+    return f". {where} is of an earlier locating, not of these readings" if where.exists() else ""
 
 
 def _worst(found: Located) -> float:
