@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -105,8 +106,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def facts(folder: Path) -> Facts:
-    cell = read_cell(folder)
+def facts() -> Facts:
+    return _facts()
+
+
+@cache
+def _facts() -> Facts:
+    """What tests of several files read: it takes two seconds."""
+    cell = read_cell(ROOT / "examples" / "hu40t")
     world = read_world(ROOT / "examples" / "hu40t" / "world.yaml")
     readings = simulate(cell.machine, cell.artefact, cell.strategy, world)
     paper = Paper(DAY, "0.0", owner="Ann <owner>", operator="Bob & Co")

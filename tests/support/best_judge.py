@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from sim_controller.simulate import simulate
 from support import blind
@@ -108,6 +108,8 @@ def _call(hidden: str, data: np.ndarray, patterns: list[tuple[str, np.ndarray]])
 
 def _unlikely(taken: float, k: int) -> float:
     """chi-squared, degrees of freedom → −log of the chance of more; the first term of its expansion where it is below 1e-300."""
+    from scipy import stats  # slow to load, and every worker reads this file
+
     log = float(stats.chi2.logsf(taken, k))
     return -log if np.isfinite(log) else taken / 2 - (k / 2 - 1) * np.log(taken / 2) + float(special.gammaln(k / 2))
 
