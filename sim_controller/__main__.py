@@ -49,8 +49,8 @@ from .session import Ledger, Session, Setup, families
     "--stored",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Programs or files that the control has; a line with the path of a file (TNC:\\TANGO.A, m880.m1s) begins it. With --records "
-    "or --start, what lies beside a program is there in any case.",
+    help="Programs or files that the control has; a line with the path of a file (TNC:\\TANGO.A, m880.m1s) begins it. What "
+    "lies beside the program of --start, or of a cell, is there in any case.",
 )
 @click.option("--parity", is_flag=True, help="7 data bits, even parity; a character of wrong parity in a program is an alarm.")
 @click.option("--tv-check", "counted", is_flag=True, help="A block of an odd number of characters is an alarm.")
