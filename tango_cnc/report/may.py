@@ -14,7 +14,7 @@ from .answer import Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts, effects
-from .plain import amount, length
+from .plain import length, signed
 from .texts import Texts
 from .units import shown
 from .verdict import worst_of
@@ -189,7 +189,7 @@ def _most(f: Facts, own: Answer, t: Texts) -> str:
     if own.state not in ("out_of_limits", "undecided") or name is None:
         return ""
     factor, unit = shown(f.result.parameters[name].unit)
-    size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
+    size = signed(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
     return t("may.most", what=spoken(name, f.cell.machine, t), size=size)
 
 
