@@ -11,7 +11,7 @@ Solved by least squares from no displacement; six touches on facets of different
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -23,7 +23,7 @@ from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
-from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings, Vector
+from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Obstacle, Plan, Readings, Vector
 from .telling import chosen, known_to, sure, to_edge, unsized, weakest, without_one
 
 TOUCHES = 9
@@ -37,6 +37,7 @@ FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minute
 CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 MOST_TURNED = TURNED + 0.1  # deg: what is found beyond it is no table of artefact.yaml that stands elsewhere
+STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
 NEARER = (
@@ -59,6 +60,7 @@ class Located:
     left_out: tuple[str, ...]  # facets beside which something else was met
     counted: tuple[str, ...]  # facets whose touches the place rests on
     artefact: Artefact  # in its new place
+    obstacles: tuple[str, ...]  # on the table, that the artefact has in both places: nobody has touched them
 
 
 def turned(within: float) -> float:
@@ -281,7 +283,8 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
-    return Located(found[:3], found[3:], residual, left_out, counted, artefact)
+    solids, doubtful = _both_places(artefact.obstacles, found[:3], found[3:])
+    return Located(found[:3], found[3:], residual, left_out, counted, replace(artefact, obstacles=solids), doubtful)
 
 
 def _missed(readings: Readings) -> str:
@@ -314,6 +317,20 @@ def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agre
 
 def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
     """artefact, mm (3,), rotation vector rad (3,) → the same with its facets and balls there; obstacles stay, they are declared."""
+    place, way = _moving(by, turn)
+
+    def there(facet: Facet) -> Facet:
+        surface = facet.surface
+        if surface is not None and surface.axis is not None:
+            surface = replace(surface, axis=way(surface.axis))
+        return replace(facet, point=place(facet.point), normal=way(facet.normal), surface=surface)
+
+    balls = {key: replace(ball, centre=place(ball.centre)) for key, ball in artefact.balls.items()}
+    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()}, balls=balls)
+
+
+def _moving(by: Array, turn: Array) -> tuple[Callable[[Vector], Vector], Callable[[Vector], Vector]]:
+    """mm (3,), rotation vector rad (3,) → what moves a point, what turns a direction."""
     rotation = Rotation.from_rotvec(turn)
 
     def place(point: Vector) -> Vector:
@@ -324,14 +341,31 @@ def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
         i, j, k = (float(v) for v in rotation.apply(direction))
         return i, j, k
 
-    def there(facet: Facet) -> Facet:
-        surface = facet.surface
-        if surface is not None and surface.axis is not None:
-            surface = replace(surface, axis=way(surface.axis))
-        return replace(facet, point=place(facet.point), normal=way(facet.normal), surface=surface)
+    return place, way
 
-    balls = {key: replace(ball, centre=place(ball.centre)) for key, ball in artefact.balls.items()}
-    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()}, balls=balls)
+
+def _both_places(solids: Sequence[Obstacle], by: Array, turn: Array) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """obstacles of the table, its way mm (3,) and turn rad (3,) → the same, each that would have moved with it by more than `STAYS`
+    a second time, where it would be; the names of these.
+
+    What is fixed to the table has moved with it, what was set up beside it has not, and no touch says which.
+    """
+    place, way = _moving(by, turn)
+    found, names = list(solids), list[str]()
+    for row, solid in enumerate(solids, 1):
+        if solid.kind == "cylinder":
+            assert solid.base is not None and solid.axis is not None
+            base, axis, height = np.array(solid.base), np.array(solid.axis), solid.height or 0.0
+            ends = [solid.base, tuple(float(v) for v in base + height * axis)]
+            there = replace(solid, base=place(solid.base), axis=way(solid.axis))
+        else:
+            low_high = zip(solid.low or (), solid.high or (), strict=True)
+            ends = list(solid.points or product(*low_high))
+            there = Obstacle("hull", points=tuple(place(end) for end in ends), title=solid.title, on=solid.on)
+        if max(math.dist(place(end), end) for end in ends) > STAYS:
+            names.append(solid.title or f"obstacle {row} ({solid.kind})")
+            found.append(replace(there, title=f"{names[-1]}, moved with the table"))
+    return tuple(found), tuple(names)
 
 
 def _indexations(cell: Cell) -> Sequence[Indexation]:

@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from scipy.spatial.transform import Rotation
 
 from tango_cnc import kinematics, locate, telling
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import locate as command
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, readings_text
+from tango_cnc.files.artefact import read_artefact
 from tango_cnc.plan import last_motion
 from tango_cnc.records import Artefact, Cell, Facet, InputError, Plan, Readings
 
@@ -223,3 +226,36 @@ def test_touches_that_agree_on_a_turn_beyond_what_is_searched_are_refused() -> N
         else:
             with pytest.raises(InputError, match=r"turned by 3\.3 deg, and 3 are searched"):
                 locate.locate(planned, came)
+
+
+def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They stayed where they were declared, the table moved by 20 mm, and the next run met one."""
+    write_example(tmp_path / "cell", "hu40t")
+    file = tmp_path / "cell" / "artefact.yaml"
+    clamp = "{kind: box, low: [-8, -10, 0], high: [12, 10, 30], name: clamp}"
+    stem = "{kind: cylinder, base: [0, 40, 0], axis: [0, 0, 1], radius: 4, height: 25}"
+    data = yaml.safe_load(file.read_text())
+    data["obstacles"] = [yaml.safe_load(clamp), yaml.safe_load(stem)]
+    file.write_text(yaml.safe_dump(data))
+    made = locate.strategy(read_cell(tmp_path / "cell"))
+    by, turn = np.array([12.0, -9.0, 4.0]), np.radians([0.4, -0.5, 2.0])
+    readings = tmp_path / "touches.csv"
+    readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, by, turn))))
+    assert call("locate", "-C", tmp_path / "cell", "--readings", readings, "--json", tmp_path / "found.json") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "clamp, obstacle 2 (cylinder): no touch says whether what stands on the table has moved with it" in said
+    assert json.loads((tmp_path / "found.json").read_text())["obstacles"] == ["clamp", "obstacle 2 (cylinder)"]
+    placed = read_artefact(tmp_path / "cell" / "locate" / "artefact.yaml")
+    box, rod, box_there, rod_there = placed.obstacles
+    assert (box, rod) == made.artefact.obstacles and (box_there.kind, box_there.title) == ("hull", "clamp, moved with the table")
+    rotation = Rotation.from_rotvec(turn)
+    truly = rotation.apply([(x, y, z) for x in (-8, 12) for y in (-10, 10) for z in (0, 30)]) + by
+    assert box_there.points is not None and len(box_there.points) == 8
+    assert all(np.linalg.norm(np.subtract(box_there.points, corner), axis=1).min() < 0.01 for corner in truly)
+    assert rod_there.base == pytest.approx(rotation.apply([0, 40, 0]) + by, abs=0.01)
+    assert rod_there.axis == pytest.approx(rotation.apply([0, 0, 1]), abs=1e-4) and (rod_there.radius, rod_there.height) == (4, 25)
+    readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, 0.01 * by, 0.001 * turn))))
+    assert call("locate", "-C", tmp_path / "cell", "--readings", readings) == 0
+    assert len(read_artefact(tmp_path / "cell" / "locate" / "artefact.yaml").obstacles) == 2

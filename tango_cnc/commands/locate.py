@@ -127,6 +127,7 @@ def command(
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
         "unsized_mm": round(unsized, 3),
+        "obstacles": list(found.obstacles),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
     }
@@ -167,6 +168,12 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> 
         )
     if (by := result["unsized_mm"]) > 1.0:
         click.echo(f"{UNSIZED.format(by)}. Measure that size before you trust a short search")
+    if found.obstacles:
+        click.echo(
+            f"{', '.join(found.obstacles)}: no touch says whether what stands on the table has moved with it. What is written has "
+            "each in both places, as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the "
+            "other ones out: touches beside them are left out until then"
+        )
     click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
