@@ -239,6 +239,8 @@ def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
     data = yaml.safe_load(file.read_text())
     data["obstacles"] = [yaml.safe_load(clamp), yaml.safe_load(stem)]
     file.write_text(yaml.safe_dump(data))
+    assert call("locate", "-C", tmp_path / "cell", "--program") == 0
+    assert "if clamp, cylinder moved with it, correct artefact.yaml first" in " ".join(capsys.readouterr().out.split())
     made = locate.strategy(read_cell(tmp_path / "cell"))
     by, turn = np.array([12.0, -9.0, 4.0]), np.radians([0.4, -0.5, 2.0])
     readings = tmp_path / "touches.csv"

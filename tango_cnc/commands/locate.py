@@ -168,11 +168,11 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> 
         )
     if (by := result["unsized_mm"]) > 1.0:
         click.echo(f"{UNSIZED.format(by)}. Measure that size before you trust a short search")
-    if found.obstacles:
+    if names := ", ".join(found.obstacles):
         click.echo(
-            f"{', '.join(found.obstacles)}: no touch says whether what stands on the table has moved with it. What is written has "
-            "each in both places, as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the "
-            "other ones out: touches beside them are left out until then"
+            f"{names}: no touch says whether what stands on the table has moved with it. What is written has each in both places, "
+            "as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the other ones out: "
+            "touches beside them are left out until then"
         )
     click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
@@ -184,8 +184,10 @@ def _notice(made: Plan, within: float) -> str:
     approach = made.strategy.approach
     notice = (
         f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
-        f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
+        f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared"
     )
+    on_table = ", ".join(solid.title or solid.kind for solid in made.artefact.obstacles)
+    notice += f", those on the table too: if {on_table} moved with it, correct artefact.yaml first." if on_table else "."
     near, most = locate.beside(made, within)
     if most < within:
         notice += (
