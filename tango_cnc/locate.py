@@ -355,12 +355,12 @@ def _both_places(solids: Sequence[Obstacle], by: Array, turn: Array) -> tuple[tu
     for row, solid in enumerate(solids, 1):
         if solid.kind == "cylinder":
             assert solid.base is not None and solid.axis is not None
-            base, axis, height = np.array(solid.base), np.array(solid.axis), solid.height or 0.0
-            ends = [solid.base, tuple(float(v) for v in base + height * axis)]
+            x, y, z = (float(v) for v in np.array(solid.base) + (solid.height or 0.0) * np.array(solid.axis))
+            ends: list[Vector] = [solid.base, (x, y, z)]
             there = replace(solid, base=place(solid.base), axis=way(solid.axis))
         else:
-            low_high = zip(solid.low or (), solid.high or (), strict=True)
-            ends = list(solid.points or product(*low_high))
+            sides = zip(solid.low or (), solid.high or (), strict=True)
+            ends = list(solid.points or [(x, y, z) for x, y, z in product(*sides)])
             there = Obstacle("hull", points=tuple(place(end) for end in ends), title=solid.title, on=solid.on)
         if max(math.dist(place(end), end) for end in ends) > STAYS:
             names.append(solid.title or f"obstacle {row} ({solid.kind})")
