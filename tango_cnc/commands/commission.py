@@ -14,7 +14,7 @@ from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
-from ._start import obeys
+from ._start import in_spindle, obeys
 from ._written import written
 from .check import positioning_feed
 
@@ -143,6 +143,7 @@ def command(
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+        click.echo(f"before it: {in_spindle(made)} in the spindle and on.")
         for text, _ in by_hand_first(made, wanted, controller.post).values():
             click.echo(f"before it: {text} If not, do not start it.")
         return
@@ -221,7 +222,7 @@ def _announced(at: _Control, feed: float | None, settled: Sequence[str], questio
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
         f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. {said(at.moves)} "
-        "Probe in the spindle and on; hand on feed hold.",
+        f"{in_spindle(made)} in the spindle and on; hand on feed hold.",
         err=True,
     )
     if settled:

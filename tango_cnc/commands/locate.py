@@ -15,6 +15,7 @@ from ..files.targets import spared
 from ..records import InputError
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._live import Live
+from ._start import in_spindle
 from ._written import conducted, written
 
 if TYPE_CHECKING:
@@ -183,6 +184,7 @@ def _notice(made: Plan, within: float) -> str:
 
     approach = made.strategy.approach
     notice = (
+        f"{in_spindle(made)} in the spindle and on. "
         f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
         f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared"
     )
