@@ -140,17 +140,20 @@ def command(
     made = moves.plan
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
+    first = by_hand_first(made, wanted, controller.post)
     if only_program:
         for program in programs:
             click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
-        click.echo(f"before it: {in_spindle(made)} in the spindle and on.")
-        for text, _ in by_hand_first(made, wanted, controller.post).values():
-            click.echo(f"before it: {text} If not, do not start it.")
+        for text in (
+            f"{in_spindle(made)} in the spindle and on.",
+            *(f"{each[0]} If not, do not start it." for each in first.values()),
+        ):
+            click.echo(f"before it: {text}")
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options, moves)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     if not (someone and answers == "ask"):
-        for text, _ in by_hand_first(made, wanted, controller.post).values():
+        for text, _ in first.values():
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
