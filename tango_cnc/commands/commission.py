@@ -140,20 +140,14 @@ def command(
     made = moves.plan
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
-    first = by_hand_first(made, wanted, controller.post)
+    first = by_hand_first(made, wanted, controller.post).values()
     if only_program:
-        for program in programs:
-            click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
-        for text in (
-            f"{in_spindle(made)} in the spindle and on.",
-            *(f"{each[0]} If not, do not start it." for each in first.values()),
-        ):
-            click.echo(f"before it: {text}")
+        _before(programs, f"{in_spindle(made)} in the spindle and on.", *(f"{text} If not, do not start it." for text, _ in first))
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options, moves)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     if not (someone and answers == "ask"):
-        for text, _ in first.values():
+        for text, _ in first:
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
@@ -215,6 +209,14 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
     if feed is not None and "directions" in wanted:
         feed = options["positioning_feed"] = min(feed, commission.UNTRIED_FEED)
     return options, feed
+
+
+def _before(programs: Sequence[Any], *texts: str) -> None:
+    """programs that are not sent, what has to be so before one is started → says both."""
+    for program in programs:
+        click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+    for text in texts:
+        click.echo(f"before it: {text}")
 
 
 def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
