@@ -108,7 +108,9 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
     tonight = [(a, False) for a in how.record.get("alarms") or ()]
     helped = {str(x.get("alarm")) for x in how.record.get("repaired") or ()}  # a way back of these is that repair
-    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting, *_to_be_measured(how)) if _undone_by(a) not in helped]
+    older = [
+        (a, True) for a in (*(how.record.get("standing") or ()), *waiting, *_to_be_measured(how)) if _undone_by(a) not in helped
+    ]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
@@ -220,7 +222,9 @@ def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]
     What this night found counts though it was closed since: parts were made with it. So does what was repaired and not measured
     since.
     """
-    dates = [str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and (not closed(a) or not a.get("older") or untried(a))]
+    dates = [
+        str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and (not closed(a) or not a.get("older") or untried(a))
+    ]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 
