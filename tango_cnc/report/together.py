@@ -223,8 +223,8 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
 
 
 def _unseen(first: Mapping[str, Any], own: float, left: float, how: _Telling) -> dict[str, Any]:
-    """oldest alarm of a parameter that no longer shows, its size, what there is of it → its sentence as its night wrote it, and that
-    it has gone again, as far as the last night that measured can tell.
+    """oldest alarm of a parameter that no longer shows, its size, what there is of it → its sentence as its night wrote it, and
+    that it has gone again, as far as the last night that measured can tell.
     """
     factor, unit = shown(str(first.get("unit") or "mm"))
     words = {"left": amount(abs(left * factor), unit, how.u, how.t), "date": day(how.known_of, how.t)}
