@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ...gate import PROVING, TOUCH, gate, served
+from ...gate import HOLD, PROVING, TOUCH, gate, served
 from ...records import OFF, Axis, InputError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
@@ -122,6 +122,8 @@ class Client(Control):
 
     def _conversation(self) -> Talk:
         yield from self._look()
+        if self._task.plan.only is not None:
+            yield from self._say(f"({HOLD})")
         yield from self._report()
         if not self._plain:
             yield from self._able()
