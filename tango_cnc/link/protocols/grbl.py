@@ -59,8 +59,7 @@ class Client(Control):
             self._feed = float(options.get("feed", FEED))
         except ValueError:
             self._feed = 0.0
-        if task.plan.only is not None:  # beside a hand
-            self._feed = min(self._feed, GENTLE)
+        self._feed = min(self._feed, GENTLE if task.plan.only is not None else math.inf)  # beside a hand
         fastest = max((axis.rapid or math.inf for axis in task.plan.machine.axes if axis.kind == "linear"), default=math.inf)
         if "feed" in options and not 0 < self._feed <= min(fastest, HIGHEST):
             raise InputError(
