@@ -252,8 +252,8 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
 
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
-    """faults → accept, or repaired, where every alarm of the night, and every one that was accepted or repaired since, is closed: by what;
-    '' where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
+    """faults → accept, or repaired, where every alarm of the night, and every one that was accepted or repaired since, is closed:
+    by what; '' where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
     """
     own = [a for a in found if a["id"] and (not a["older"] or a.get("tonight") or untried(a) or accepted(a))]
     if not own or any(not (a["gone"] and a.get("let_be")) for a in still_open(found)):
