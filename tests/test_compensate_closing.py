@@ -41,7 +41,7 @@ def test_every_target_has_a_simulated_control() -> None:
     assert not needless, f"sim_controller/compensation/: take away {needless}: no target has that name"
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("name", "target"), [("trunnion", "linuxcnc"), ("three_axis_calibrated", "siemens")])
 def test_what_it_can_hold_is_gone(name: str, target: str, tmp_path: Path) -> None:
     whole(name, target, tmp_path)

@@ -113,8 +113,7 @@ def test_what_has_to_be_known_is_said_without_a_question(
 
 
 def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_is_missing() -> None:
-    hu40t = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
-    made = locate.strategy(hu40t)
+    made = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "hu40t"))
     rng = np.random.default_rng(3)
     whole = touched(made)
     beside = replace(

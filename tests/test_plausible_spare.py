@@ -57,6 +57,7 @@ def test_few_touches_to_spare_are_incomplete_and_no_parameter_is_trusted(measure
     assert not any("degrees of freedom" in reason for reason in followed.reasons), "with nights before, each touch is one to spare"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("wrong", ["an eighth is off", "all scatter by 4 µm"])
 def test_what_scatters_for_no_known_reason_leaves_no_parameter_trusted(measured: Measured, wrong: str) -> None:
     cell, readings = measured

@@ -246,6 +246,7 @@ def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
     assert sorted(counts) == [4, 7]
 
 
+@pytest.mark.long
 def test_the_journal_says_how_long_its_plan_takes(cell):
     """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
     run(cell, Control(cell))

@@ -52,6 +52,7 @@ def finding(fitted: Estimate, cause: str, setting: dict[str, Any]) -> Finding:
     return Finding(cause, setting, s.detail, s, 1e-7, None, {}, (), (), s.effect, c.columns[:, 0])
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("name", PATTERNS)
 def test_every_cause_has_a_sentence_of_its_own_for_every_variant(name: str, fitted: Estimate) -> None:
     module = terms.causes()[name]

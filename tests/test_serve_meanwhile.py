@@ -63,6 +63,7 @@ def decided(folder: Path) -> list[tuple[str, str, str]]:
         return [(d.action, d.owner, d.note) for d in history.decisions(M)]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
@@ -235,6 +236,7 @@ def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(
     assert "Password" not in told.output and "letters from A to Z" in str(told.exception)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("how", ["removed", "another password", "a file for all to read"])
 def test_a_sign_in_is_worth_what_the_users_file_says_now(tmp_path: Path, how: str) -> None:
     """Who was taken out of the file read every page, and decided, for twelve hours more."""
@@ -342,6 +344,7 @@ def test_squares_of_the_map_stay_beside_their_facets_and_cover_no_other() -> Non
     assert apart(100 * places) == 100 * places  # more than there is room for: where they are
 
 
+@pytest.mark.long
 def test_a_run_that_has_only_begun_names_no_minutes(tmp_path: Path) -> None:
     """Half an hour was "1 min left" before the first touch, and an hour after it: it comes after the proof of the probe."""
     place = cell(tmp_path / "one", records=[night(M, 0)])

@@ -84,6 +84,7 @@ def test_what_only_the_held_out_touches_tell_is_no_reproach_to_the_model() -> No
     assert 0.7 < found.ratio < 1.3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("terms", ["S3", "S4"])
 def test_held_out_residuals_are_as_large_as_promised(terms: str) -> None:
     """Rank by promise, too: what is promised to be uncertain is."""
@@ -482,6 +483,7 @@ def test_before_and_after_over_the_volume(folder: Path) -> None:
     assert found["extrapolated"]["poses"] > 0
 
 
+@pytest.mark.long
 def test_the_map_is_written_pose_by_pose(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "map.csv"
     assert verify(folder, "--volume", "--levels", "2", "--map", str(file)).return_value == 0
