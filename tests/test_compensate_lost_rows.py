@@ -66,6 +66,7 @@ def test_a_row_that_stands_alone_and_a_table_of_other_increments_are_doubts(targ
     assert any("it may count other increments" in doubt for doubt in given(target, larger).doubts)
 
 
+@pytest.mark.long
 def test_points_of_a_table_that_was_made_for_other_touches_are_its_points() -> None:
     """The touches of every run end elsewhere by some micrometers, and the control still has the points of the run before."""
     proposal = stored("siemens")

@@ -23,7 +23,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 def made() -> Chosen:
     """A plan that was made quickly, in an order that is short."""
     cell, aim = read_cell(EXAMPLES / "trunnion"), goals.read("locations")
-    ready = propose.setting(cell, Wish(aim, 6, ("S3",), Approach(2.0, 0.5, 180.0), feed=6000.0))
+    ready = propose.setting(cell, Wish(aim, 4, ("S3",), Approach(2.0, 0.5, 180.0), feed=6000.0))
     problem = replace(ready.problem, senses=senses.senses_of(ready.problem.choice))
     return replace(choose.quick(problem), problem=problem)
 

@@ -43,6 +43,7 @@ def test_enso_has_two_periods_beside_the_year(published: Path) -> None:
     assert periods[2] == pytest.approx(44.311, rel=0.01)
 
 
+@pytest.mark.long
 def test_lew_hides_a_sine(published: Path) -> None:
     found = diagnose_table(published / "lew.csv", ["deflection"], [], ["order"])["findings"]
     assert [f["cause"] for f in found] == ["periodic"]

@@ -116,7 +116,7 @@ def thesis_readings(shared: Path, hu40t: Cell, seed: int = 1) -> Readings:
     return simulate(hu40t.machine, hu40t.artefact, strategy, world)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("subset", "mean"), [("S1", 25.8), ("S2", 25.7), ("S3", 2.4)])
 def test_unexplained_distances_of_the_thesis_machine(shared, hu40t, subset, mean):
     """Table 4-4 made true, Table 4-2 touched with 0.6 µm: Table 4-6 within a tenth of what an independent program gets."""

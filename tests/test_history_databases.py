@@ -83,6 +83,7 @@ def test_no_message_has_the_password_of_a_database() -> None:
     assert "secret" not in str(error.value)
 
 
+@pytest.mark.few(0)
 def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Path) -> None:
     first, second = history_place(), history_place()
     with opened(first) as history:

@@ -429,6 +429,7 @@ def test_a_round_table_is_refused_and_says_that_its_turn_cannot_be_told() -> Non
         locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "huron"))
 
 
+@pytest.mark.few(0)
 def test_facets_on_sides_that_no_touch_was_on_are_named() -> None:
     """A table 1 % larger was placed, and four walls behind it stood 3 mm elsewhere than was said."""
     cell = read_cell(Path(__file__).parent.parent / "examples" / "trunnion")

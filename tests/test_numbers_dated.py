@@ -125,6 +125,7 @@ def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
     assert all(f"--{level}:{TONES[level]}" in style for level in ("good", "look", "stop"))
 
 
+@pytest.mark.long
 def test_the_list_says_since_when(tmp_path: Path) -> None:
     t, full = texts(), [FULL]
     alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}

@@ -83,6 +83,7 @@ def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None
     assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
 
 
+@pytest.mark.long
 def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
     result = Result("plan", "-C", tmp_path / "cell", "--split", 3, "--json", "-")

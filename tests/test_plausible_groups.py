@@ -153,6 +153,7 @@ def test_a_wrong_sense_comes_before_the_bar_that_it_contradicts(axis: str, cell:
     assert (found.verdict, found.suspicions[0].kind) == ("implausible", "sense")
 
 
+@pytest.mark.long
 def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readings) -> None:
     bar = cell.artefact.scale_bar
     assert bar is not None

@@ -58,6 +58,7 @@ def test_where_a_bend_is_hidden_the_note_speaks_of_steps_too() -> None:
     assert judgement.untrusted == () and "nor an error of position that is no gain" in said and "a step of" not in said
 
 
+@pytest.mark.long
 def test_a_step_that_is_known_to_be_smaller_moves_nothing() -> None:
     off, judgement, every = trusted("fork_head", 0.0, 0.0005)
     assert judgement.untrusted == () and len(off) == every

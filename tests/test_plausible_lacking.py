@@ -35,6 +35,7 @@ def test_nothing_is_lacking_where_nothing_is_wrong(cell: Cell, readings: Reading
     assert judged(cell, readings).verdict == "trustworthy"
 
 
+@pytest.mark.long
 def test_a_rotary_scale_of_twenty_millionths_is_seen(cell: Cell, readings: Readings) -> None:
     angle = readings.position[:, cell.machine.column("C")]
     found = judged(cell, column(cell, readings, "C", 2e-5 * angle))
@@ -169,6 +170,7 @@ def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_
     assert found.verdict == "doubtful" and "EC0Y" in found.untrusted
 
 
+@pytest.mark.long
 def test_an_axis_that_stops_elsewhere_from_touch_to_touch_puts_all_parameters_in_doubt(root: Path) -> None:
     folder = root / "examples" / "three_axis_calibrated"
     plain = read_cell(folder)

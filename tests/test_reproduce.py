@@ -232,6 +232,7 @@ def test_tables_4_8_and_4_9_the_axis_locations_do_most() -> None:
         assert sd["S3"] < found["S3"][0]
 
 
+@pytest.mark.long
 def test_table_4_7_the_better_model_has_the_better_table() -> None:
     sd = ours("4-7", "sd")
     assert max(sd["S3"], sd["S4"]) < 0.6 * min(sd["S1"], sd["S2"])

@@ -137,6 +137,7 @@ def test_a_run_without_a_touch_draws_nothing(tmp_path: Path) -> None:
         assert "0 of 20 touches" in page and "Last touches" not in page and "Deviation" not in page
 
 
+@pytest.mark.long
 def test_a_machine_that_was_never_measured_has_its_answer_everywhere(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[])
     (place / "history.db").unlink()

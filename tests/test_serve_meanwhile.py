@@ -267,6 +267,7 @@ def test_a_role_that_is_changed_in_the_file_counts_at_the_next_request(tmp_path:
     assert not decided(place)
 
 
+@pytest.mark.long
 def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
     records = [night(M, i) for i in range(3)]
     for i, record in enumerate(records):
@@ -376,6 +377,7 @@ def test_squares_of_the_map_have_the_names_of_their_facets(tmp_path: Path) -> No
     run.gone()
 
 
+@pytest.mark.long
 def test_who_has_an_alarm_and_who_owns_the_machine_stand_together(tmp_path: Path) -> None:
     """The telephone number of the owner was gone once somebody had acknowledged the alarm."""
     place = struck(tmp_path / "one")

@@ -113,7 +113,7 @@ def changed(bench: blind.Bench, effects: list[dict[str, Any]]) -> np.ndarray:
     return np.asarray(np.sum((read.position - bench.clean.position)[:, columns] * blind.eyes(bench).normal, axis=1))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", every((n for n in PATTERNS if n not in ("cylinder_cosine", *ELSEWHERE)), 3))
 def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     touches, machine = fitted.model.touches, bench.cell.machine

@@ -129,7 +129,7 @@ def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture
         (["--probability", "1.5"], "between 0 and 1"),
         (["--probability", "0.99999", "--trials", "1000"], "allowed: at least"),
         (["--budget", "nowhere.yaml"], "no such file"),
-        (["--terms", "S9"], "S9"),
+        pytest.param(["--terms", "S9"], "S9", marks=pytest.mark.long),
     ],
 )
 def test_wrong_options_end_with_2_and_say_what_is_allowed(

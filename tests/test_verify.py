@@ -119,6 +119,7 @@ def test_touches_that_make_the_ratio_large_are_named_the_furthest_first() -> Non
     assert "the model lacks something" in held_out_lines(replace(every, residual=1.5 * every.residual))[0]
 
 
+@pytest.mark.long
 def test_figures_per_subset_fall_as_in_table_4_9() -> None:
     sd = {s: hold_out(noisy(), (THESIS_GROUP,), s).figures.sd * 1e3 for s in ("S1", "S2", "S3", "S4")}
     assert sd["S1"] > 20
@@ -283,6 +284,7 @@ def test_points_in_a_plane_are_no_sphere() -> None:
         sphere.fit_sphere(np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]))
 
 
+@pytest.mark.long
 def test_model_and_simulator_touch_the_sphere_alike() -> None:
     """Two programs: the fixed point on the model, and contacts solved by the simulator; one error of each kind at once."""
     errors = {"EX0C": 0.05, "EA0B": 4e-5, "EYY1": 2e-5, "EB0Z": -3e-5, "EXXb": 0.002}
