@@ -15,13 +15,16 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
+from tango_cnc.history.answers import every_decision
 from tango_cnc.history.former import formers
+from tango_cnc.nightly.again import after_a_repair
 from tango_cnc.nightly.standing import standing
 from tango_cnc.nightly.words import headline
-from tango_cnc.report.faults import unclosed
+from tango_cnc.report.faults import earlier, unclosed
 from tango_cnc.report.morning import context
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.texts import texts
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -116,6 +119,34 @@ def test_what_moves_after_it_has_gone_back_stands_by_itself(tmp_path: Path, end:
 
 
 @pytest.mark.few(1)
+@pytest.mark.parametrize("end", [KNOCK, BACK])
+def test_what_comes_back_after_either_was_repaired_names_that_repair(tmp_path: Path, end: str) -> None:
+    place = story(tmp_path / "one", (7, end, "repaired"))
+    with opened(place / "history.db") as history:
+        again, other = after_a_repair(history, M, [moved(12, 20.0), moved(12, -20.0)])
+    assert again["again"]["owner"] == "Dora" and "again" not in other
+
+
+@pytest.mark.parametrize("end", [KNOCK, BACK])
+@pytest.mark.parametrize("action", ["repaired", "accept"])
+def test_until_the_next_night_both_are_one_closed_story(tmp_path: Path, end: str, action: str) -> None:
+    """The night before the answer had both ends of it."""
+    place = story(tmp_path / "one")
+    gone = say("night.alarms.gone_again_left", told="+1.0 ± 0.3 µm")
+    back = moved(5, -19.0, undoes={"alarm": KNOCK, "left": 0.001}, total=-0.019, night="2026-10-29", now="")
+    knock = moved(2, 20.0, total=0.001, night="2026-10-26", now=gone)
+    with opened(place / "history.db") as history:
+        history.add_night(night(M, 8, "changed", standing=[back, knock]))
+        history.decide(M, Decision(end, action, "Dora", "", None, night(M, 8)["end_utc"].replace("T02", "T09")))
+        record, decisions = history.records(M, 1)[0], every_decision(history, M)
+        found, last = unclosed(history, M, LATER)
+    for given in (decisions, tuple(last.values())):
+        page = context(record, given, None, texts(), waiting=earlier(found))
+        assert page["count"] == 0 and not page["also"] and page["first"]["decision"].owner == "Dora"
+        assert "It has gone back since: 1 µm of 20 µm is left." in page["first"]["text"] and page["done"]
+        assert ("it shows whether the repair has helped" in " ".join(page["todo"])) == (action == "repaired")
+
+
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 def test_no_page_and_no_command_names_a_repair_as_a_fault(tmp_path: Path, end: str) -> None:
     place = story(tmp_path / "one", (7, end, "repaired"))

@@ -196,8 +196,8 @@ BUGS = {
     "a repair asks for nothing": ("nightly.before", "        if repaired:\n", "        if False:\n"),
     "what was repaired stands": (
         "nightly.standing",
-        'decision.action in ("accept", "repaired"):',
-        'decision.action in ("accept",):',
+        'if held.closed(alarm["id"]) or',
+        'if (held.closed(alarm["id"]) and getattr(decision, "action", "") != "repaired") or',
     ),
     "what nobody has closed is forgotten": (
         "nightly.standing",
@@ -206,8 +206,8 @@ BUGS = {
     ),
     "what is ignored stands": (
         "nightly.standing",
-        'decision.action == "ignore" and (decision.until or "") >= today:\n                continue',
-        'decision.action == "ignore" and (decision.until or "") >= today:\n                pass',
+        'or (decision is not None and decision.action == "ignore"):',
+        "or False:",
     ),
     "what is ignored is not named": ("nightly.standing", "    if not wanted:\n", "    if wanted:\n"),
     "a night that never began is not put on record": ("nightly.night", "for i in range(min(missed, MISSED)):", "for i in ():"),

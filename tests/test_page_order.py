@@ -109,6 +109,15 @@ def test_an_open_alarm_has_one_size_at_the_computer(tmp_path: Path, word: str, g
     assert re.findall(r"[+−-][\d.]+ ± [\d.]+ µm", line) == ["+24.1 ± 0.3 µm" if grown else "+18.6 ± 0.3 µm"], line
 
 
+@pytest.mark.parametrize("later", [False, True])
+def test_an_open_alarm_of_another_night_has_its_temperature_in_the_past_at_the_computer(tmp_path: Path, later: bool) -> None:
+    records = [night(M, 6, "changed", alarms=[warm(6, 18.9)])]
+    records += [night(M, 9, "changed", standing=[warm(6, 18.9, total=None)])] if later else []
+    said = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(cell(tmp_path / "one", records=records))]).output
+    line = next(x for x in said.splitlines() if "open alarm 2026-10-30" in x)
+    assert ("on 2026-10-30 the machine was 6.1 K warmer" in line) == later and ("the machine is 6.1 K" in line) != later
+
+
 def test_what_has_gone_again_says_at_the_computer_what_is_left(tmp_path: Path) -> None:
     left = alarm(2, 18.6, total=0.0004, now=say("night.alarms.gone_again_left", told="+0.4 ± 0.3 µm"))
     records = [night(M, 2, "changed", alarms=[alarm(2, 18.6)]), night(M, 9, "changed", standing=[left])]

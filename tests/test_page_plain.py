@@ -123,6 +123,18 @@ def test_a_report_under_a_no_lets_no_part_be_made() -> None:
     assert parts_first(changed, do, t) == [do[1], do[0], do[2]]  # the box and the list begin with one thing
 
 
+def test_under_the_no_of_its_readings_a_report_asks_for_no_parts_though_the_night_did() -> None:
+    """The night said Yes, but; the readings of the morning are beyond the limit: "4. Make parts while the machine is at its usual
+    temperature" stood below "1. Make no parts on it"."""
+    t = texts()
+    warm = f"The machine is 5.3 K warmer. {t('cause.temperature.do')}"
+    told = parts_first(context(records("beyond")[1], (), None, t)["answer"], [warm], t)
+    assert (
+        told[0] == t("may.brief_no") and "Make parts" not in told[1] and "The machine is 5.3 K warmer. Let the machine" in told[1]
+    )
+    assert parts_first(context(records("changed")[1], (), None, t)["answer"], [warm], t) == [warm]
+
+
 @pytest.mark.parametrize(("name", "allowed"), [("'f1 '", "without a blank"), ("' f1'", "without a blank")])
 def test_a_facet_that_no_table_of_readings_can_name_is_refused(tmp_path: Path, name: str, allowed: str) -> None:
     file = tmp_path / "artefact.yaml"

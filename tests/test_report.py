@@ -30,7 +30,7 @@ from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
-from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, gather
+from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
 from tango_cnc.report.may import _after, may
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
@@ -757,6 +757,9 @@ def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
     told, found = may(newer, texts()), page.context(newer)
     assert told.by_night and f"{1e3 * facts.tip.worst:.0f} µm, 1 µm allowed" in told.answer.numbers
     assert told.cause.startswith("Most of it comes from") and "122" not in told.cause and "122" not in " ".join(found["todo"])
+    name = next(iter(effects(facts.result)))
+    found_ = facts.result.parameters[name]
+    assert found_.unit == "mm" and told.cause.rpartition(": ")[2][0] == ("−" if found_.value < 0 else "+")  # as below it
     own = replace(newer, paper=replace(paper, measured="2026-11-20T02:10:00Z"))  # readings of that night: the number is its own
     assert may(own, texts()).cause == share
     moved = replace(newer, nights=replace(night, cause="Spindle has moved.", brief="", share=False))

@@ -91,14 +91,13 @@ def faults(
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
-    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x, known) else {}) for x in found]
+    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x["decision"], known) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 
 
-def _to_be_seen(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
-    """fault, last night that measured → whether somebody says to have repaired it, and no night has measured since."""
-    decision = a["decision"]
+def _to_be_seen(decision: Any, known: Mapping[str, Any]) -> bool:
+    """decision, last night that measured → whether somebody says to have repaired it, and no night has measured since."""
     return decision is not None and decision.action == "repaired" and str(decision.utc) >= str(known.get("end_utc") or "~")
 
 
@@ -109,7 +108,9 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
     tonight = [(a, False) for a in how.record.get("alarms") or ()]
     helped = {str(x.get("alarm")) for x in how.record.get("repaired") or ()}  # a way back of these is that repair
-    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting) if _undone_by(a) not in helped]
+    older = [
+        (a, True) for a in (*(how.record.get("standing") or ()), *waiting, *_to_be_measured(how)) if _undone_by(a) not in helped
+    ]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
@@ -119,8 +120,19 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
             a |= {"total": None, "now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
-        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
+        beside = {"older": before_tonight, "unmeasured": _to_be_seen(how.decisions.get(key), how.known)}
+        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | beside)
     return list(told.values())
+
+
+def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
+    """night that measured nothing, how it is told → alarms of the last one that did, which somebody says to have repaired since: a
+    night after the repair does not have them any more.
+    """
+    if how.known is how.record:
+        return []
+    every = (*(how.known.get("alarms") or ()), *(how.known.get("standing") or ()))
+    return [a for a in every if _to_be_seen(how.decisions.get(str(a.get("id"))), how.known)]
 
 
 def _of_tonight(a: Mapping[str, Any], how: _Today) -> dict[str, Any]:
@@ -188,6 +200,11 @@ def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
     return stays and (tonight or bool(a.get("confirmed")))
 
 
+def untried(a: Mapping[str, Any]) -> bool:
+    """fault → whether it was repaired, and no night has measured since whether it has gone."""
+    return bool(a.get("unmeasured")) and not a["gone"]
+
+
 def for_setting_up(a: Mapping[str, Any]) -> bool:
     """fault → whether parts have it only by what was set up or measured with the probe."""
     return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
@@ -202,9 +219,12 @@ def all_of_probe(found: Sequence[Mapping[str, Any]]) -> bool:
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:
     """faults, what stands behind a crossed limit → date of the last night before any of them; '' where none is.
 
-    What this night found counts though it was closed since: parts were made with it.
+    What this night found counts though it was closed since: parts were made with it. So does what was repaired and not measured
+    since.
     """
-    dates = [str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and not (closed(a) and a.get("older"))]
+    dates = [
+        str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and (not closed(a) or not a.get("older") or untried(a))
+    ]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 
@@ -221,8 +241,10 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
 
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
-    """faults → accept, or repaired, where every alarm of the night is closed: by what; '' where one is open or none was."""
-    own = [a for a in found if a["id"] and not a["older"]]
+    """faults → accept, or repaired, where every alarm of the night, and every one that was repaired since, is closed: by what; ''
+    where one is open or none was.
+    """
+    own = [a for a in found if a["id"] and (not a["older"] or untried(a))]
     if not own or still_open(found):
         return ""
     return "accept" if {a["decision"].action for a in own} == {"accept"} else "repaired"

@@ -120,7 +120,7 @@ def _story(
 def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """story, date of the last compensation → the oldest of its alarms, as all of them are told."""
     same = story.same
-    open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
+    open_since = [str(a["since"]) for a in same if a.get("since") and (not closed(a) or a.get("unmeasured"))]
     gone = _gone(same) and not story.drifts
     first = {
         **same[0],
@@ -129,6 +129,7 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
         "total": story.every,
         "held": [a["id"] for a in same if a["decision"] is not None and not closed(a)],
+        "unmeasured": any(a.get("unmeasured") for a in same),
         "gone": gone,
     }
     if gone:
