@@ -120,9 +120,15 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
             a |= {"total": None, "now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
-        beside = {"older": before_tonight, "unmeasured": _to_be_seen(how.decisions.get(key), how.known)}
-        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | beside)
+        decision = how.decisions.get(key)
+        beside = {"older": before_tonight, "unmeasured": _to_be_seen(decision, how.known), "let_be": _let_be(decision, how.today)}
+        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, decision) | beside)
     return list(told.values())
+
+
+def _let_be(decision: Any, today: str) -> bool:
+    """decision, date → whether somebody wants the alarm to be ignored that day."""
+    return decision is not None and decision.action == "ignore" and str(decision.until or "") >= today
 
 
 def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
@@ -242,12 +248,21 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
     """faults → accept, or repaired, where every alarm of the night, and every one that was repaired since, is closed: by what; ''
-    where one is open or none was.
+    where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
     """
-    own = [a for a in found if a["id"] and (not a["older"] or untried(a))]
-    if not own or still_open(found):
+    own = [a for a in found if a["id"] and (not a["older"] or a.get("tonight") or untried(a))]
+    if not own or any(not (a["gone"] and a.get("let_be")) for a in still_open(found)):
         return ""
-    return "accept" if {a["decision"].action for a in own} == {"accept"} else "repaired"
+    return "accept" if {a["decision"].action for a in own} <= {"accept", "ignore"} else "repaired"
+
+
+def asking(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """faults → those that ask for something, in their order: what is to be ignored asks for nothing, and where there is such a
+    one, what is closed does not either.
+    """
+    if not any(a.get("let_be") for a in found):
+        return list(found)
+    return [a for a in found if not a.get("let_be") and (not closed(a) or untried(a))]
 
 
 def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
@@ -20,14 +19,13 @@ from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
 from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
-from .orders import orders
+from .orders import brief_of, orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
 from .repeated import as_decided, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
-from .together import SAME
 from .units import Units
 from .verdict import Level
 from .words import of_its_night
@@ -51,7 +49,6 @@ NIGHT: Mapping[str, Any] = {  # what a page asks of every record
     "planned": 0,
 }
 LISTED = 3  # faults below the first one
-DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
 LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still count as the same
 
@@ -271,15 +268,6 @@ def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> 
     if moment is None or now is None or known.get("verdict") == "not_measured":
         return ""
     return t("web.last_measured", date=day(known.get("night"), t), ago=ago(moment, t, now))
-
-
-def brief_of(first: Mapping[str, Any]) -> str:
-    """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
-    own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
-    text = text.replace(str(first.get("then") or ""), "").rstrip()
-    if total is not None and abs(float(total) - own) <= SAME * abs(own):
-        text = text.replace(str(first.get("still") or ""), "").rstrip()
-    return DIRECTIONS.sub("", text)
 
 
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:

@@ -130,6 +130,8 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "total": story.every,
         "held": [a["id"] for a in same if a["decision"] is not None and not closed(a)],
         "unmeasured": any(a.get("unmeasured") for a in same),
+        "tonight": any(not a.get("older") for a in same),
+        "let_be": any(a.get("let_be") for a in same) and all(a.get("let_be") or closed(a) for a in same),
         "gone": gone,
     }
     if gone:
