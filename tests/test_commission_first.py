@@ -118,6 +118,7 @@ def test_a_stop_that_blames_frames_names_the_mirror_image_and_what_to_change(nam
     assert ("A mirror image here:" in remedy_here(load(name), "frames")) == ("mirror" in remedies)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("first", [1, 2])
 def test_the_stylus_that_has_to_be_in_the_spindle_is_named_before_anything_moves(
     first: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
