@@ -83,7 +83,7 @@ def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None
     assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
 
 
-@pytest.mark.long
+@pytest.mark.few(0)
 def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
     result = Result("plan", "-C", tmp_path / "cell", "--split", 3, "--json", "-")
@@ -164,7 +164,7 @@ def test_an_indexation_longer_than_the_memory_is_refused_by_its_touches() -> Non
         parts(load("fanuc"), golden(), {"memory": "no"})
 
 
-@pytest.mark.long
+@pytest.mark.few(0)
 def test_plan_and_dry_run_split_what_the_cell_says_is_too_long(tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
     file = tmp_path / "cell" / "tango.yaml"

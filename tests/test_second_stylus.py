@@ -182,7 +182,7 @@ def test_the_command_line_from_check_to_iso_figures(cell: Path, capsys: pytest.C
         assert low <= 0.0 <= high, "the simulated machine has no such tilt"
 
 
-@pytest.mark.long
+@pytest.mark.few(0)
 def test_readings_of_two_runs_are_read_as_one(cell: Path) -> None:
     """tango run writes a file for each stylus; whoever reads the first reads both."""
     here = read_cell(cell)
