@@ -11,7 +11,7 @@ import numpy as np
 from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, is_unseen, shows
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -71,7 +71,7 @@ def standing(
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
             gone = is_gone(told["now"])
-            told["confirmed"] = full if full and told["now"] and not gone else None
+            told["confirmed"] = full if full and told["now"] and not gone and not is_unseen(told["now"]) else None
             told |= {"do": say("night.gone_do")} if gone else {}
             told |= since_full(told, measured[0] if measured[1] >= stored.night.start_utc else "")  # or by itself
             told = as_loaded(told, events)
@@ -138,8 +138,9 @@ def _was(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
-    told = value(change, now["unit"], math.hypot(now["std"], then["std"]))
-    return say("night.alarms.was", told=told, night=when)
+    spread = math.hypot(now["std"], then["std"])
+    told, size = value(change, now["unit"], spread), float(alarm.get("size") or 0.0)
+    return say(f"night.alarms.{'was' if shows(size, change, spread) else 'unseen_then'}", told=told, night=when)
 
 
 def _measured(past: Past, machine: str) -> tuple[str, str]:
@@ -181,10 +182,13 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
 
 def still(size: float, change: float, std: float, told: str, *, confirmed: bool) -> Said:
     """size of an alarm, change tonight, its standard deviation, the change as a text, whether a full measurement has seen it →
-    whether what moved is still where it went.
+    whether what moved is still where it went; gone again, as far as tonight can tell, where it no longer shows, though it is not
+    sure to be elsewhere.
     """
     slack = max(3 * std, 0.25 * abs(size))
     if abs(change - size) < slack:
+        if not shows(size, change, std):
+            return say("night.alarms.unseen", told=told)
         return say(f"night.alarms.{'confirmed' if confirmed else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 

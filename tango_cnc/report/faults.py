@@ -300,7 +300,15 @@ def _whole_error(
     name = str(a.get("parameter"))
     now = (known.get("parameters") or {}).get(name)
     total = a.get("total") if a.get("total") is not None else a.get("size")
-    if a["gone"] or not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
+    if (
+        a["gone"]
+        or a.get("unseen")
+        or not a["id"]
+        or not now
+        or not total
+        or known.get("verdict") == "doubtful"
+        or spoken(name) == name
+    ):
         return {"whole": ""}
     if (newer := after(known, events)) is not None:
         words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
