@@ -73,6 +73,9 @@ from .session import Ledger, Session, Setup, families
 )
 @click.option("--dry-run", type=click.FloatRange(1, 100000), metavar="MM/MIN", help="Dry run: this feed in place of every F.")
 @click.option("--skip-obeys", is_flag=True, help="Probing moves obey override and dry run; on most controls they do not.")
+@click.option(
+    "--deflected-goes-on", "goes_on", is_flag=True, help="A probing move that begins with the probe deflected is carried out."
+)
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
     folder: Path,
@@ -102,6 +105,7 @@ def main(
     override: str,
     dry_run: float | None,
     skip_obeys: bool,
+    goes_on: bool,
     once: bool,
 ) -> None:
     """Pretends to be the controller of a cell whose true machine is described by a world file.
@@ -121,7 +125,7 @@ def main(
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
     library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else library
-    panel = (_factors(override), dry_run, skip_obeys)
+    panel = (_factors(override), dry_run, goes_on, skip_obeys)
     setup = Setup(family, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted, *panel)
     talk = server.protocol(there.protocol)
     journal = Ledger(ledger)

@@ -44,6 +44,7 @@ class Setup:
     counted: bool = False  # TV check: a block of an odd number of characters is an alarm
     override: tuple[float, ...] = (1.0,)  # feed override of the panel, a factor: for each program in turn; the last one stays
     dry_run: float | None = None  # mm/min that dry run puts in place of every F
+    goes_on: bool = False  # a probing move that begins with the probe deflected is carried out: it looks for an edge of the signal
     skip_obeys: bool = False  # whether probing moves obey override and dry run
 
 
@@ -92,7 +93,7 @@ class Session:
 
     def motion(self) -> Motion:
         """→ the machine of a control that has just been switched on, at its reference position."""
-        motion = self._moving = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        motion = self._moving = Motion(self._rig, self.note, self._wait, self._setup.faults, begins_deflected=self._setup.goes_on)
         self._dialled(motion)
         self.note("power", state="on", home=motion.position.tolist())
         return motion
@@ -135,6 +136,9 @@ class Session:
             control.run(taken if self._setup.streamed else list(taken), self._setup.streamed)
         except (RecursionError, OverflowError) as error:
             raise Alarm("SYSTEM", "brackets too deep, or a number too large, for this control", str(error)) from None
+        finally:
+            if self._moving is not None:
+                self._moving.lets_go()
         self.note("program", state="ended")
 
     def _dialled(self, motion: Motion) -> None:

@@ -77,9 +77,12 @@ def ends_at(made: Plan) -> dict[str, float]:
 
 
 def with_a_hand(name: str, made: Plan, stated: Mapping[str, Any], habits: Mapping[str, Any], **who: Any) -> Ran:
-    """dialect, plan in the air, profile, habits, who is there → what came of the program for a hand, begun at its end."""
+    """dialect, plan in the air, profile, habits, how the probe is → what came of the program for a hand, begun at its end.
+
+    Nobody else is there: a signal that is on is the hand.
+    """
     options = profile(name, stated) | {"gate": "none", "positioning_feed": commission.HELD_FEED}
-    return ran(name, commission.held(made), options, habits, stands=ends_at(made), **who)
+    return ran(name, commission.held(made), options, habits, stands=ends_at(made), person=False, **who)
 
 
 @pytest.mark.few(4)

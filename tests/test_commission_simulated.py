@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import re
 import shutil
@@ -34,6 +35,13 @@ indexations:
 """
 
 
+class Terminal(io.StringIO):
+    """A person who has typed already."""
+
+    def isatty(self) -> bool:
+        return True
+
+
 def call(*arguments: object) -> int:
     return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
 
@@ -52,9 +60,9 @@ def cell_of(folder: Path, dialect: str) -> Path:
 
 
 @contextlib.contextmanager
-def started(cell: Path, dialect: str) -> Iterator[None]:
-    """cell, dialect → its line of the table is carried out."""
-    words = ROWS[dialect][1].split()
+def started(cell: Path, dialect: str, *more: object) -> Iterator[None]:
+    """cell, dialect, more options → its line of the table is carried out."""
+    words = [*ROWS[dialect][1].split(), *map(str, more)]
     with subprocess.Popen(
         [sys.executable, "-m", *(str(cell) if word == "cell" else word for word in words)], stdout=subprocess.PIPE, text=True
     ) as process:
@@ -92,6 +100,29 @@ def test_the_line_of_a_dialect_goes_from_commissioning_to_readings(dialect: str,
     assert "FAIL" not in verdicts.values() and verdicts["alive"] == verdicts["directions"] == "PASS"
     found = json.loads((cell / "readings.json").read_text())
     assert found["ok"] == found["touches"] > 20
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("dialect", sorted(ROWS))
+def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
+    dialect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had no hand: deflected FAIL on a sound control, and locate and run refused it from then on."""
+    cell, ledger = cell_of(tmp_path / "cell", dialect), tmp_path / "ledger.jsonl"
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 60))
+    with started(cell, dialect, "--ledger", ledger):
+        assert call("commission", "-C", cell, "--timeout", "6", "--no-dial") == 0
+        monkeypatch.setattr(sys, "stdin", io.StringIO())
+        assert call("locate", "-C", cell, "--yes") == 0  # and nobody holds it any more
+    assert {proof.belief: proof.verdict for proof in read_commissioning(cell)}["deflected"] == "PASS"
+    held = (cell / "commissioning" / "program").glob("*")
+    assert any("HOLD THE STYLUS ASIDE" in file.read_text(errors="replace") for file in held)
+    events = [json.loads(line) for line in ledger.read_text().splitlines()]
+    assert not any(event["event"] == "collision" for event in events)
+    if dialect != "grbl":  # which is asked line by line, and has no programs
+        begins = [row for row, event in enumerate(events) if event["event"] == "program" and event["state"] != "ended"]
+        second = events[begins[1] : begins[2]]
+        assert not any(event["event"] in ("rapid", "contact") or event.get("result") == "miss" for event in second), "it went on"
 
 
 def test_a_macro_that_mach3_does_not_have_is_no_silent_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -248,7 +248,7 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     """The person says that the stylus is held, and the control does not notice it: the program comes to its end."""
     cell, ledger = cell_of(tmp_path / "cell"), tmp_path / "ledger"
     monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
-    with simulated(cell, "--ledger", ledger) as port:
+    with simulated(cell, "--ledger", ledger, "--deflected-goes-on") as port:
         assert call("commission", "-C", cell, "--port", port, "--timeout", "4", "--no-dial") == 1
     said = capsys.readouterr()
     assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
@@ -277,7 +277,7 @@ def test_where_only_the_held_stylus_is_left_the_axes_are_first_brought_to_where_
     known = keys_of(read_cell(cell), load("fanuc"))
     add_proofs(cell, "fanuc", [Proof(b, "PASS", "tried", profile=known[b]) for b in known if b != "deflected"])
     monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
-    with simulated(cell) as port:
+    with simulated(cell, "--deflected-goes-on") as port:
         assert call("commission", "-C", cell, "--port", port, "--timeout", "4") == 1
     said = capsys.readouterr().err
     assert -1 < said.find("touch 1: miss") < said.find("Now a program of its own"), said
