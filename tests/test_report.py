@@ -464,6 +464,7 @@ def test_mistakes_in_texts_are_told(text: str, said: str, tmp_path: Path) -> Non
         texts_of(tmp_path)
 
 
+@pytest.mark.long
 def test_a_mistake_in_a_template_is_told_with_its_line(facts: Facts, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("<p>\n{{ machine.name }\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"report\.html:2"):
@@ -644,6 +645,7 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
     assert late.answer.may != "yes" and why in late.answer.why  # what else makes it a "but" hides nothing
 
 
+@pytest.mark.long
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
     sheet = facts.sheet
     assert not isinstance(sheet, str)
@@ -685,6 +687,7 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     assert "text-anchor" not in place
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["heading", "sentence"])
 def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path: Path) -> None:
     """At every height of the page at which the table may begin."""
@@ -711,6 +714,7 @@ def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path
     assert not [height for height, found in at.items() if len(set(found.values())) != 1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("larger", "verdict"), [(0.5, "good"), (0.5, "changed"), (1.0, "good")])
 def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Facts, larger: float, verdict: str) -> None:
     """The error of the night is half that of these readings, or the same."""
@@ -768,6 +772,7 @@ def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
     assert texts()("todo.nothing") in page.render(facts, None, values)
 
 
+@pytest.mark.long
 def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts) -> None:
     """'The numbers can be used' stood above a row that said 'Do not use'."""
     (name,) = [row["name"] for row in page.parameters(facts, texts(), most=1)]
