@@ -81,6 +81,7 @@ def test_the_table_has_a_line_for_every_dialect() -> None:
     )
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     "dialect", [name if name == "mach3" else pytest.param(name, marks=pytest.mark.long) for name in sorted(ROWS)]
 )

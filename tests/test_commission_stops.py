@@ -116,6 +116,7 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("draws", [12, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("places", [3, 4])
 def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int, draws: int) -> None:
@@ -256,6 +257,7 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("proven", "feed"), [((), "F1000."), (("directions",), "F3000.")])
 def test_until_the_directions_are_proven_nothing_is_fast(tmp_path: Path, proven: tuple[str, ...], feed: str) -> None:
     """Where machine.yaml has Z the wrong way round the first move, up, goes down."""

@@ -83,6 +83,7 @@ def views(place: Path) -> dict[str, Any]:
 NOTHING = {"open": [], "unanswered": [], "count": 0, "held": 0, "former": [], "former_held": 0, "missing": [], "standing": []}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("action", ["repaired", "accept"])
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 @pytest.mark.parametrize("before", [(), ((2, KNOCK, "acknowledge"),), ((6, BACK, "acknowledge"),)])
@@ -117,6 +118,7 @@ def test_what_moves_after_it_has_gone_back_stands_by_itself(tmp_path: Path, end:
     assert told["open"] == told["unanswered"] == told["missing"] == told["standing"] == again and told["count"] == 1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 def test_what_comes_back_after_either_was_repaired_names_that_repair(tmp_path: Path, end: str) -> None:
     place = story(tmp_path / "one", (7, end, "repaired"))

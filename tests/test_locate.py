@@ -186,6 +186,7 @@ def test_a_table_of_another_size_is_not_placed(larger: float) -> None:
         locate.locate(planned, _met(planned, tip))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("beside", "placed"), [(0.0, True), (0.03, False)])
 def test_the_nearer_eight_agree_the_less_it_is_chance(beside: float, placed: bool) -> None:
     """The stem meets facet 6, 0.5 mm early. Two others, early by other lengths, or facets right to 0.5 mm would explain it too."""
@@ -428,6 +429,7 @@ def test_a_round_table_is_refused_and_says_that_its_turn_cannot_be_told() -> Non
         locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "huron"))
 
 
+@pytest.mark.few(0)
 def test_facets_on_sides_that_no_touch_was_on_are_named() -> None:
     """A table 1 % larger was placed, and four walls behind it stood 3 mm elsewhere than was said."""
     cell = read_cell(Path(__file__).parent.parent / "examples" / "trunnion")

@@ -117,8 +117,7 @@ def test_what_has_to_be_known_is_said_without_a_question(
 
 
 def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_is_missing() -> None:
-    hu40t = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
-    made = locate.strategy(hu40t)
+    made = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "hu40t"))
     rng = np.random.default_rng(3)
     whole = touched(made)
     beside = replace(
@@ -186,6 +185,7 @@ def _hexagon(hands: tuple[int, ...]) -> Cell:
     return replace(CELL, artefact=table, strategy=replace(CELL.strategy, indexations=(one,)))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("larger", [1.01, 1.005, 0.993])
 def test_touches_tell_a_table_of_another_size_from_one_that_is_turned(larger: float) -> None:
     """On the same hand of each of six sides, 1 % of size is 1.6 deg of turn: it was placed 3 mm beside, and "known to 0.04 mm"."""
@@ -216,6 +216,7 @@ def test_where_no_facets_tell_the_size_it_is_said_before_and_after(
     assert says in capsys.readouterr().out
 
 
+@pytest.mark.few(0)
 def test_touches_that_agree_on_a_turn_beyond_what_is_searched_are_refused() -> None:
     planned = locate.strategy(CELL)
     for turn, placed in ((2.9, True), (3.3, False)):

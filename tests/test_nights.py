@@ -71,6 +71,7 @@ def test_a_year_that_is_done_is_kept_and_counted_once(small: Bench, tmp_path: Pa
     assert "0 moves after a preflight that failed, 1 nights without a message" in said and "seeds 3, 5" in said
 
 
+@pytest.mark.long
 def test_the_hash_of_the_code_is_of_what_a_night_does() -> None:
     """Another comment is the same code, another number is not; and what a night imports belongs to it, as far as it goes."""
     one = '"""What it does."""\n\ndef found(a: int) -> int:\n    """a → a."""\n    return a + 1  # one more\n'

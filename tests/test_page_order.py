@@ -90,6 +90,7 @@ def test_the_error_at_the_tool_tip_says_that_it_is_of_all_causes() -> None:
     assert context(record, (closed,), None, texts(), volumes=volumes)["grown"].startswith("75 µm on")
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("grown", [True, False])
 @pytest.mark.parametrize("word", ["now", "still_there", "confirmed", "was", "later"])
 def test_an_open_alarm_has_one_size_at_the_computer(tmp_path: Path, word: str, grown: bool) -> None:

@@ -47,6 +47,7 @@ def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) 
     assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", seen(place, PATHS[0]))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["changed", "moving"])
 def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: Path, kind: str) -> None:
     place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in records(kind)])
@@ -157,6 +158,7 @@ def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None
         read_nightly(tmp_path)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("proxied", "headers", "status"), [(False, {}, 200), (True, {}, 403), (True, {"x-forwarded-for": "127.0.0.1"}, 200)]
 )

@@ -91,3 +91,36 @@ def test_a_change_that_had_gone_back_before_the_repair_is_not_to_be_measured_aga
     done = Decision(gone["id"], "repaired", "Dora", "", None, record["end_utc"].replace("T02", "T10"))
     told = context(record, (done,), None, texts())
     assert told["answer"].may == "yes" and "the day on which it went back" in told["suspect"]
+
+
+def test_who_accepts_a_change_has_nothing_to_mend_and_has_sorted_no_part_from_beyond_the_limit() -> None:
+    """168 µm until the knock made it 142, with 160 allowed: accepted, the page asked for maintenance and named no part any more."""
+    fault = alarm(6, 20.0)
+    record = night(M, 8, "changed", standing=[fault])
+    signs = [(night(M, i)["night"], "changed" if i >= 6 else "out_of_limits" if i >= 3 else "good") for i in range(8, -1, -1)]
+    asked = context(record, (), None, texts(), signs=signs)
+    assert "Those since Tue 27 Oct 2026, too: the machine was beyond its limit then." in asked["suspect"]
+    done = Decision(fault["id"], "accept", "Ann", "", None, record["end_utc"].replace("T02", "T10"))
+    told = context(record, (done,), None, texts(), signs=signs)
+    assert told["answer"].may == "yes" and told["todo"] == ["Nothing."]
+    assert told["suspect"] == "Those made from Tue 27 Oct 2026 to Thu 29 Oct 2026: the machine was beyond its limit then."
+    within = [(date, "changed") for date, _ in signs]
+    assert context(record, (done,), None, texts(), signs=within)["suspect"] == ""
+
+
+def test_who_accepts_a_change_of_a_machine_beyond_its_limit_has_not_put_it_right() -> None:
+    fault = alarm(6, 20.0)
+    record = night(M, 8, "out_of_limits", standing=[fault])
+    done = Decision(fault["id"], "accept", "Ann", "", None, record["end_utc"].replace("T02", "T10"))
+    told = context(record, (done,), None, texts())
+    assert told["answer"].may == "no" and told["todo"][-1] == texts()("todo.limit")
+
+
+def test_the_parts_of_a_fault_that_went_back_stay_in_question_beside_another_fault() -> None:
+    knock = alarm(2, 20.0, now=say("night.alarms.gone_again_left", told="+0.1 ± 0.3 µm"), total=0.0001)
+    other = alarm(8, 15.0, "EX0C")
+    told = context(night(M, 8, "changed", alarms=[other], standing=[knock]), (), None, texts())["suspect"]
+    assert told == f"{SINCE_OTHER} Those between Sun 25 Oct 2026 and the day on which another fault went back, too."
+    older = alarm(1, 15.0, "EX0C")  # all since before the first of them are in question already
+    told = context(night(M, 8, "changed", standing=[knock, older]), (), None, texts())["suspect"]
+    assert told == "All that were made since Sat 24 Oct 2026, the last night without it."

@@ -464,6 +464,7 @@ def test_mistakes_in_texts_are_told(text: str, said: str, tmp_path: Path) -> Non
         texts_of(tmp_path)
 
 
+@pytest.mark.long
 def test_a_mistake_in_a_template_is_told_with_its_line(facts: Facts, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("<p>\n{{ machine.name }\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"report\.html:2"):
@@ -644,6 +645,7 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
     assert late.answer.may != "yes" and why in late.answer.why  # what else makes it a "but" hides nothing
 
 
+@pytest.mark.long
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
     sheet = facts.sheet
     assert not isinstance(sheet, str)
@@ -685,6 +687,7 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     assert "text-anchor" not in place
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["heading", "sentence"])
 def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path: Path) -> None:
     """At every height of the page at which the table may begin."""
@@ -711,6 +714,7 @@ def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path
     assert not [height for height, found in at.items() if len(set(found.values())) != 1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("larger", "verdict"), [(0.5, "good"), (0.5, "changed"), (1.0, "good")])
 def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Facts, larger: float, verdict: str) -> None:
     """The error of the night is half that of these readings, or the same."""
@@ -737,6 +741,21 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
         assert found["cause"] == "Spindle has moved." and found["todo"][:2] == list(orders[:2])
         assert f"{orders[2]} Show this report as well: it is newer than the night." in lines and "about what" not in lines
     assert ("Look for what has moved since the night." in lines) == (larger < 1)
+
+
+@pytest.mark.parametrize("limit", [1e-3, 1.0])
+@pytest.mark.parametrize(("simulated", "of_night"), [(False, False), (True, False), (True, True)])
+def test_a_report_that_says_no_after_the_night_carries_it_for_the_pages(
+    facts: Facts, limit: float, simulated: bool, of_night: bool
+) -> None:
+    """Above the No of newer readings the page of the server said Yes, but."""
+    record = {"verdict": "good", "night": "2026-11-20", "volume": {"worst_um": 0.5, "std_um": 0.1}, "simulated": of_night}
+    night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z", simulated=simulated)
+    text = page.render(replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=limit)))
+    wanted = limit < 1 and simulated <= of_night
+    assert ('<meta name="tango-no-after" content="2026-11-20T02:30:00+00:00">' in text) == wanted
+    assert "tango-no-after" not in page.render(facts)
 
 
 def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
@@ -768,6 +787,7 @@ def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
     assert texts()("todo.nothing") in page.render(facts, None, values)
 
 
+@pytest.mark.long
 def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts) -> None:
     """'The numbers can be used' stood above a row that said 'Do not use'."""
     (name,) = [row["name"] for row in page.parameters(facts, texts(), most=1)]

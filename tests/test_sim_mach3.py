@@ -113,7 +113,7 @@ def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
     assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("code", range(880, 886))
 def test_one_macro_that_is_missing_stops_at_the_next_call(made: Plan, code: int) -> None:
     """Mach3 skips its calls in silence; nothing moves then that its macros move, and nothing is put on record."""

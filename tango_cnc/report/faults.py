@@ -159,7 +159,7 @@ def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known:
     """alarm, what the last night that measured says of it, that night → the same with what there is of it now."""
     if stands is None:
         return dict(a)
-    now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed")}
+    now = {key: stands.get(key) for key in ("total", "now", "stands", "slowed", "ended")}
     return {**a, **now, "confirmed": _confirmed(stands, known)}
 
 
@@ -206,6 +206,11 @@ def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
     return stays and (tonight or bool(a.get("confirmed")))
 
 
+def accepted(a: Mapping[str, Any]) -> bool:
+    """fault → whether somebody has accepted the machine as it is."""
+    return closed(a) and bool(a["decision"].action == "accept")
+
+
 def untried(a: Mapping[str, Any]) -> bool:
     """fault → whether it was repaired, and no night has measured since whether it has gone."""
     return bool(a.get("unmeasured")) and not a["gone"]
@@ -247,10 +252,10 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
 
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
-    """faults → accept, or repaired, where every alarm of the night, and every one that was repaired since, is closed: by what; ''
-    where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
+    """faults → accept, or repaired, where every alarm of the night, and every one that was accepted or repaired since, is closed:
+    by what; '' where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
     """
-    own = [a for a in found if a["id"] and (not a["older"] or a.get("tonight") or untried(a))]
+    own = [a for a in found if a["id"] and (not a["older"] or a.get("tonight") or untried(a) or accepted(a))]
     if not own or any(not (a["gone"] and a.get("let_be")) for a in still_open(found)):
         return ""
     return "accept" if {a["decision"].action for a in own} <= {"accept", "ignore"} else "repaired"

@@ -18,7 +18,7 @@ from .answer import Answer, answer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
-from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
 from .orders import brief_of, orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
@@ -123,7 +123,7 @@ def context(
     closed = settled(found)
     told = answer(record, u, t, waits, before, machine, late, has, coming, closed, stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    if closed:
+    if closed and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
@@ -198,9 +198,14 @@ def _suspected(
         suspect = t("morning.suspect_probe", date=day(probed, t))
     elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
         suspect += f" {t('morning.suspect_before', date=day(first, t))}"
+    if not suspect and (accepted_ := [str(a["begun"]) for a in found if a["begun"] and not a["gone"] and accepted(a)]):
+        until = min(accepted_)
+        if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
+            suspect = t("morning.suspect_until", first=day(first, t), date=day(until, t))
     back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
-    if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
-        return t("morning.suspect_gone", date=day(back, t))
+    known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
+    if back and not known and not (suspect and began and began <= back):
+        return f"{suspect} {t('morning.suspect_gone_also' if suspect else 'morning.suspect_gone', date=day(back, t))}".strip()
     return suspect
 
 

@@ -57,8 +57,10 @@ def orders(
         lines.append(told_here(t("morning.missed_todo")))
     if verdict == "doubtful":
         lines += [*looks((record.get("plausible") or {}).get("reasons") or (), t), told_here(t("night.doubtful_do"))]
-    elif closed := settled(found):
-        lines.append(t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo"))
+    elif (done := settled(found)) == "accept" and verdict == "out_of_limits":  # accepted, and beyond the limit all the same
+        lines += of_faults([a for a in found if not a["id"]] or [{"todo": t("todo.limit"), "text": ""}], t)
+    elif done:
+        lines.append(t("morning.todo_nothing" if done == "accept" else "may.repaired_todo"))
     elif listed := asking(found):
         lines += of_faults(listed, t, listed[0] is found[0]) if not failed else []
     elif found:  # all of it is to be ignored
@@ -100,7 +102,7 @@ def of_faults(found: Sequence[Mapping[str, Any]], t: Texts, named: bool = True) 
     name where the page begins with another one; a drift that stands in its way comes before it.
     """
     first = found[0]
-    drift = next((x for x in found if x["drifts"] and not closed(x)), None)
+    drift = next((x for x in found if x.get("drifts") and not closed(x)), None)
     if not first.get("alone") or drift is None:
         return [f"{'' if named else brief_of(first)} {first['todo']}".strip()] if first["todo"] else []
     steps = (("morning.of_drift", drift, drift["todo"]), ("morning.of_other", first, first["alone"]))
