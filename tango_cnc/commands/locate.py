@@ -156,8 +156,8 @@ def _broken_off(where: Path, out: Path | None, cell: Cell) -> Iterator[None]:
     except LinkError as error:
         aside = set_aside(where) if out is None else None
         raise type(error)(
-            f"{str(error).rstrip('.')}. After a stop: read the screen of the control, clear the alarm, and move the probe up along the "
-            f"tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md){_before(where, aside)}"
+            f"{str(error).rstrip('.')}. After a stop: read the screen of the control, clear the alarm, and move the probe up along "
+            f"the tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md){_before(where, aside)}"
         ) from None
 
 
