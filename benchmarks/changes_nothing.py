@@ -29,6 +29,9 @@ NOTHING: dict[tuple[str, str, str], str] = {
     ("tango_cnc/check/collision.py", "probe.nose_radius > probe.body_radius", "(probe.nose_radius) >= (probe.body_radius)"): (
         "a nose as thick as the body is a part of it"
     ),
+    ("tango_cnc/check/collision.py", "down < clear + GAP", "(down) <= (clear + GAP)"): (
+        "a computed way: equal to a limit by chance alone"
+    ),
     ("tango_cnc/check/collision.py", "cosine < SHANK", "(cosine) <= (SHANK)"): (
         "a computed angle: equal to a limit by chance alone"
     ),

@@ -133,14 +133,15 @@ def load(name: str, where: str = "post") -> Post:
         what = "is no file" if not file.is_file() else "does not end in .py"
         raise InputError(f"{where}: found {name!r}, which {what}; allowed: {', '.join(names())}, or the path of your own .py file")
     if not file.is_file() or (not own and name.startswith("_")):
-        known = names()
-        hint = suggestion(name, known)
-        raise InputError(f"{where}: found {name!r}; allowed: {', '.join(known)}, or the path of your own .py file.{hint}")
-    spec = importlib.util.spec_from_file_location(f"postprocessors.{file.stem}" if not own else f"own_post_{file.stem}", file)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+        hint = suggestion(name, names())
+        raise InputError(f"{where}: found {name!r}; allowed: {', '.join(names())}, or the path of your own .py file.{hint}")
     try:
-        spec.loader.exec_module(module)
+        if own:  # anew each time: it may have changed
+            spec = importlib.util.spec_from_file_location(f"own_post_{file.stem}", file)
+            assert spec is not None and spec.loader is not None
+            spec.loader.exec_module(module := importlib.util.module_from_spec(spec))
+        else:
+            module = importlib.import_module(f"postprocessors.{name}")
     except (Exception, SystemExit) as error:
         raise InputError(f"post {file}: cannot be read: {type(error).__name__}: {error}") from error
     post = vars(module).get("POST")

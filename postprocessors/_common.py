@@ -9,7 +9,7 @@ from functools import lru_cache
 from textwrap import wrap
 from typing import Any
 
-from tango_cnc.gate import PROVING, TOUCH, proving_touch
+from tango_cnc.gate import HOLD, PROVING, TOUCH, proving_touch
 from tango_cnc.gate import RELEASE as RELEASE
 from tango_cnc.records import OFF, InputError, Machine
 
@@ -134,7 +134,12 @@ def titled(job: Job, remark: str) -> Iterator[str]:
 
 
 def counted(job: Job) -> Iterator[str]:
-    """job → the text of remarks: how many touches the program makes, and how many the plan leaves out, if any."""
+    """job → the text of remarks: how many touches the program makes, and how many the plan leaves out, if any; of a program for a
+    held stylus that this is one.
+    """
+    if job.plan.only is not None:
+        yield f"{HOLD} - THE PROGRAM HAS TO STOP BY ITSELF"
+        return
     yield f"{len(job.plan.touches)} TOUCHES OF {comment(job.plan.artefact.name, 40)}"
     if many := len(job.plan.left_out):
         yield f"{many} {'TOUCH' if many == 1 else 'TOUCHES'} OF THE STRATEGY LEFT OUT - NO STRAIGHT STYLUS MAKES THEM"

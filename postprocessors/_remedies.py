@@ -82,6 +82,10 @@ MAZAK: Remedies = {
     "end": ("PCLOS; parameters DPR of the I/O page say where it goes and whether a file is closed", UNCONFIRMED),
 }
 CENTROID: Remedies = {
+    "deflected": (
+        "the program looks at the input of machine parameter 11: it is the one that the probe is wired to, negative where it opens",
+        "macros of Centroid",
+    ),
     "mirror": ("scaling and mirror image off: G50 in MDI", UNCONFIRMED),
     "alive": (
         "machine parameter 11: the number of the input that the probe is wired to, negative where it opens",
@@ -99,6 +103,10 @@ CENTROID: Remedies = {
     "end": (OWN_FILE, OWN),
 }
 FAGOR: Remedies = {
+    "deflected": (
+        "the program looks at probe_state (V.G.PRBST1 or V.G.PRBST2): it and probe_input name the input that the probe is wired to",
+        UNCONFIRMED,
+    ),
     "miss": (
         "G100 that ends without the probe is an error in some versions; which parameter allows it is not known: ask the maker",
         UNCONFIRMED,
@@ -111,6 +119,10 @@ FAGOR: Remedies = {
     "end": (OWN_FILE, OWN),
 }
 GRBL: Remedies = {
+    "deflected": (
+        "the driver asks for the probe in the status (? shows Pn:P while it is touched): the probe pins of the board, and $6",
+        SOURCES,
+    ),
     "mirror": ("G50 takes the scaling of G51 off; $G names it while it is on, and nothing is sent until it is off", SOURCES),
     "alive": (
         "the probe is at the probe pins of the board; $6 turns its polarity round, and ? shows Pn:P while it is touched",
@@ -127,6 +139,10 @@ GRBL: Remedies = {
     "override": ("feed hold is !, and the button of it has to be at the feed hold pin: $14 turns its polarity round", SOURCES),
 }
 HEIDENHAIN: Remedies = {
+    "deflected": (
+        "the control itself refuses to probe with a deflected stylus: input X12, X112 or X113, and the row in the probe table",
+        UNCONFIRMED,
+    ),
     "alive": (
         "the probe is at the input of the touch probe (X12, X112 or X113), and its row in the probe table is the active one",
         UNCONFIRMED,
@@ -148,6 +164,10 @@ HEIDENHAIN: Remedies = {
     "end": ("the mask ends with M_CLOSE; fetch the file after the program has ended", "docs/dialects.md; M_CLOSE unconfirmed"),
 }
 LINUXCNC: Remedies = {
+    "deflected": (
+        "the program looks at motion.probe-input: net probe-in in HAL is the pin of the card that the probe is wired to",
+        "g-code.adoc",
+    ),
     "alive": ("net probe-in => motion.probe-input in HAL: the pin of the card that the probe is wired to", "g-code.adoc"),
     "frames": ("rotation of the coordinate system: G10 L2 P0 R0 in MDI; G92.1 takes off what G92 has left", "g-code.adoc"),
     "miss": (
@@ -161,6 +181,10 @@ LINUXCNC: Remedies = {
     "end": (OWN_FILE, OWN),
 }
 MACH3: Remedies = {
+    "deflected": (
+        "the macros look at LED 825: Config, Ports and Pins, Input Signals: Probe is enabled, on port and pin of its cable",
+        "Using Mach3Mill",
+    ),
     "alive": (
         "Config, Ports and Pins, Input Signals: Probe is enabled, and port and pin are those of its cable",
         "Using Mach3Mill",
@@ -174,6 +198,10 @@ MACH3: Remedies = {
     "end": (OWN_FILE, OWN),
 }
 MACH4: Remedies = {
+    "deflected": (
+        "the script looks at ISIG_PROBE: map Input Signals, Probe (G31), to the input of its cable. probe_state: false: no look",
+        UNCONFIRMED,
+    ),
     "alive": ("Configure, Control, Input Signals: Probe (G31) is mapped to the input of its cable", UNCONFIRMED),
     "mirror": ("scaling and mirror image off: G50 in MDI", UNCONFIRMED),
     "frames": ("Configure, Control, Machine Units: millimeters; scaling and mirror image off in reset", UNCONFIRMED),
@@ -206,6 +234,10 @@ OKUMA: Remedies = {
     "end": ("CLOSE C ends the file; fetch it after the program has ended", "unconfirmed: programs of users"),
 }
 SIEMENS: Remedies = {
+    "deflected": (
+        "the program looks at $A_PROBE of probe_input: state the one that the probe is wired to. probe_state: false: no look",
+        UNCONFIRMED,
+    ),
     "frames": (
         "set to inches: MD10240, or metric_check: false where G710 is known to give mm. A transformation, work offset or frame is "
         "on: set the basic frames of the channel and the global ones to 0, take swivel data and a set zero point off, DRF by DRFOF "

@@ -12,12 +12,12 @@ from tango_cnc.files import read_cell, read_world
 from tango_cnc.files.checked import read_text
 from tango_cnc.records import InputError, TangoError
 
-from . import server, started
+from . import of_cell, server, started
 from .compensation import read
 from .faults import KINDS, LINE_KINDS, FaultyLine, faults, line_faults
 from .lines import Line, PacedLine, PtyLine, listen
 from .probing import rig
-from .session import Ledger, Session, Setup
+from .session import Ledger, Session, Setup, families
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
@@ -29,11 +29,14 @@ from .session import Ledger, Session, Setup
     "--start",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Run this program as soon as it is there; with --tcp or --pty: on its command.",
+    help="Run this program once, as soon as it is there, whoever waits for it or not; with --tcp or --pty: on its command. "
+    "Default with --records: each program of the cell, when a command of tango waits for its start.",
 )
-@click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="With --start: where the records go.")
-@click.option("--language", default="macro_b", show_default=True, help="What the control understands.")
-@click.option("--protocol", default="dnc", show_default=True, help="How it talks.")
+@click.option("--records", type=click.Path(path_type=Path), metavar="FILE", help="Where the records go, instead of a line.")
+@click.option(
+    "--language", metavar="NAME", help=f"What the control understands: {', '.join(families())}. Default: that of the post."
+)
+@click.option("--protocol", metavar="NAME", help="How it talks: dnc, dprnt, grbl, modbus. Default: as the port of the cell.")
 @click.option(
     "--mode", type=click.Choice(["memory", "dnc"]), default="memory", show_default=True, help="Store, then run; or drip-feed."
 )
@@ -46,7 +49,8 @@ from .session import Ledger, Session, Setup
     "--stored",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Programs or files that the control has; a line with the path of a file (TNC:\\TANGO.A, m880.m1s) begins it.",
+    help="Programs or files that the control has; a line with the path of a file (TNC:\\TANGO.A, m880.m1s) begins it. What "
+    "lies beside the program of --start, or of a cell, is there in any case.",
 )
 @click.option("--parity", is_flag=True, help="7 data bits, even parity; a character of wrong parity in a program is an alarm.")
 @click.option("--tv-check", "counted", is_flag=True, help="A block of an odd number of characters is an alarm.")
@@ -69,6 +73,9 @@ from .session import Ledger, Session, Setup
 )
 @click.option("--dry-run", type=click.FloatRange(1, 100000), metavar="MM/MIN", help="Dry run: this feed in place of every F.")
 @click.option("--skip-obeys", is_flag=True, help="Probing moves obey override and dry run; on most controls they do not.")
+@click.option(
+    "--deflected-goes-on", "goes_on", is_flag=True, help="A probing move that begins with the probe deflected is carried out."
+)
 @click.option("--once", is_flag=True, help="End after one program.")
 def main(
     folder: Path,
@@ -77,8 +84,8 @@ def main(
     pty: bool,
     start: Path | None,
     records: Path | None,
-    language: str,
-    protocol: str,
+    language: str | None,
+    protocol: str | None,
     mode: str,
     speed: float,
     settings: tuple[str, ...],
@@ -98,28 +105,29 @@ def main(
     override: str,
     dry_run: float | None,
     skip_obeys: bool,
+    goes_on: bool,
     once: bool,
 ) -> None:
     """Pretends to be the controller of a cell whose true machine is described by a world file.
 
-    The first line on stdout is the port to connect to (socket://127.0.0.1:8193 or /dev/pts/3).
+    What is not stated is taken from the cell: the port, the language of its post, how its probe is wired. The first line on stdout
+    is the port to connect to (socket://127.0.0.1:8193, /dev/pts/3, file:///tmp/TANGO.TXT).
     """
-    if [tcp is not None, pty, records is not None].count(True) != 1 or (start is None and records is not None):
-        raise InputError("found none or several of --tcp, --pty, --start with --records; allowed: one of them")
     cell = read_cell(folder)
+    there = of_cell.place(cell, tcp, pty, records, protocol)
     if not 1 <= stylus <= max(len(cell.machine.styli), 1):
         raise InputError(f"--stylus: found {stylus}; allowed: 1 to {max(len(cell.machine.styli), 1)}")
     machine = cell.machine.with_stylus(stylus)
     # Probing programs run without tool centre point control: kinematics that need it do not act.
     control = read(compensation, machine, tcp=False) if compensation is not None else None
     truth = rig(machine, cell.artefact, read_world(world_file or folder / "world.yaml"), seed, control=control)
-    chosen = dict(_pair(text) for text in settings)
+    family, chosen, library = of_cell.kind(cell, language, dict(_pair(text) for text in settings))
     if g54 is not None:
         chosen["g54"] = " ".join(f"{name}:{value}" for name, value in zip("XYZ", g54.split(","), strict=False))
-    library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else ()
-    panel = (_factors(override), dry_run, skip_obeys)
-    setup = Setup(language, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted, *panel)
-    talk = server.protocol(protocol)
+    library = tuple(line for line in read_text(stored).splitlines() if line.strip() != "%") if stored else library
+    panel = (_factors(override), dry_run, goes_on, skip_obeys)
+    setup = Setup(family, chosen, mode == "dnc", speed or math.inf, faults(fault_texts), library, buffer, counted, *panel)
+    talk = server.protocol(there.protocol)
     journal = Ledger(ledger)
     session = Session(truth, setup, journal.note)
     chances = line_faults(line_texts)
@@ -131,12 +139,15 @@ def main(
     try:
         if start is not None:
             session.keep(start)
-        if start is not None and records is not None:
-            click.echo(records.absolute().as_uri())
+        if there.records is not None:
+            click.echo(there.records.absolute().as_uri())
             sys.stdout.flush()
-            started.start(start, records, session)
-        elif tcp is not None:
-            listening = listen(tcp)
+            if start is not None:
+                started.start(start, there.records, session)
+            else:
+                started.attend(folder, there.records, session, once)
+        elif there.tcp is not None:
+            listening = listen(there.tcp)
             host, port = listening.getsockname()[:2]
             click.echo(talk.tcp.format(f"{host}:{port}"))
             sys.stdout.flush()

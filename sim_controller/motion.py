@@ -26,6 +26,7 @@ DECELERATION = 2000.0  # mm/s²
 RELEASE = 0.003  # mm beyond the trigger point at which the stylus is free again
 BEND = 2.0  # mm that the stylus gives way before it breaks
 ASKED = "TOUCH THE STYLUS"  # on the screen: whoever stands there does so in the move that follows
+HOLD = "HOLD THE STYLUS ASIDE"  # whoever stands there does so until the program has ended
 FAST = 500.0  # mm/min, above which a probe that chatters at the end of a move has no time to
 FINGER = 2.0  # s that a finger stays at the stylus
 NEAR = 1.0  # mm around the undisturbed contact in which effects may move it
@@ -120,6 +121,7 @@ class Motion:
         self._latches = latches  # the position of a contact is stored at the trigger; else it is that after the stop
         self._short_way = short_way  # rotary axes that go to an angle by the nearer way, over 360 deg
         self._block_time = block_time  # s that the control thinks before each motion
+        self._aside = False  # somebody holds the stylus
         self._asked, self._held = False, -1.0  # the screen asks for a finger; until when one is at the stylus, s
 
     def panel(self, override: float = 1.0, dry_run: float | None = None, skip_obeys: bool = False) -> None:
@@ -137,6 +139,11 @@ class Motion:
     def reads(self, text: str) -> None:
         """What stands on the screen now: a person who is there does what it says."""
         self._asked |= self._person and ASKED in text
+        self._aside |= self._person and HOLD in text
+
+    def lets_go(self) -> None:
+        """The program has ended: nobody holds the stylus any more."""
+        self._aside = False
 
     @property
     def position(self) -> Array:
@@ -146,7 +153,7 @@ class Motion:
     @property
     def deflected(self) -> bool:
         """→ whether the probe signal is on."""
-        on = self._pressed is not None or self._stuck or self.time < self._held
+        on = self._pressed is not None or self._stuck or self._aside or self.time < self._held
         return {"alive": on, "dead": False, "other": False, "inverted": not on, "chatter": on}[self._probe]
 
     def rapid(self, target: Mapping[str, float], *, straight: bool = True) -> None:

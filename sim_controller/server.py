@@ -26,6 +26,12 @@ def protocol(name: str) -> Talk:
     return found
 
 
+def protocols_by_port() -> dict[str, str]:
+    """→ {how the URL of a port begins: protocol}; of several the first by name."""
+    known = sorted((m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_")), reverse=True)
+    return {protocol(name).tcp.partition("{")[0]: name for name in known}
+
+
 def serve_tcp(listening: socket.socket, talk: Talk, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:
     """listening socket, protocol → one connection after the other, each with a control just switched on; one only with `once`."""
     with listening:

@@ -7,6 +7,7 @@ import importlib
 import json
 import math
 import pkgutil
+import re
 import sys
 import threading
 import time
@@ -43,6 +44,7 @@ class Setup:
     counted: bool = False  # TV check: a block of an odd number of characters is an alarm
     override: tuple[float, ...] = (1.0,)  # feed override of the panel, a factor: for each program in turn; the last one stays
     dry_run: float | None = None  # mm/min that dry run puts in place of every F
+    goes_on: bool = False  # a probing move that begins with the probe deflected is carried out: it looks for an edge of the signal
     skip_obeys: bool = False  # whether probing moves obey override and dry run
 
 
@@ -72,7 +74,8 @@ class Session:
     """What a protocol works with: it makes the control, runs tapes on it and writes the ledger."""
 
     def __init__(self, rig: Rig, setup: Setup, note: Callable[..., None] = lambda event, **data: None) -> None:
-        self._rig, self._setup, self.note = rig, setup, note
+        self._rig, self._setup, self._put_down = rig, setup, note
+        self.lost: list[str] = []  # what the program wanted of the control in vain, and the control is silent about
         self.family, self._language = setup.family, language(setup.family)
         self._profile = profile(self._language, rig.machine, setup.settings)
         self.buffer, self.counted = setup.buffer, setup.counted
@@ -82,23 +85,43 @@ class Session:
         self._programs = 0  # that have been run
         self.serial = False  # the line is one of characters, not of packets
 
+    def note(self, event: str, **data: Any) -> None:
+        """event, what there is to say of it → the ledger; what is lost is remembered."""
+        if event == "lost":
+            self.lost.append(f"{data['text']} ({data['why']})")
+        self._put_down(event, **data)
+
     def motion(self) -> Motion:
         """→ the machine of a control that has just been switched on, at its reference position."""
-        motion = self._moving = Motion(self._rig, self.note, self._wait, self._setup.faults)
+        motion = self._moving = Motion(self._rig, self.note, self._wait, self._setup.faults, begins_deflected=self._setup.goes_on)
         self._dialled(motion)
         self.note("power", state="on", home=motion.position.tolist())
         return motion
 
-    def control(self, punch: Callable[[bytes], None]) -> Any:
-        """where its output goes → a control that has just been switched on, the machine at its reference position."""
-        return self._language.Control(self.motion(), self._profile, punch, self.note, self._setup.library)
+    def control(self, punch: Callable[[bytes], None], motion: Motion | None = None, program: Path | None = None) -> Any:
+        """where its output goes, a machine, file of a program beside which lies what it needs → a control that has just been
+        switched on. Without a machine it stands at its reference position.
+        """
+        library = (*self._setup.library, *(self.beside(program) if program is not None else ()))
+        return self._language.Control(motion or self.motion(), self._profile, punch, self.note, library)
+
+    def beside(self, program: Path) -> tuple[str, ...]:
+        """file of a program → lines of the files in its folder that the control has to have besides, each after its name; none
+        of those that are stored already.
+        """
+        text, found = program.read_text(encoding="ascii", errors="replace"), list[str]()
+        for file in sorted(program.parent.iterdir()):
+            if self._language.SPOKEN.beside.fullmatch(file.name):
+                asked = re.search(rf"\S*\\{re.escape(file.name)}", text)  # with the folder of the control, where it names one
+                name = asked[0] if asked else file.name
+                found += [] if name in self._setup.library else [name, *file.read_text(encoding="utf-8").splitlines()]
+        return tuple(found)
 
     def keep(self, program: Path) -> None:
         """file of a program → the control has it, and a protocol may have it started; it is read then, as it is then."""
 
         def started(motion: Motion, punch: Callable[[bytes], None]) -> None:
-            control = self._language.Control(motion, self._profile, punch, self.note, self._setup.library)
-            self.run(control, tape(program))
+            self.run(self.control(punch, motion, program), tape(program))
 
         self.resident = started
 
@@ -113,6 +136,9 @@ class Session:
             control.run(taken if self._setup.streamed else list(taken), self._setup.streamed)
         except (RecursionError, OverflowError) as error:
             raise Alarm("SYSTEM", "brackets too deep, or a number too large, for this control", str(error)) from None
+        finally:
+            if self._moving is not None:
+                self._moving.lets_go()
         self.note("program", state="ended")
 
     def _dialled(self, motion: Motion) -> None:

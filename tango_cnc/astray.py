@@ -55,9 +55,11 @@ def agreeing(
     return None, *first
 
 
-def no_proof(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[int, Array, Array], agrees: float, room: float) -> str:
-    """facets, their tips, the row that would be left out with what the others say, mm, mm from its point to its edge → why that is
-    no proof; '' where it is one.
+def no_proof(
+    facets: Sequence[Facet], tip: Array, radius: float, best: tuple[int, Array, Array], agrees: float, room: float, whole: bool
+) -> str:
+    """facets, their tips, the row that would be left out with what the others say, mm, mm from its point to its edge, whether every
+    touch met something → why that is no proof; '' where it is one.
 
     Two touches that could disagree with six unknowns agree by chance once one of nine may be left out, and always where a table
     of another size can be turned so that it fits.
@@ -65,10 +67,10 @@ def no_proof(facets: Sequence[Facet], tip: Array, radius: float, best: tuple[int
     out, found, residual = best
     kept = [row for row in range(len(facets)) if row != out]
     if (loose := drawn(facets, tip, radius, agrees)) is not None and by_chance(residual[kept], len(facets), loose) > CHANCE:
+        offered = f" 'tango locate --readings FILE --agrees {loose:g}' places the table from all of them, and nothing moves."
         return (
             f"Either it met something else, or artefact.yaml has the facets in their places to {loose:g} mm only; these touches "
-            f"cannot tell. 'tango locate --readings FILE --agrees {loose:g}' places the table from all of them, and nothing "
-            "moves. If something stood in the way, take it away and touch again"
+            f"cannot tell.{offered if whole else ''} If something stood in the way, take it away and touch again"
         )
     larger, fits = grown(facets, tip, radius)
     if fits <= max(agrees, DRAWN) and abs(larger) > 1e-3:

@@ -18,6 +18,7 @@ from .records import InputError, Machine, Move, MoveKind, Plan, Touch
 ALIVE = 10.0  # mm of the slow move during which somebody touches the stylus, before the first descent
 ALIVE_TIME = 20.0  # s of it, for a person to get there
 RELEASE = 5  # s for the hand to go
+HOLD = "HOLD THE STYLUS ASIDE"  # what a program shows that has to stop because of it
 TOUCH = "TOUCH THE STYLUS"  # what a program shows then, word by word
 BENT = 0.5  # mm: every stylus gives way by more; what a probe that says nothing is bent at most
 BEHIND = 0.45  # mm behind its facet where the search ends that proves the probe; the rest is for rounded angles (0.006 deg on grbl)

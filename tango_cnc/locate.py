@@ -11,7 +11,7 @@ Solved by least squares from no displacement; six touches on facets of different
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -23,7 +23,8 @@ from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
-from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Plan, Readings, Vector
+from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Obstacle, Plan, Readings, Vector
+from .telling import chosen, known_to, sure, to_edge, unsized, weakest, without_one
 
 TOUCHES = 9
 MOST = 11  # where several facets have an edge near, and the time allows
@@ -31,12 +32,12 @@ LONGEST = 180.0  # s of a cycle with more than TOUCHES, at PACE
 PACE = 1500.0  # mm/min between touches: no dialect's usual positioning feed is less
 PRICES = (0.0, *(1e-6 * 2.0**step for step in range(10)))  # of a mm of way, in what touches tell, while they take too long
 FARTHEST = 20.0  # mm by which the table may stand elsewhere
-SAME_SIDE = 0.5  # cosine of the angle between normals of facets on one side of the table
 LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
-BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
+MOST_TURNED = TURNED + 0.1  # deg: what is found beyond it is no table of artefact.yaml that stands elsewhere
+STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
 NEARER = (
@@ -57,7 +58,9 @@ class Located:
     turned: Array
     residual: Array  # (n,) mm of every touch
     left_out: tuple[str, ...]  # facets beside which something else was met
+    counted: tuple[str, ...]  # facets whose touches the place rests on
     artefact: Artefact  # in its new place
+    obstacles: tuple[str, ...]  # on the table, that the artefact has in both places: nobody has touched them
 
 
 def turned(within: float) -> float:
@@ -90,8 +93,11 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
     short: list[str] = []
     for indexation in _indexations(cell):
         allowed, why = _reached(cell, indexation, approach)
-        names = _chosen(cell.artefact, allowed, count, off)
-        weight = _spared(_sure(cell.artefact, names, off))
+        names = chosen(cell.artefact, allowed, count, off)
+        if unsized(cell.artefact, names) > KNOWN:  # a table of another size would be taken for one that is turned
+            by_size = chosen(cell.artefact, allowed, count, off, sized=True)
+            names = min(names, by_size, key=lambda order: max(unsized(cell.artefact, order), KNOWN))
+        weight = without_one(sure(cell.artefact, names, off))
         away, facet = known_to(cell.artefact, names)
         if len(names) >= LEAST and away <= KNOWN:  # six touches always agree
             if best is None or weight > best[0] + 1e-9:
@@ -149,12 +155,14 @@ def _cheaper(artefact: Artefact, ways: displaced.LocatingWays, names: Sequence[s
     """
 
     def worth(order: Sequence[str]) -> float:
-        return _spared(_sure(artefact, order, off)) - price * ways.length(order)
+        return without_one(sure(artefact, order, off)) - price * ways.length(order)
 
     def allowed(order: Sequence[str]) -> bool:
-        return int((_room(artefact, order) < off).sum()) <= near and known_to(artefact, order)[0] <= KNOWN
+        told = known_to(artefact, order)[0] <= KNOWN and (not sized or unsized(artefact, order) <= KNOWN)
+        return told and int((to_edge(artefact, order) < off).sum()) <= near
 
-    near = int((_room(artefact, names) < off).sum())
+    sized = unsized(artefact, names) <= KNOWN
+    near = int((to_edge(artefact, names) < off).sum())
     order, better = ways.shortest(names), True
     while better:
         better = False
@@ -195,7 +203,7 @@ def beside(plan: Plan, within: float = FARTHEST) -> tuple[tuple[str, ...], int]:
     searches; 0: not even a table that is known to 1 mm. The stem of the stylus may meet a wall earlier.
     """
     names = [touch.facet for touch in plan.touches]
-    room, off = _room(plan.artefact, names), _off(plan.artefact, within)
+    room, off = to_edge(plan.artefact, names), _off(plan.artefact, within)
     spared = min(max(len(names) - LEAST, 0), ASTRAY)
     least = float(np.sort(room)[spared])
     most = next((within for within in range(int(FARTHEST), 0, -1) if _off(plan.artefact, within) <= least), 0)
@@ -228,7 +236,7 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
     """
     met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
-    if _weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
+    if weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
         raise InputError(
             f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands; "
             f"{_missed(readings)}. {_advice(plan)}"
@@ -240,12 +248,17 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed; "
             f"{_missed(readings)}. {_advice(plan)}"
         )
+    if agrees > AGREES and len(met) < len(readings.status):  # one that met something else would agree to so much by chance
+        raise InputError(
+            f"--agrees: found {agrees:g}; allowed: {AGREES:g} where a touch met nothing.{_hidden(readings)}. See why "
+            f"nothing was met there, then touch again. {_advice(plan)}"
+        )
     radius = plan.machine.probe.tip_radius
     kept, found, residual = agreeing(facets, tip, radius, least, agrees)
     if kept is not None and len(kept) < len(facets):
         (out,) = set(range(len(facets))) - set(kept)
-        room = float(_room(plan.artefact, [facets[out].id])[0])
-        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room):
+        room = float(to_edge(plan.artefact, [facets[out].id])[0])
+        if why := no_proof(facets, tip, radius, (out, found, residual), agrees, room, len(met) == len(readings.status)):
             raise InputError(
                 f"facet {facets[out].id}: its touch is {residual[out]:+.2f} mm from where the others place the table. {why}"
             )
@@ -257,6 +270,12 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
+    counted = tuple(facet.id for row, facet in enumerate(facets) if row in kept)
+    if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > MOST_TURNED:
+        raise InputError(
+            f"the touches fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched. Is it that of artefact.yaml, "
+            f"and of its size? Measure one of its widths. If it is, correct in artefact.yaml how it is turned, and touch again"
+        )
     artefact = moved(plan.artefact, found[:3], found[3:])
     away = max(math.dist(artefact.facets[facet.id].point, facet.point) for facet in facets)
     if away > (most := 1.5 * plan.strategy.approach.search):
@@ -264,7 +283,8 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
             f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
-    return Located(found[:3], found[3:], residual, left_out, artefact)
+    solids, doubtful = _both_places(artefact.obstacles, found[:3], found[3:])
+    return Located(found[:3], found[3:], residual, left_out, counted, replace(artefact, obstacles=solids), doubtful)
 
 
 def _missed(readings: Readings) -> str:
@@ -276,15 +296,6 @@ def _missed(readings: Readings) -> str:
 def _hidden(readings: Readings) -> str:
     """readings of the cycle, in which a touch met nothing → why a table whose file is less exact is not offered."""
     return f" As {_missed(readings)}, too few touches are left to take the table for less exact than its file"
-
-
-def unseen(artefact: Artefact, names: Sequence[str]) -> tuple[str, ...]:
-    """artefact, touched facets → facets on sides of the table where no touch was: a table of another size has them elsewhere, and
-    no touch shows it.
-    """
-    touched = np.array([artefact.facets[name].normal for name in names])
-    flat = {key: facet for key, facet in artefact.facets.items() if facet.ball is None and facet.surface is None}
-    return tuple(key for key, facet in flat.items() if float((touched @ np.array(facet.normal)).max()) < SAME_SIDE)
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
@@ -306,6 +317,20 @@ def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agre
 
 def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
     """artefact, mm (3,), rotation vector rad (3,) → the same with its facets and balls there; obstacles stay, they are declared."""
+    place, way = _moving(by, turn)
+
+    def there(facet: Facet) -> Facet:
+        surface = facet.surface
+        if surface is not None and surface.axis is not None:
+            surface = replace(surface, axis=way(surface.axis))
+        return replace(facet, point=place(facet.point), normal=way(facet.normal), surface=surface)
+
+    balls = {key: replace(ball, centre=place(ball.centre)) for key, ball in artefact.balls.items()}
+    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()}, balls=balls)
+
+
+def _moving(by: Array, turn: Array) -> tuple[Callable[[Vector], Vector], Callable[[Vector], Vector]]:
+    """mm (3,), rotation vector rad (3,) → what moves a point, what turns a direction."""
     rotation = Rotation.from_rotvec(turn)
 
     def place(point: Vector) -> Vector:
@@ -316,14 +341,31 @@ def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:
         i, j, k = (float(v) for v in rotation.apply(direction))
         return i, j, k
 
-    def there(facet: Facet) -> Facet:
-        surface = facet.surface
-        if surface is not None and surface.axis is not None:
-            surface = replace(surface, axis=way(surface.axis))
-        return replace(facet, point=place(facet.point), normal=way(facet.normal), surface=surface)
+    return place, way
 
-    balls = {key: replace(ball, centre=place(ball.centre)) for key, ball in artefact.balls.items()}
-    return replace(artefact, facets={key: there(facet) for key, facet in artefact.facets.items()}, balls=balls)
+
+def _both_places(solids: Sequence[Obstacle], by: Array, turn: Array) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """obstacles of the table, its way mm (3,) and turn rad (3,) → the same, each that would have moved with it by more than `STAYS`
+    a second time, where it would be; the names of these.
+
+    What is fixed to the table has moved with it, what was set up beside it has not, and no touch says which.
+    """
+    place, way = _moving(by, turn)
+    found, names = list(solids), list[str]()
+    for row, solid in enumerate(solids, 1):
+        if solid.kind == "cylinder":
+            assert solid.base is not None and solid.axis is not None
+            x, y, z = (float(v) for v in np.array(solid.base) + (solid.height or 0.0) * np.array(solid.axis))
+            ends: list[Vector] = [solid.base, (x, y, z)]
+            there = replace(solid, base=place(solid.base), axis=way(solid.axis))
+        else:
+            sides = zip(solid.low or (), solid.high or (), strict=True)
+            ends = list(solid.points or [(x, y, z) for x, y, z in product(*sides)])
+            there = Obstacle("hull", points=tuple(place(end) for end in ends), title=solid.title, on=solid.on)
+        if max(math.dist(place(end), end) for end in ends) > STAYS:
+            names.append(solid.title or f"obstacle {row} ({solid.kind})")
+            found.append(replace(there, title=f"{names[-1]}, moved with the table"))
+    return tuple(found), tuple(names)
 
 
 def _indexations(cell: Cell) -> Sequence[Indexation]:
@@ -340,85 +382,3 @@ def _touched(cell: Cell, indexation: Indexation) -> tuple[str, ...]:
     """→ facets that the strategy touches at this position."""
     same = (i.facets for i in cell.strategy.indexations if dict(i.position) == dict(indexation.position))
     return tuple(dict.fromkeys(name for names in same for name in names))
-
-
-def _rows(artefact: Artefact, names: Sequence[str]) -> Array:
-    """→ (n, 6) what a facet's touch tells of translation and rotation, rotations by their lever of 100 mm."""
-    facets = [artefact.facets[name] for name in names]
-    normal = np.array([facet.normal for facet in facets]).reshape(-1, 3)
-    point = np.array([facet.point for facet in facets]).reshape(-1, 3)
-    return np.hstack([normal, np.cross(point - point.mean(axis=0) if len(point) else point, normal) / 100.0])
-
-
-def _weakest(artefact: Artefact, names: Sequence[str]) -> float:
-    """→ the smallest singular value of what the facets tell; 0 for fewer than six."""
-    return float(np.linalg.svd(_rows(artefact, names), compute_uv=False)[-1]) if len(names) >= 6 else 0.0
-
-
-def known_to(artefact: Artefact, names: Sequence[str], agrees: float = AGREES) -> tuple[float, str]:
-    """facets that are touched, mm to which facets are in their places → mm to which the worst facet of the table is known then, and
-    which; inf where unknown.
-
-    One standard deviation along its normal, where the facets are in their places on the table to `agrees` and touches are exact.
-    """
-    if _weakest(artefact, names) <= 1e-3:
-        return math.inf, ""
-    every = list(artefact.facets)
-    normal = np.array([artefact.facets[name].normal for name in every])
-    point = np.array([artefact.facets[name].point for name in every])
-    rows = np.hstack([normal, np.cross(point, normal)])
-    touched = rows[[every.index(name) for name in names]]
-    spread = agrees * np.linalg.norm(rows @ np.linalg.pinv(touched), axis=1)
-    worst = int(np.argmax(spread))
-    return float(spread[worst]), every[worst]
-
-
-def _spared(rows: Array) -> float:
-    """(n, 6) what touches tell → the smallest singular value that is left when the worst is missing; below 0: not enough."""
-    if len(rows) < 7:
-        return float(np.linalg.svd(rows, compute_uv=False)[-1]) - 1.0 if len(rows) == 6 else -1.0
-    without = rows.T @ rows - np.einsum("ni,nj->nij", rows, rows)
-    return math.sqrt(max(float(np.linalg.eigvalsh(without)[:, 0].min()), 0.0))
-
-
-def _room(artefact: Artefact, names: Sequence[str]) -> Array:
-    """facets → (n,) mm from each facet's point to the nearest edge at which another flat facet begins; inf where there is none.
-
-    Within it a displaced table still shows the same plane to the ball.
-    """
-    flat = [facet for facet in artefact.facets.values() if facet.surface is None and facet.ball is None]
-    normal, point = np.array([facet.normal for facet in flat]), np.array([facet.point for facet in flat])
-    found = []
-    for facet in (artefact.facets[name] for name in names):
-        cosine, beyond = normal @ np.array(facet.normal), np.einsum("ni,ni->n", normal, point - np.array(facet.point))
-        beside = (np.abs(cosine) < BESIDE) & (beyond >= 0)
-        found.append(float((beyond[beside] / np.sqrt(1 - cosine[beside] ** 2)).min(initial=math.inf)))
-    return np.array(found)
-
-
-def _sure(artefact: Artefact, names: Sequence[str], off: float) -> Array:
-    """facets, mm by which they may be elsewhere → (n, 6) what their touches tell; less where an edge is nearer than that."""
-    return _rows(artefact, names) * np.clip(_room(artefact, names) / off, 0.1, 1.0)[:, None] ** 3
-
-
-def _chosen(artefact: Artefact, names: Sequence[str], count: int, off: float) -> tuple[str, ...]:
-    """facets, mm by which they may be elsewhere → `count` of them that tell most, also when any one of them misses.
-
-    First each that adds most to what the ones before tell (determinant), then exchanges as long as they help.
-    """
-    rows, left, found = _sure(artefact, names, off), list(range(len(names))), list[int]()
-    information = 1e-6 * np.eye(6)
-    while left and len(found) < count:
-        best = max(left, key=lambda row: float(rows[row] @ np.linalg.solve(information, rows[row])))
-        information += np.outer(rows[best], rows[best])
-        found.append(best)
-        left.remove(best)
-    better = True
-    while better:
-        better = False
-        for place in range(len(found)):
-            for other in range(len(names)):
-                tried = [*found[:place], other, *found[place + 1 :]]
-                if other not in found and _spared(rows[tried]) > 1.001 * _spared(rows[found]):
-                    found, better = tried, True
-    return tuple(names[row] for row in sorted(found))

@@ -219,7 +219,7 @@ def test_readings_that_a_compensation_was_made_from_accept_nothing(cell: Path, c
         assert {f["verdict"] for f in json.loads(out)["figures"]} == {"not stated"}
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("text", "words"),
     every(

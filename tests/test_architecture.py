@@ -35,7 +35,8 @@ INTERNAL: dict[str, str | None] = {
     "gate": "records",
     "commission": "records gate plan kinematics duration locate",
     "astray": "records",
-    "locate": "records kinematics plan duration astray",
+    "telling": "records astray",
+    "locate": "records kinematics plan duration astray telling",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate nearest",
     "program": "records files plan readback",
@@ -263,7 +264,7 @@ PLUG_INS = (
 WORDS = {"backlash", "file", "iso230", "learned", "remote", "step"}  # these are words of the trade first: a constant says nothing
 # Who names a plug-in all the same, and why. A plug-in may name others of its kind: the causes that it is taken for, its language.
 KNOWN_BY_NAME = {
-    "sim_controller.__main__": ("macro_b dnc", "what the simulated control is where nothing is asked"),
+    "sim_controller.__main__": ("dnc", "where the mode of drip-feeding has the name of the protocol"),
     "sim_controller.session": ("macro_b", "what the simulated control is where nothing is asked"),
     "postprocessors._base": ("dnc", "what a post has that states nothing"),
     "tango_cnc.commands.link_test": ("dnc", "what is spoken where a cell has no post"),

@@ -158,6 +158,7 @@ def test_an_axis_that_may_be_anywhere_is_within_its_travel(
     assert np.degrees(guard.everywhere(replace(machine, axes=axes))["C"]) == pytest.approx(between)
 
 
+@pytest.mark.few(0)
 def test_what_is_far_away_changes_nothing() -> None:
     far = Obstacle("box", low=(5000.0, 5000.0, 0.0), high=(5100.0, 5100.0, 100.0), on="A")
     blind = plan(trunnion())
@@ -236,6 +237,7 @@ def test_where_the_table_may_stand_before_is_said() -> None:
     assert not met(made, trunnion(side))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_what_is_proven_to_keep_off_while_an_axis_turns_keeps_off_at_every_angle(seed: int) -> None:
     """An axis far from where the frame begins: what it turns swings wide. The judge walks along the turn and knows points alone."""

@@ -207,7 +207,7 @@ def test_the_surroundings_move_a_facet_with_the_air() -> None:
     assert still.etve < still.noise and still.temperature == 0
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("kind", KINDS)
 def test_from_cell_to_budget_and_world_on_the_command_line(kind: Kind, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = examples()["hu40t"]

@@ -58,11 +58,13 @@ def met(cell: Cell, within: float, seed: int) -> list[str]:
     return [str(data["surface"]) for event, data in ran.events if event == "collision"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("example", every(EXAMPLES, 3))
 def test_a_table_that_stands_elsewhere_is_not_hit(example: str) -> None:
     assert [met(cell_of(example), 20.0, seed) for seed in range(4)] == [[]] * 4
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("example", every(["trunnion", "huron", "split"], 3))
 def test_moves_for_a_table_in_its_place_would_hit_it(example: str) -> None:
     assert [hit for seed in range(4) for hit in met(cell_of(example), 0.0, seed)]

@@ -116,6 +116,7 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("draws", [12, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("places", [3, 4])
 def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int, draws: int) -> None:
@@ -247,7 +248,7 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     """The person says that the stylus is held, and the control does not notice it: the program comes to its end."""
     cell, ledger = cell_of(tmp_path / "cell"), tmp_path / "ledger"
     monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
-    with simulated(cell, "--ledger", ledger) as port:
+    with simulated(cell, "--ledger", ledger, "--deflected-goes-on") as port:
         assert call("commission", "-C", cell, "--port", port, "--timeout", "4", "--no-dial") == 1
     said = capsys.readouterr()
     assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
@@ -256,6 +257,7 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
     assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("proven", "feed"), [((), "F1000."), (("directions",), "F3000.")])
 def test_until_the_directions_are_proven_nothing_is_fast(tmp_path: Path, proven: tuple[str, ...], feed: str) -> None:
     """Where machine.yaml has Z the wrong way round the first move, up, goes down."""
@@ -275,7 +277,7 @@ def test_where_only_the_held_stylus_is_left_the_axes_are_first_brought_to_where_
     known = keys_of(read_cell(cell), load("fanuc"))
     add_proofs(cell, "fanuc", [Proof(b, "PASS", "tried", profile=known[b]) for b in known if b != "deflected"])
     monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 30))
-    with simulated(cell) as port:
+    with simulated(cell, "--deflected-goes-on") as port:
         assert call("commission", "-C", cell, "--port", port, "--timeout", "4") == 1
     said = capsys.readouterr().err
     assert -1 < said.find("touch 1: miss") < said.find("Now a program of its own"), said

@@ -59,6 +59,7 @@ def latched(folder, period):
     return change
 
 
+@pytest.mark.long
 def test_what_a_sampled_probe_does_is_found_and_explained(cell):
     changed(cell, latched(cell, 0.002))
     result = Result("compare", "-C", cell, "--with", cell / "simulated.csv", "--period", "0.002", "--json", cell / "found.json")

@@ -90,6 +90,7 @@ def test_a_proposal_that_makes_the_largest_errors_worse_says_so() -> None:
     assert "below 21.6 µm now, and below 22.7 µm after" in text(replace(proposal, fit=grown))
 
 
+@pytest.mark.long
 def test_millimetres_are_another_zero_and_hundredths_are_not() -> None:
     """Numbers of a file: where the control counts from elsewhere, what is measured is added to what is there."""
     place = "setting 255 (MRZP X)"

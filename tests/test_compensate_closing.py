@@ -41,7 +41,7 @@ def test_every_target_has_a_simulated_control() -> None:
     assert not needless, f"sim_controller/compensation/: take away {needless}: no target has that name"
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("name", "target"), [("trunnion", "linuxcnc"), ("three_axis_calibrated", "siemens")])
 def test_what_it_can_hold_is_gone(name: str, target: str, tmp_path: Path) -> None:
     whole(name, target, tmp_path)
@@ -89,6 +89,7 @@ def test_the_zero_of_a_dynamic_fixture_offset_takes_away_what_the_center_of_the_
         assert [float(vectors[number]) for number in ("19700", "19701")] == pytest.approx(center, abs=1e-4)
 
 
+@pytest.mark.long
 def test_steps_name_only_what_is_written_and_the_trial_has_its_settings(tmp_path: Path) -> None:
     settings = ("fixture_offset=G54", "vectors=no", "tables=no")
     made = propose(first("split"), "fanuc", settings, tcp=True)

@@ -21,6 +21,7 @@ def standing(text: str) -> dict[str, Counter[str]]:
     return found
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ["trunnion", *(pytest.param(other, marks=pytest.mark.long) for other in ("fork_head", "split"))])
 def test_linear_axes_stand_where_they_stood(name: str) -> None:
     proposal = proposed(name, "heidenhain")

@@ -48,7 +48,7 @@ def test_a_file_that_was_cut_within_a_number_is_refused_and_a_whole_one_may_end_
         given("siemens", dict(list(numbers.items())[:2]), open_end=True)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("target", ["siemens", "fanuc", "heidenhain", "value_sheet", "linuxcnc", "centroid"])
 def test_a_row_that_stands_alone_and_a_table_of_other_increments_are_doubts(target: str) -> None:
     """0.9 mm among rows of 1 µm; all rows ten and a hundred times as large."""
@@ -66,6 +66,7 @@ def test_a_row_that_stands_alone_and_a_table_of_other_increments_are_doubts(targ
     assert any("it may count other increments" in doubt for doubt in given(target, larger).doubts)
 
 
+@pytest.mark.long
 def test_points_of_a_table_that_was_made_for_other_touches_are_its_points() -> None:
     """The touches of every run end elsewhere by some micrometers, and the control still has the points of the run before."""
     proposal = stored("siemens")
@@ -83,6 +84,7 @@ def test_points_of_a_table_that_was_made_for_other_touches_are_its_points() -> N
         given("siemens", {**far, **{"ENC_COMP X at X 17.5 mm": 0.001}})
 
 
+@pytest.mark.long
 def test_whoever_loads_the_files_compares_first() -> None:
     """Numbers that nobody can recognise as wrong, a turned sign say, are met there."""
     for target in TABLES:

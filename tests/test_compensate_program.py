@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
 from support.closing import SETTINGS
 from support.compensated import example, measured
 
 from tango_cnc.compensate import propose
 
 
+@pytest.mark.long
 def test_programs_on_top_leave_no_more_than_the_target_that_holds_reversal() -> None:
     cell, world = example("trunnion")
     found = propose(measured(cell, world), "siemens", SETTINGS.get("siemens", ())).fit

@@ -255,7 +255,7 @@ def test_a_reversal_value_of_one_axis_that_is_not_loaded_is_no_kept_compensation
     assert words[""][1] == "kept" and {words["A"][1], words["C"][1]} == {"not as promised"}
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("target", ["fanuc", "value_sheet"])
 def test_the_center_of_an_axis_that_never_turned_keeps_its_value(target: str) -> None:
     cell, world = example("trunnion")

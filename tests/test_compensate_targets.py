@@ -32,7 +32,7 @@ def pivot(machine: Machine, position: Array) -> Array:
     return np.stack([np.sin(b) * np.cos(c), np.sin(b) * np.sin(c), 1 - np.cos(b)], axis=1)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("target", ["fanuc", "siemens", "heidenhain", "value_sheet", "isg_csv", "etalon"])
 @pytest.mark.parametrize("name", ["split", "trunnion", pytest.param("hu40t", marks=pytest.mark.long)])
 def test_a_constant_is_in_a_center_and_not_in_a_table(name: str, target: str) -> None:

@@ -23,6 +23,7 @@ def proposed() -> Proposal:
     return propose(first("trunnion"), "siemens", tcp=False)
 
 
+@pytest.mark.long
 def test_an_error_that_is_not_to_be_trusted_is_not_written() -> None:
     result = first("trunnion")
     proposal = proposed()

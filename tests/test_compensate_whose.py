@@ -69,7 +69,7 @@ def test_a_place_of_another_machine_or_control_is_named(target: str, place: str,
     assert "read back from the control of the machine 'trunnion'" in said
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("target", targets.names())
 def test_a_table_that_counts_increments_or_has_another_unit_is_refused(target: str) -> None:
     """12 where 0.012 mm is meant: a control that counts micrometers. Degrees and inches likewise."""
@@ -125,6 +125,7 @@ def test_a_distance_between_axes_counts_from_no_zero() -> None:
         given("linuxcnc", {"xyzbc-trt-kins.x-offset": 0.01})
 
 
+@pytest.mark.long
 def test_numbers_of_other_increments_and_a_file_that_lacks_some_are_doubts() -> None:
     every = places("fanuc")
     assert not given("fanuc", every).doubts

@@ -67,6 +67,7 @@ def test_what_is_confirmed_leaves_the_list_and_the_header(cell: Path, capsys: py
     assert after["plan_hash"] == before["plan_hash"] and after["program_hash"] != before["program_hash"]
 
 
+@pytest.mark.few(0)
 def test_the_parts_of_a_plan_say_the_same(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     profile(cell, "- TRACK of the probe table is off")
     assert call("plan", "-C", cell, "--split", 2) == 0

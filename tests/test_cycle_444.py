@@ -26,6 +26,8 @@ from sim_controller.simulate import simulate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link.client import Ended
 from tango_cnc.plan import plan
+from tango_cnc.readback.languages.klartext import cycle_444
+from tango_cnc.readback.twins import Twin
 from tango_cnc.records import Cell, Find, InputError, Plan, World
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -202,6 +204,13 @@ def test_a_probe_table_that_says_something_else_stops_it_before_anything_moves(m
 def test_results_that_are_not_the_places_of_its_axes_are_noticed_at_the_first_touch(made: Plan, which: str) -> None:
     ran = run(program_of(made), made, q115=which, calibration={"X": 0.04, "Y": -0.12, "Z": 0.15})
     assert (ran.flags(made), ran.stops) == ([], [LINE])
+
+
+def test_where_its_results_are_while_a_work_offset_acts() -> None:
+    """The reader of programs has them in the frame of the program: 10 mm along X on the machine are 7 mm with a datum at 3."""
+    machine = Twin("stop", "", {}, {"X": 10.0, "Y": -2.0, "Z": 5.0}, {"X": 3.0, "Y": 1.0, "Z": -200.0})
+    cycle_444.contact(machine)
+    assert machine.shared == {"Q115": 7.0, "Q116": -3.0, "Q117": 205.0}
 
 
 def test_a_cycle_that_speaks_of_another_contact_than_its_axes_is_noticed(made: Plan) -> None:

@@ -54,6 +54,7 @@ def test_a_run_that_is_broken_off_has_determined_more_and_the_whole_one_hardly_l
     }
 
 
+@pytest.mark.few(0)
 def test_no_order_of_three_visits_leaves_more_known_than_the_one_that_is_found(made: Chosen) -> None:
     parts = broken_off.Parts.of(made)
     few = replace(parts, visits=parts.visits[2:5], poses=parts.poses[2:5], touches=parts.touches[2:5], times=parts.times[2:5, 2:5])
@@ -67,11 +68,13 @@ def test_no_order_of_three_visits_leaves_more_known_than_the_one_that_is_found(m
     assert worth[tuple(way)] <= min(fair) * 1.05
 
 
+@pytest.mark.few(0)
 def test_a_check_and_the_determinant_keep_their_order(made: Chosen) -> None:
     other = replace(made, problem=replace(made.problem, criterion=goals.of_limits(made.problem.choice, {})))
     assert broken_off.worth_when_broken_off(other, again(made)) is other
 
 
+@pytest.mark.few(0)
 def test_what_is_made_by_then_is_what_the_plan_has_made(made: Chosen) -> None:
     aims = {0.5: 1.0, 0.75: 1.0}
     exchange = Weighed(made, again(made), 0.0, aims)

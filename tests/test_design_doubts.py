@@ -59,6 +59,7 @@ def test_a_machine_that_may_step_more_has_more_that_nobody_should_trust() -> Non
     assert names[0] < names[1]
 
 
+@pytest.mark.long
 def test_what_a_plan_hardly_sees_is_more_uncertain_than_such_an_error_is_large() -> None:
     cell = read_cell(EXAMPLES / "trunnion")
     ready, found = of_its_own(cell)

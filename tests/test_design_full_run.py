@@ -38,6 +38,7 @@ def test_a_full_run_of_bent_axes_serves_a_check_though_the_cell_has_locations_al
     assert "judged with the terms S4" in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_a_full_run_that_the_terms_of_the_cell_explain_is_judged_with_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -74,6 +74,7 @@ def test_a_load_that_is_alike_to_both_sides_of_a_tilt_is_no_course_of_time() -> 
     assert shape[0] == "X × B"
 
 
+@pytest.mark.long
 def test_lost_motion_that_turns_a_carriage_is_told_in_its_own_frame() -> None:
     three = [("X × B", "machine x"), ("dX × Y", "axis X"), ("time × X", "machine x")]
     (shape,) = told(lambda t: t.sign("X") * unit(t.axis("Y")), "tilt C of X", three)

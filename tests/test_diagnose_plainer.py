@@ -67,6 +67,7 @@ def test_a_pair_is_told_only_where_both_covariates_are_needed(also: float, told:
     assert told in [p.kernel.covariate for p in plainer(field, y, np.empty((len(y), 0)), grown(field, y, (), ()).picked)]
 
 
+@pytest.mark.long
 def test_a_name_whose_size_changes_is_told_with_what_else_it_may_follow() -> None:
     """Waves that grow with the tilt; on this plan the way there is nearly the tilt itself, and fits a little better by chance."""
     m = means()
@@ -99,6 +100,7 @@ def test_a_name_is_said_to_follow_what_it_follows(cause: str, setting: dict[str,
     assert over(Candidate(cause, setting, (), np.zeros((1, 1)))) == covariate
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("like", [0.0, 1.0])
 def test_what_a_name_changes_its_size_with_is_told_with_what_does_as_well(like: float) -> None:
     """Waves of C that grow with A; on this plan Z goes nearly where A goes, or it does not."""

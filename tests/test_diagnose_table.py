@@ -43,6 +43,7 @@ def test_enso_has_two_periods_beside_the_year(published: Path) -> None:
     assert periods[2] == pytest.approx(44.311, rel=0.01)
 
 
+@pytest.mark.long
 def test_lew_hides_a_sine(published: Path) -> None:
     found = diagnose_table(published / "lew.csv", ["deflection"], [], ["order"])["findings"]
     assert [f["cause"] for f in found] == ["periodic"]
@@ -90,6 +91,7 @@ def test_a_linear_model_with_what_it_lacks(tmp_path: Path) -> None:
     assert data["findings"][0]["amplitude"] == pytest.approx(2, abs=0.2)
 
 
+@pytest.mark.long
 def test_a_vector_response_is_tested_together(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     t = np.arange(150.0)
@@ -141,6 +143,7 @@ def test_a_column_without_scatter_is_refused(tmp_path: Path) -> None:
         diagnose_table(file, ["r"], [], ["t:time"])
 
 
+@pytest.mark.long
 def test_many_harmonics_are_one_curve_without_a_name(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     a = np.round(rng.uniform(0, 360, 150), 3)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from support.imports import modules, tree
+from support.imports import modules, statements, tree
 
 Definition = ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef
 # Here everything that is public turns numbers into numbers: without shapes and units nobody can call it.
@@ -88,7 +88,7 @@ def test_no_function_is_longer_than_a_reader_holds(root: Path) -> None:
     found = {
         f"{file.relative_to(root)}:{node.lineno} {node.name}": length
         for file in modules(root).values()
-        for node in ast.walk(tree(file))
+        for node in statements(tree(file))
         if isinstance(node, ast.FunctionDef) and (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST
     }
     assert not found, f"more than {LONGEST} lines: cut into steps with names: {found}"

@@ -132,6 +132,13 @@ def test_an_early_facet_and_a_miss_are_on_record_as_such(name: str) -> None:
     assert ran(far, name, World(facets={"3": 7.0, "4": -8.0}))[0] == ["ok"] * 4 + ["early", "miss"]
 
 
+def test_how_many_misses_in_a_row_stop_it_is_counted_in_touches_not_in_moves(golden: Plan) -> None:
+    """Each touch is two moves here: twenty touches without contact are allowed as with one move, one more is not."""
+    list(program(load("fanuc"), golden, {"misses": 20}, plan_hash(golden))[2]())
+    with pytest.raises(InputError, match=r"controller\.misses: found 21; allowed: 1 … 20"):
+        list(program(load("fanuc"), golden, {"misses": 21}, plan_hash(golden))[2]())
+
+
 @quick_and_long
 def test_a_facet_that_is_nearer_than_the_measuring_move_begins_stops_with_a_text(name: str, golden: Plan) -> None:
     touched, text, _ = ran(golden, name, World(facets={"3": 7.0}))
@@ -363,6 +370,7 @@ def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -
     assert min(np.abs(np.array(place) - standoff)[:3].max() for place in went[-40:]) < 0.01
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("retreat", "near"), [(9.75, 0), (9.5, 1)])
 def test_a_way_back_to_the_facet_that_some_controls_find_too_short_is_not_made(retreat: float, near: int) -> None:
     """Mach3 takes no G31 of less than 0.254 mm: the second of two touches begins at the stand-off then, and is as slow."""

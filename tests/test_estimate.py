@@ -116,7 +116,7 @@ def thesis_readings(shared: Path, hu40t: Cell, seed: int = 1) -> Readings:
     return simulate(hu40t.machine, hu40t.artefact, strategy, world)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("subset", "mean"), [("S1", 25.8), ("S2", 25.7), ("S3", 2.4)])
 def test_unexplained_distances_of_the_thesis_machine(shared, hu40t, subset, mean):
     """Table 4-4 made true, Table 4-2 touched with 0.6 µm: Table 4-6 within a tenth of what an independent program gets."""
@@ -124,6 +124,7 @@ def test_unexplained_distances_of_the_thesis_machine(shared, hu40t, subset, mean
     assert np.abs(result.residuals).mean() * 1e3 == pytest.approx(mean, rel=0.1)
 
 
+@pytest.mark.long
 def test_the_whole_model_leaves_the_thesis_machine_only_its_noise(shared, hu40t):
     result = estimate(hu40t.machine, hu40t.artefact, thesis_readings(shared, hu40t), ["S4"])
     assert result.sigma * 1e3 == pytest.approx(0.6, rel=0.1)
@@ -187,6 +188,7 @@ def test_a_gross_touch_is_flagged_and_kept_until_told_otherwise(hu40t):
     assert again.sigma < result.sigma
 
 
+@pytest.mark.long
 def test_twenty_soiled_touches_do_not_hide_each_other(hu40t):
     """A twentieth of all touches are wrong, all in one direction: the plain residual would spread them over everybody."""
     world = read_world(EXAMPLES / "hu40t" / "world.yaml")
@@ -199,6 +201,7 @@ def test_twenty_soiled_touches_do_not_hide_each_other(hu40t):
     assert set(result.outliers.tolist()) == set(readings.touch[rows].tolist())
 
 
+@pytest.mark.long
 def test_condition_number_is_that_of_the_matrix_and_stays_finite_for_high_powers(hu40t):
     readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, read_world(EXAMPLES / "hu40t" / "world.yaml"))
     plain = estimate(hu40t.machine, hu40t.artefact, readings, ["S3"])
@@ -346,6 +349,7 @@ def test_a_hundred_times_nearer_than_finite_differences(hu40t):
     assert 100 * here < there < 1e-4
 
 
+@pytest.mark.long
 def test_an_outlier_of_one_cycle_leaves_its_number_in_the_other(hu40t):
     world = read_world(EXAMPLES / "hu40t" / "world.yaml")
     first = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)

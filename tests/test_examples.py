@@ -59,7 +59,7 @@ def test_plan_writes_a_program(cell: Path, capsys: pytest.CaptureFixture[str]) -
     assert len((cell / "program" / "plan.csv").read_text(encoding="utf-8").splitlines()) == found["touches"] + 1
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @some_now_all_in_long
 def test_estimate_finds_the_true_machine(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     status, _ = result(capsys, "simulate", "-C", cell)

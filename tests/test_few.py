@@ -77,11 +77,13 @@ def test_a_plug_in_that_the_last_commit_has_not_is_new(tmp_path: Path) -> None:
 TESTS = Path(__file__).parent
 # Whole sessions, commands and campaigns, of which no test is quick.
 WHOLE = """
-    best_judge compensate_verdicts compensate_walk demo diagnose_blind dialects exclude_outliers grblhal_commission
-    history_import hostile_texts iso230_exact
-    link_9600 link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
-    linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt night_in_control
-    night_within nightly_refusing_disk plan_long plausible_copied repeated_varies run_stylus scales_said serve_abuse serve_attacks
+    acceptance_further best_judge compensate_description compensate_program compensate_short compensate_verdicts
+    compensate_walk demo design_broken_off design_full_run diagnose_blind dialects exclude_outliers
+    grblhal_commission history_import hostile_texts iso230_exact iso230_reversal iso230_volumetric link_9600
+    link_campaign link_dropped link_ethernet link_kills link_same_parameters linuxcnc_commission
+    linuxcnc_compensated linuxcnc_kinematics linuxcnc_starved linuxcnc_whole main_job night_doubt
+    night_in_control night_within nightly_refusing_disk plan_long plausible_copied plausible_either
+    plausible_midway program_stylus repeated_varies run_stylus scales_said serve_abuse serve_attacks
     serve_browser serve_eyes_and_keys serve_routes tests_notice uncertainty_coverage uncertainty_fleet
 """
 

@@ -62,7 +62,7 @@ def seen(place: Path, path: str) -> str:
         return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("kind", "first"),
     [
@@ -218,6 +218,7 @@ def test_what_drifts_is_named_by_its_axis() -> None:
     assert [subject(name, None, t) for name in ("EY0C", "EX0S", "EXX1")] == ["C axis", "spindle", "scale of X"]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("verdict", ["changed", "out_of_limits", "doubtful"])
 def test_nobody_is_told_when_to_make_parts_below_make_no_parts(verdict: str, tmp_path: Path) -> None:
     """ "Make no parts on it." stood above "Make parts while the machine is at its usual temperature", and both in the message."""

@@ -34,6 +34,7 @@ def events(found: Ran) -> list[str]:
     return [event for event, _ in found.events]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_finger_opens_the_way_to_the_table(name: str) -> None:
     found = ran(name, golden())
@@ -215,6 +216,7 @@ def test_in_a_thousand_random_plans_a_bad_probe_is_stopped_before_it_hits_anythi
     assert random_plans_with_a_bad_probe(12, 1000) > 14_000
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["fagor", "siemens"])
 def test_the_text_does_not_stand_on_the_screen_when_the_hand_has_gone(name: str) -> None:
     """A text stands there until another one comes: LET GO OF THE STYLUS stood there to the end of the program."""
@@ -265,6 +267,7 @@ def test_a_control_that_shows_no_comment_stops_with_the_text_before_the_slow_mov
             readback.check(lambda text=text: iter(text), made, options, {}, written_in="macro_b")  # type: ignore[misc]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "shown"), [("okuma", f"M00({TOUCH})"), ("heidenhain", f"STOP ; {TOUCH}")])
 def test_okuma_and_heidenhain_stop_with_the_text_before_the_slow_move(name: str, shown: str) -> None:
     """Their comments move off the screen, or stand in the block before the one that is carried out."""

@@ -83,6 +83,7 @@ def test_no_message_has_the_password_of_a_database() -> None:
     assert "secret" not in str(error.value)
 
 
+@pytest.mark.few(0)
 def test_a_backup_is_the_same_and_comes_back(history_place: Place, tmp_path: Path) -> None:
     first, second = history_place(), history_place()
     with opened(first) as history:
@@ -228,6 +229,7 @@ def test_a_row_that_is_there_is_not_taken_for_another_one_on_conflict(history_pl
         assert history.verify() == ()
 
 
+@pytest.mark.long
 def test_a_broken_chain_is_in_the_backup_and_named_and_the_other_machines_are_whole(history_place: Place, tmp_path: Path) -> None:
     place = history_place()
     with opened(place) as history:

@@ -46,6 +46,7 @@ def where(history_place: Callable[[], str | Path]) -> str:
     return str(place)
 
 
+@pytest.mark.long
 def test_csv_and_parquet_have_one_row_a_night_and_parameter(where: str, tmp_path: Path) -> None:
     for name in ("m.csv", "m.parquet"):
         assert command("export", "--history", where, tmp_path / name).exception is None

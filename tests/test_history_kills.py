@@ -115,6 +115,7 @@ def test_what_does_not_fit_on_a_full_disk_is_refused_whole(tmp_path: Path) -> No
         assert history.verify() == () and len(history.nights("M")) == 2
 
 
+@pytest.mark.long
 def test_alarms_missed_and_refused_nights_are_told_alike(history_place: Callable[[], str | Path]) -> None:
     with opened(history_place()) as history:
         told: list[Sequence[Any]] = []

@@ -98,6 +98,7 @@ def test_the_past_is_known_better_today_and_nothing_is_carried_back_over_a_knock
     assert 0.04 < now.value[120] - now.value[119] < 0.06
 
 
+@pytest.mark.long
 def test_the_command_says_what_is_followed_and_draws_the_past(tmp_path: Path) -> None:
     nights(tmp_path, 40, 2, warm=8e-4)
     place = ("--history", tmp_path / "history.db")

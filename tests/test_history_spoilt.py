@@ -77,6 +77,7 @@ SLIPPED = {
 }
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("what", SLIPPED)
 def test_what_was_slipped_in_or_hidden_shows(what: str, tmp_path: Path) -> None:
     change, said = SLIPPED[what]

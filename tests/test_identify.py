@@ -106,6 +106,7 @@ def test_a_round_table_does_not_see_its_own_axis_turn():
     assert texts["ECC2"] == "ECC2 moves no touch of this plan"
 
 
+@pytest.mark.long
 def test_touches_too_noisy_for_a_power_leave_it_out_and_say_by_how_much(hu40t):
     """A polynomial of degree six is there in exact arithmetic, and would be known to millimetres."""
     selection = selected(hu40t, ["S4"], 6)

@@ -30,6 +30,7 @@ def fitted() -> Estimate:
     return measured("hu40t", 1000)[1]
 
 
+@pytest.mark.long
 def test_a_disturbance_of_the_touches_moves_the_machine_as_the_gain_says() -> None:
     result = fitted()
     before = whole(result)

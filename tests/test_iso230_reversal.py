@@ -32,6 +32,7 @@ def sheet_of(late: float) -> tuple[Sheet, Truth, list[tuple[str, float | None, t
     return sheet, truth, [(name, value, interval, real) for kind, name, value, interval, real in rows if kind == "reversal"]
 
 
+@pytest.mark.few(0)
 def test_a_probe_that_reads_late_is_no_backlash() -> None:
     found = [(interval, real) for _, _, interval, real in sheet_of(LATE)[2] if interval is not None]
     assert len(found) == 2

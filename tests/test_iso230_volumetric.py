@@ -73,6 +73,7 @@ def test_places_without_a_scale_are_withheld() -> None:
     assert all(f.value is None for f, _ in figures("split", SEED, 60.0) if f.name in PLACES)
 
 
+@pytest.mark.long
 def test_noise_along_the_curve_does_not_make_its_range_larger() -> None:
     """Three free directions are read with noise. Around what was read the drawn ranges are too large twice over."""
     rng, off, plain, inside, below = np.random.default_rng(7), [], [], [], []

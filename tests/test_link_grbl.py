@@ -130,6 +130,7 @@ def sends(sent, targets, line):
     return len(found) == 1 and found[0] == len(sent) + place
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("targets", "cut"), CUTS)
 def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets, cut):
     """The table stands upright, and a nut that nobody has stated stands out by 5 mm above facet 5: who goes up at once meets it."""
@@ -149,6 +150,7 @@ def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets
     assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("targets", ["plain", "confirmed"])
 def test_a_work_offset_of_the_control_changes_no_place_that_the_axes_go_to(cell, targets):
     """Targets go out in work coordinates, by what the control says of its offset; what comes back is in those of the machine."""
@@ -428,6 +430,7 @@ def clamped(turning, arrives=lambda line: line, stated=True, **options):
     return events[-1], happened, sent
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("targets", "times"), [("plain", 1), ("confirmed", 2)])
 def test_each_rotary_axis_turns_alone_between_the_words_that_free_and_hold_it(turning, targets, times):
     made, _ = turning

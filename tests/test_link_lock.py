@@ -124,6 +124,7 @@ def test_a_second_run_leaves_the_first_ones_journal_alone(tmp_path):
     assert sorted(set(cell.rglob("*")) - {cell / NAME}) == before
 
 
+@pytest.mark.few(0)
 def test_one_folder_of_readings_is_written_by_one_run(tmp_path):
     """Two cells whose readings go to one folder: the folder is held as well."""
     cell, out = tmp_path / "cell", tmp_path / "out"

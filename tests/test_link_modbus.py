@@ -13,14 +13,17 @@ import numpy as np
 import pytest
 from support.linkfaults import scene, stopped_by_the_user
 from support.linkparts import job
-from support.modbus import edited
+from support.modbus import edited, served
 from support.runs import Result, readings
 from support.simulated_runs import agree, cell, controller  # noqa: F401  a fixture
 
 from sim_controller.motion import Motion
-from tango_cnc.link.client import Failed, Touched
+from sim_controller.protocols.modbus import FLAG, POINT, POSITION, Registers
+from tango_cnc.link.client import Failed, Task, Touched
+from tango_cnc.link.journal import Journal, read_journal
 from tango_cnc.link.layout import read_layout
 from tango_cnc.link.protocols.modbus import Client
+from tango_cnc.link.session import Session
 from tango_cnc.link.transport import Lost, open_port, parse
 from tango_cnc.records import InputError, LinkError
 
@@ -254,6 +257,50 @@ def test_a_device_that_hangs_up_and_stays_away_is_lost(cell):
             ask(port, b"3 30 2")
             time.sleep(0.05)
     port.close()
+
+
+class Restless(Registers):
+    """A control of which some registers change from one reading to the next, for ever, once it has measured."""
+
+    def __init__(self, motion, *registers):
+        super().__init__(motion)
+        self._changing, self.looks = registers, 0
+
+    def spoilt(self, words):
+        """registers → what is read of them."""
+        if words[FLAG]:
+            self.looks += 1
+            for register in self._changing:
+                words[register] ^= self.looks % 2
+        return words
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize(
+    ("registers", "named", "touches"),
+    [
+        ((POSITION, POSITION + 1), "X stands|X moved", 1),  # both halves of X, by 6.5536 mm: the axis does not stand still
+        ((POSITION + 1,), "10 records in a row were not believed.*go on changing: position", 10),  # 0.1 µm
+        ((POINT, FLAG), "10 records in a row were not believed.*go on changing: flag, point", 10),
+    ],
+)
+def test_registers_that_never_come_to_rest_end_a_run_soon(tmp_path, registers, named, touches):
+    """A real server: no touch of them becomes a reading, and the run ends by itself long before the control would be late."""
+    _, made, truth = scene(turning=False)
+    numbers = tuple(touch.number for touch in made.touches)
+    task = Task(made, "", "M", made.machine.names, (60.0,) * (len(numbers) + 1), numbers, summed=False)
+    device, journal = Restless(Motion(truth), *registers), Journal(tmp_path / "run.journal")
+    with served(device, device.spoilt) as url:
+        line, began = open_port(parse(url, {})), time.monotonic()
+        with pytest.raises(LinkError, match=named) as ended:
+            Session(task, Client(task, {}), journal, lambda step: None, clock=time.monotonic).run(line)
+        assert time.monotonic() - began < 50
+        line.close()
+    journal.close()
+    entries = read_journal(tmp_path / "run.journal")[0]
+    assert [entry.kind for entry in entries].count("reading") == 0
+    assert device.looks <= touches * 40
+    assert "0 of 60 touches are recorded" in str(ended.value)
 
 
 def test_every_target_stands_where_it_was_planned(cell):

@@ -337,6 +337,23 @@ def test_who_started_the_control_first_has_a_start_mark_that_waits(taken, record
     assert values["taken"] == (record if begins else taken)
 
 
+def test_each_touch_is_waited_for_as_long_as_it_may_take():
+    """After the start mark it is the time of the first touch, not of another."""
+    task, nodes = job(patience=(70.0, 20.0, 45.0, 90.0), start_patience=10.0), read_nodes()
+    mark = task.mark.rjust(12, "0")
+    values = dict.fromkeys(nodes.looked_at, 0) | {f"mark{i}": int(mark[4 * i : 4 * i + 4], 16) for i in range(3)}
+    values |= {"count": len(task.numbers), "taken": 3, "record": 4}
+    client = opcua.Client(task, {})
+    for _ in range(12):
+        request = client.bytes_to_send(1 << 16).decode().strip()
+        if request.startswith("take "):
+            values["taken"] = int(request.removeprefix("take "))
+        answers = {"ask": "ASK here", "get": "GET " + " ".join(f"{name}={value}" for name, value in values.items())}
+        client.receive(f"{answers.get(request, 'TAKE')}\n".encode())
+    assert not client.elapsed(69.0)
+    assert client.elapsed(2.0) == [Failed("the control has not put a record into its variables within 70 s")]
+
+
 def single(value: float) -> float:
     """→ the same as a REAL of 32 bits holds it."""
     return struct.unpack("f", struct.pack("f", value))[0]

@@ -444,6 +444,7 @@ def test_a_private_key_that_does_not_open_is_no_login_that_was_refused(tmp_path,
         server.stop()
 
 
+@pytest.mark.few(0)
 @pytest.mark.system(*NEEDED["ftps"])
 def test_a_control_that_asks_for_tls_is_said_to_do_so(tmp_path):
     (tmp_path / "control").mkdir()

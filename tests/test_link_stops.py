@@ -127,7 +127,8 @@ def test_a_record_of_a_program_whose_registers_never_come_to_rest_ends_the_run()
             words[POSITION] = n
 
     events, _ = played(PROGRAM, happens, resting(record=5))
-    assert events[-1] == Failed("the registers keep changing although record 6 has not been taken")
+    assert events[-1].why.startswith("record 6 has not been taken, and no two of 4 readings of the registers in a row agree")
+    assert "go on changing: position." in events[-1].why
 
 
 def test_a_touch_whose_registers_never_come_to_rest_is_no_reading():
@@ -147,7 +148,10 @@ def test_a_touch_whose_registers_never_come_to_rest_is_no_reading():
             answer[1 + POSITION + 1] = str(len(looks))
         events += client.receive((" ".join(answer) + "\n").encode())
     first, second = (event for event in events if isinstance(event, Touched | Refused))
-    assert first == Refused("touch 1: 4 readings of the registers in a row were all different", "")
+    assert first.why.startswith(
+        "touch 1: no two of 4 readings of the registers in a row agree, as these go on changing: position. "
+    )
+    assert len(looks) == 16  # four times four
     assert isinstance(second, Touched) and second.number == 2
 
 

@@ -18,7 +18,7 @@ from support.few import every
 
 from postprocessors import companions, load, names, program, settings
 from sim_controller.languages import macro_b
-from tango_cnc import astray, check, kinematics, locate, readback
+from tango_cnc import astray, check, kinematics, locate, readback, telling
 from tango_cnc.commands.init import write_example
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
@@ -147,7 +147,7 @@ def test_a_table_like_its_drawing_is_found_from_the_same_touches_once_that_is_st
         locate.locate(made(), came)
     got = locate.locate(made(), came, 0.3).artefact
     off = [abs(np.dot(np.subtract(got.facets[f].point, true.facets[f].point), true.facets[f].normal)) for f in true.facets]
-    assert 0.05 < max(off) < locate.known_to(CELL.artefact, [touch.facet for touch in made().touches], 0.3)[0]
+    assert 0.05 < max(off) < telling.known_to(CELL.artefact, [touch.facet for touch in made().touches], 0.3)[0]
 
 
 @pytest.mark.few(0)
@@ -172,7 +172,7 @@ def test_one_touch_left_out_is_no_proof_where_the_facets_may_be_beside_their_fil
     got = locate.locate(planned, came, at)
     assert got.left_out == ()
     off = [abs(np.dot(np.subtract(got.artefact.facets[k].point, f.point), f.normal)) for k, f in beside.items()]
-    assert max(off) < 2 * locate.known_to(CELL.artefact, names, at)[0]
+    assert max(off) < 2 * telling.known_to(CELL.artefact, names, at)[0]
 
 
 @pytest.mark.few(0)
@@ -186,6 +186,7 @@ def test_a_table_of_another_size_is_not_placed(larger: float) -> None:
         locate.locate(planned, _met(planned, tip))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("beside", "placed"), [(0.0, True), (0.03, False)])
 def test_the_nearer_eight_agree_the_less_it_is_chance(beside: float, placed: bool) -> None:
     """The stem meets facet 6, 0.5 mm early. Two others, early by other lengths, or facets right to 0.5 mm would explain it too."""
@@ -369,7 +370,7 @@ def test_touches_that_do_not_agree_are_refused() -> None:
 def test_how_well_facets_are_known_is_what_files_that_are_wrong_make_of_it() -> None:
     """Facets close together make much of the 0.05 mm that a file may be wrong by."""
     small = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
-    told = locate.known_to(small.artefact, [touch.facet for touch in made().touches])[0]
+    told = telling.known_to(small.artefact, [touch.facet for touch in made().touches])[0]
     names, rng = [touch.facet for touch in made().touches], np.random.default_rng(5)
     facets = [small.artefact.facets[name] for name in names]
     centres = np.array([f.point for f in facets]) + made().machine.probe.tip_radius * np.array([f.normal for f in facets])
@@ -428,12 +429,13 @@ def test_a_round_table_is_refused_and_says_that_its_turn_cannot_be_told() -> Non
         locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "huron"))
 
 
+@pytest.mark.few(0)
 def test_facets_on_sides_that_no_touch_was_on_are_named() -> None:
     """A table 1 % larger was placed, and four walls behind it stood 3 mm elsewhere than was said."""
     cell = read_cell(Path(__file__).parent.parent / "examples" / "trunnion")
     names = tuple(touch.facet for touch in locate.strategy(cell).touches)
-    unseen = locate.unseen(cell.artefact, names)
+    unseen = telling.unseen(cell.artefact, names)
     sides = {key: np.array(cell.artefact.facets[key].normal) for key in (*names, *unseen)}
     assert unseen and all(max(sides[one] @ sides[other] for other in names) < 0.5 for one in unseen)
-    assert not locate.unseen(cell.artefact, tuple(cell.artefact.facets))
-    assert not locate.unseen(CELL.artefact, [touch.facet for touch in made().touches])
+    assert not telling.unseen(cell.artefact, tuple(cell.artefact.facets))
+    assert not telling.unseen(CELL.artefact, [touch.facet for touch in made().touches])

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import json
 import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from scipy.spatial.transform import Rotation
 
-from tango_cnc import kinematics, locate
+from tango_cnc import kinematics, locate, telling
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import locate as command
 from tango_cnc.commands.init import write_example
-from tango_cnc.files import read_cell
+from tango_cnc.files import read_cell, readings_text
+from tango_cnc.files.artefact import read_artefact
 from tango_cnc.plan import last_motion
-from tango_cnc.records import Plan, Readings
+from tango_cnc.records import Artefact, Cell, Facet, InputError, Plan, Readings
 
+CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
 MOVED = np.array([4.0, -3.0, 2.0])
 
 
@@ -32,9 +37,9 @@ def cell(tmp_path: Path) -> Path:
     return tmp_path / "cell"
 
 
-def touched(made: Plan, *missed: str) -> Readings:
-    """plan, facets at which nothing was met → readings of a table that was moved."""
-    true = locate.moved(made.artefact, MOVED, np.zeros(3))
+def touched(made: Plan, *missed: str, true: Artefact | None = None) -> Readings:
+    """plan, facets at which nothing was met, the true table → its readings; without it of one that was moved."""
+    true = true or locate.moved(made.artefact, MOVED, np.zeros(3))
     tip = np.array(
         [
             np.add(true.facets[t.facet].point, made.machine.probe.tip_radius * np.array(true.facets[t.facet].normal))
@@ -112,8 +117,7 @@ def test_what_has_to_be_known_is_said_without_a_question(
 
 
 def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_is_missing() -> None:
-    hu40t = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
-    made = locate.strategy(hu40t)
+    made = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "hu40t"))
     rng = np.random.default_rng(3)
     whole = touched(made)
     beside = replace(
@@ -130,3 +134,131 @@ def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_
     ) as refused:
         locate.locate(made, missing)
     assert "--agrees" not in str(refused.value)
+
+
+def test_with_a_touch_missing_no_table_is_taken_for_less_exact(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The refusal withheld `--agrees`, and the command took it: 2.7 mm beside, "9 touches count", one of which had met nothing."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    gone = made.touches[0].facet
+    (tmp_path / "touches.csv").write_text(readings_text(touched(made, gone)))
+    assert call("locate", "-C", cell, "--readings", tmp_path / "touches.csv", "--agrees", "0.7") == 1
+    said = capsys.readouterr().err
+    assert f"--agrees: found 0.7; allowed: 0.05 where a touch met nothing. As nothing was met at {gone}, too few touches" in said
+    assert not (cell / "locate" / "artefact.yaml").exists()
+
+
+def test_only_touches_that_met_something_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A touch that met nothing stood among those by which facets are known, and sides seen."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    names = [touch.facet for touch in made.touches]
+    assert len(names) > locate.LEAST
+    by_other = {name: [other for other in names if other != name] for name in names}
+    gone = max(names, key=lambda name: telling.known_to(made.artefact, by_other[name])[0])
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(made, gone)))
+    assert call("locate", "-C", cell, "--readings", file, "--json", "-") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["residual_mm"]) == len(names) - 1
+    assert found["known_mm"] == round(telling.known_to(made.artefact, by_other[gone])[0], 3)
+    assert found["known_mm"] > round(telling.known_to(made.artefact, names)[0], 3)
+    assert found["unseen"] == list(telling.unseen(made.artefact, by_other[gone]))
+
+
+def _hexagon(hands: tuple[int, ...]) -> Cell:
+    """hands of the sides that the strategy touches → the example with a table of six sides and six facets on top; two a side."""
+    facets: dict[str, Facet] = {}
+    for side, angle in enumerate(np.radians(np.arange(10, 370, 60))):
+        normal, along = np.array([np.cos(angle), np.sin(angle), 0.0]), np.array([-np.sin(angle), np.cos(angle), 0.0])
+        for hand in (-1, 1):
+            name = f"{side + 1}{'_lr'[hand]}"
+            x, y, z = (float(v) for v in 150 * normal + 48 * hand * along - (24 + 2 * hand) * np.array([0, 0, 1]))
+            facets[name] = Facet(name, (x, y, z), (float(normal[0]), float(normal[1]), 0.0))
+    for row, (x, y) in enumerate([(90, 20), (-80, 70), (-60, -95), (30, 110), (60, -90), (0, 5)], 1):
+        facets[f"top{row}"] = Facet(f"top{row}", (float(x), float(y), 0.0), (0.0, 0.0, 1.0))
+    table = Artefact("hexagon", facets)
+    some = tuple(name for name in facets if name[-1] in {"_lr"[hand] for hand in hands} or name.startswith("top"))
+    one = replace(CELL.strategy.indexations[0], facets=some, position=dict.fromkeys(CELL.strategy.indexations[0].position, 0.0))
+    return replace(CELL, artefact=table, strategy=replace(CELL.strategy, indexations=(one,)))
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("larger", [1.01, 1.005, 0.993])
+def test_touches_tell_a_table_of_another_size_from_one_that_is_turned(larger: float) -> None:
+    """On the same hand of each of six sides, 1 % of size is 1.6 deg of turn: it was placed 3 mm beside, and "known to 0.04 mm"."""
+    cell = _hexagon((-1, 1))
+    planned = locate.strategy(cell)
+    grown = {k: replace(f, point=tuple(larger * x for x in f.point)) for k, f in cell.artefact.facets.items()}
+    true = locate.moved(replace(cell.artefact, facets=grown), np.array([-2.0, 14.0, 5.0]), np.radians([0.5, -0.6, 1.5]))
+    assert telling.unsized(cell.artefact, [touch.facet for touch in planned.touches]) < locate.KNOWN
+    with pytest.raises(InputError, match=r"table that is .*% (larger|smaller) than artefact.yaml says|from where the others place"):
+        locate.locate(planned, touched(planned, true=true))
+
+
+def test_where_no_facets_tell_the_size_it_is_said_before_and_after(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = _hexagon((1,))
+    planned = locate.strategy(cell)
+    assert telling.unsized(cell.artefact, [touch.facet for touch in planned.touches]) == pytest.approx(3.0, abs=0.1)
+    true = locate.moved(cell.artefact, np.array([-2.0, 14.0, 5.0]), np.radians([0.5, -0.6, 1.5]))
+    came = touched(planned, true=true)
+    write_example(tmp_path / "cell", "hu40t")
+    monkeypatch.setattr(command, "read_cell", lambda folder: replace(cell, folder=folder))
+    monkeypatch.setattr(command, "read_readings", lambda *_: came)
+    says = "a table up to 1 % larger or smaller than artefact.yaml says fits these touches as well, once it is turned"
+    assert call("locate", "-C", tmp_path / "cell", "--program") == 0
+    assert f"Measure the size of the table first: {says}" in capsys.readouterr().out
+    assert call("locate", "-C", tmp_path / "cell", "--readings", tmp_path / "cell" / "tango.yaml") == 0
+    assert says in capsys.readouterr().out
+
+
+@pytest.mark.few(0)
+def test_touches_that_agree_on_a_turn_beyond_what_is_searched_are_refused() -> None:
+    planned = locate.strategy(CELL)
+    for turn, placed in ((2.9, True), (3.3, False)):
+        true = locate.moved(CELL.artefact, np.zeros(3), np.radians([0.0, 0.0, turn]))
+        came = touched(planned, true=true)
+        if placed:
+            assert not locate.locate(planned, came).left_out
+        else:
+            with pytest.raises(InputError, match=r"turned by 3\.3 deg, and 3 are searched"):
+                locate.locate(planned, came)
+
+
+def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They stayed where they were declared, the table moved by 20 mm, and the next run met one."""
+    write_example(tmp_path / "cell", "hu40t")
+    file = tmp_path / "cell" / "artefact.yaml"
+    clamp = "{kind: box, low: [-8, -10, 0], high: [12, 10, 30], name: clamp}"
+    stem = "{kind: cylinder, base: [0, 40, 0], axis: [0, 0, 1], radius: 4, height: 25}"
+    data = yaml.safe_load(file.read_text())
+    data["obstacles"] = [yaml.safe_load(clamp), yaml.safe_load(stem)]
+    file.write_text(yaml.safe_dump(data))
+    assert call("locate", "-C", tmp_path / "cell", "--program") == 0
+    assert "if clamp, cylinder moved with it, correct artefact.yaml first" in " ".join(capsys.readouterr().out.split())
+    made = locate.strategy(read_cell(tmp_path / "cell"))
+    by, turn = np.array([12.0, -9.0, 4.0]), np.radians([0.4, -0.5, 2.0])
+    readings = tmp_path / "touches.csv"
+    readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, by, turn))))
+    assert call("locate", "-C", tmp_path / "cell", "--readings", readings, "--json", tmp_path / "found.json") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "clamp, obstacle 2 (cylinder): no touch says whether what stands on the table has moved with it" in said
+    assert json.loads((tmp_path / "found.json").read_text())["obstacles"] == ["clamp", "obstacle 2 (cylinder)"]
+    placed = read_artefact(tmp_path / "cell" / "locate" / "artefact.yaml")
+    box, rod, box_there, rod_there = placed.obstacles
+    assert (box, rod) == made.artefact.obstacles and (box_there.kind, box_there.title) == ("hull", "clamp, moved with the table")
+    rotation = Rotation.from_rotvec(turn)
+    truly = rotation.apply([(x, y, z) for x in (-8, 12) for y in (-10, 10) for z in (0, 30)]) + by
+    assert box_there.points is not None and len(box_there.points) == 8
+    assert all(np.linalg.norm(np.subtract(box_there.points, corner), axis=1).min() < 0.01 for corner in truly)
+    assert rod_there.base == pytest.approx(rotation.apply([0, 40, 0]) + by, abs=0.01)
+    assert rod_there.axis == pytest.approx(rotation.apply([0, 0, 1]), abs=1e-4) and (rod_there.radius, rod_there.height) == (4, 25)
+    readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, 0.01 * by, 0.001 * turn))))
+    assert call("locate", "-C", tmp_path / "cell", "--readings", readings) == 0
+    assert len(read_artefact(tmp_path / "cell" / "locate" / "artefact.yaml").obstacles) == 2

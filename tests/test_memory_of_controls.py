@@ -60,7 +60,7 @@ def test_the_controls_with_a_small_memory_are_those_of_the_page() -> None:
     assert set(LIMITED) == {"brother", "fagor", "fanuc", "haas", "mazak", "mitsubishi", "okuma", "siemens"}
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", LIMITED)
 def test_a_program_longer_than_the_memory_moves_nothing_and_its_parts_do(name: str) -> None:
     made = golden()

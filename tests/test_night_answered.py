@@ -309,7 +309,7 @@ def test_a_knock_on_top_of_an_ignored_drift_is_told_with_its_own_size(root: Path
         decided = {d.alarm: d for d in history.decisions("trunnion")}
         waiting = [a | {"utc": s.record["start_utc"]} for s in history.alarmed("trunnion") for a in s.record["alarms"]]
     shown = faults(records[35], waiting, decided, Units(), texts(), today=records[35]["night"])
-    knock, drift = shown
+    drift, knock = shown  # what does more to a part first, also where somebody ignores it
     assert "21 µm" in knock["text"] and not knock["drifts"] and "drift" not in knock["text"]
     assert drift["drifts"] and knock["night"] == records[33]["night"]
 
@@ -420,7 +420,7 @@ def test_a_table_that_is_knocked_twice_does_not_drift() -> None:
     ],
 )
 def test_the_last_answer_decides_whether_something_comes_back(answers: dict[str, str], size: float, again: bool) -> None:
-    nights = [SimpleNamespace(record={"alarms": [found(0.015, id=key)]}) for key in answers]
+    nights = [SimpleNamespace(record={"alarms": [found(0.015, id=k)]}, night=SimpleNamespace(entry=0)) for k in answers]
     decided = [
         Decision(key, action, "Ann", "", None, f"2026-10-0{i}T00:00:00Z") for i, (key, action) in enumerate(answers.items(), 1)
     ]

@@ -74,6 +74,7 @@ def test_its_journal_becomes_readings_once_nobody_is_at_work_there(cell: Path, n
     assert (night / KEPT[1]).read_text() == "what is there stays\n"
 
 
+@pytest.mark.long
 def test_readings_that_the_disk_refused_are_made_though_the_night_is_on_record(cell: Path, night: Path) -> None:
     """They were made of marked nights alone, and a mark is gone once the night is on record; nobody heard of the disk."""
     made = plan(read_cell(cell))
@@ -180,6 +181,7 @@ def test_a_report_of_that_morning_is_no_plain_yes() -> None:
     assert orders(told, record, (), "check", Units(), t, machine, said_cut_off([STAMP]))[0].startswith("Look at the machine first")
 
 
+@pytest.mark.long
 def test_a_night_that_the_history_did_not_take_was_not_cut_off(cell: Path, night: Path) -> None:
     """The database went away while it measured: its result waits in its folder, and nothing executes a program any more."""
     (night / "unkept.json").write_text("{}")
@@ -209,6 +211,7 @@ def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", ["moved", "cut off", "run broke off", "beyond", "old", "measured"])
 def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: str) -> None:
     """One verdict: page, list, report, status, fleet and the message of the night."""

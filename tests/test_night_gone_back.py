@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
-from support.answers import answered, open_and_decided
+from support.answers import answered, decide, open_and_decided
 from support.nights_parts import Event, Story
 
+from tango_cnc.history import History
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
@@ -28,6 +31,42 @@ def test_what_moves_after_a_change_has_gone_back_is_dated_by_itself(root: Path, 
     assert told["begun"] == knock["since"] and "−30 µm" in told["text"].replace("-", "−") and not told["gone"]
     others = [a for a in (page["first"], *page["also"]) if a["id"] != knock["id"]]
     assert all(a["gone"] for a in others) and bool(others) == (back is None)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("end", [7, 8])
+@pytest.mark.parametrize("action", ["repaired", "accept"])
+def test_who_repaired_it_before_he_said_so_has_closed_both_alarms(root: Path, tmp_path: Path, action: str, end: int) -> None:
+    """It went back in night 9, and the answer came after it, to the alarm of the knock or to that of its way back: the next nights
+    are good, and name no fault.
+    """
+
+    def late(history: History, record: Mapping[str, Any]) -> None:
+        decide(history, record, str(history.alarmed("trunnion")[8 - end].record["alarms"][0]["id"]), action)
+
+    story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.0185})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 12, {8: "acknowledge", 10: late})
+    assert records[8]["alarms"][0]["undoes"]["alarm"] == records[7]["alarms"][0]["id"]
+    for night in records[10:]:
+        assert night["verdict"] == "good" and not night["alarms"] and not night.get("standing"), night["headline"]
+    helped = records[10].get("repaired") or []
+    assert [h["parameter"] for h in helped] == (["EY0C"] if action == "repaired" else [])
+    for h in helped:
+        assert h["size"] == pytest.approx(0.0015, abs=0.001) and h["since"] == records[6]["night"]
+        assert "has gone back along Y by -18" in h["text"] and "not helped" not in records[10]["headline"]
+    found, last = open_and_decided(tmp_path / "h.db", records[11]["night"])
+    page = context(records[10], tuple(last.values()), None, texts(), waiting=earlier(found))
+    assert not found and page["first"] is None and page["count"] == 0 and not page["suspect"] and page["answer"].may == "yes"
+
+
+@pytest.mark.long
+def test_a_fault_that_comes_back_after_its_way_back_is_no_way_back(root: Path, tmp_path: Path) -> None:
+    """+20, −20, +20 µm, and nobody answers: the third is the fault once more, and asks who was at the machine."""
+    story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.020}), Event(10, {"EY0C": 0.020})), wander=0.5)
+    records = answered(root, tmp_path / "h.db", story, 11, {})
+    assert records[8]["alarms"][0]["undoes"]["alarm"] == records[7]["alarms"][0]["id"]
+    (again,) = records[9]["alarms"]
+    assert not again.get("undoes") and "gone back" not in again["text"] and again["size"] == pytest.approx(0.020, abs=0.002)
 
 
 def test_what_has_gone_back_is_apart_from_what_came_after_it_on_the_page() -> None:

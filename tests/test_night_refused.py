@@ -99,6 +99,7 @@ def test_a_refused_night_hides_no_measurement(tmp_path: Path) -> None:
         assert since(history, "M", 20727.083 + 3).words == "last night"
 
 
+@pytest.mark.long
 def test_what_the_history_refuses_is_added_by_the_next_night_though_nothing_had_begun(cell: Path) -> None:
     (cell / "history.db").write_bytes(b"these are notes, and no database at all" * 30)
     CliRunner().invoke(tango, ["nightly", "-C", str(cell)])

@@ -67,6 +67,7 @@ def test_once_its_alarms_are_closed_and_the_new_name_is_measured_nothing_more_is
     assert "OLD 5" not in run("nightly", "-C", str(renamed), "--status")[1] and "OLD 5" not in run("fleet", str(renamed))[1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("action", ["acknowledge", "ignore"])
 def test_an_alarm_that_was_answered_under_the_old_name_stays_answered(renamed: Path, action: str) -> None:
     until = (date.today() + timedelta(days=300)).isoformat() if action == "ignore" else None
@@ -84,6 +85,7 @@ def test_an_alarm_that_was_answered_under_the_old_name_stays_answered(renamed: P
     assert status == 0 and (lines["OLD 5"]["alarms_open"], lines["OLD 5"]["alarms_held"]) == (0, 1)
 
 
+@pytest.mark.long
 def test_an_alarm_that_was_ignored_until_a_day_that_is_over_has_no_answer(renamed: Path) -> None:
     with opened(renamed / "history.db") as history:
         (alarm,) = history.open_alarms("OLD 5")
@@ -116,6 +118,7 @@ def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_p
         assert formers(history, "NEW", tmp_path / "elsewhere", within=True, others={"OLD 5"}) == ()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("path", ["/", "/alarms", "/machine/NEW"])
 def test_pages_show_the_alarm_of_the_old_name_and_what_to_do(renamed: Path, path: str) -> None:
     with TestClient(create(Settings((renamed,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:

@@ -125,6 +125,7 @@ def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
     assert all(f"--{level}:{TONES[level]}" in style for level in ("good", "look", "stop"))
 
 
+@pytest.mark.long
 def test_the_list_says_since_when(tmp_path: Path) -> None:
     t, full = texts(), [FULL]
     alarm = knock(dated(1)["night"]) | {"id": f"{dated(1)['night']}-1", "since": dated(2)["night"]}
@@ -168,6 +169,7 @@ def test_of_two_nights_of_one_day_the_earlier_one_may_have_been_within() -> None
     assert beyond_before([beyond[0], ("2026-11-30", "good"), *beyond[1:]], "2026-11-30") == ""
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("system", "row", "box"), [("mm", "85 µm", "85 µm"), ("inch", "0.0034 in", "0.0034 in")])
 def test_a_number_of_a_night_is_rounded_once(system: Literal["mm", "inch"], row: str, box: str, tmp_path: Path) -> None:
     """85.47 was 85 in the box of the answer, and in the row of the night 86: the sentence has 85.5, which was rounded again."""
@@ -186,6 +188,7 @@ def test_a_number_of_a_night_is_rounded_once(system: Literal["mm", "inch"], row:
     assert ("Volume is 85.5 µm, 60 µm" if system == "mm" else "Volume is 3365.0 µin, ") in engineer
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rate", [None, 0.004])
 def test_an_alarm_has_the_date_of_its_night_in_every_line(rate: float | None, tmp_path: Path) -> None:
     """A drift had the date of the night before as soon as it was known to be one, and an open alarm at the computer always."""

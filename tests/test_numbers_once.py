@@ -21,7 +21,7 @@ from tango_cnc.report.alarm import sentence
 from tango_cnc.report.plain import plain
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
-from tango_cnc.texts import MEMBER, Said, carried, revived
+from tango_cnc.texts import MEMBER, Said, carried, revived, say
 from tango_cnc.texts.number import EXACT, Number, number
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -128,3 +128,24 @@ def test_the_row_of_a_night_says_the_size_of_its_box(tmp_path: Path) -> None:
         app.state.tango.units = Units("inch")
         text = seen(site, "/machine/HU40T-like")
         assert "3365.0 µin" in text and "3366" not in text
+
+
+def test_two_numbers_that_are_rounded_to_the_same_words_stay_two() -> None:
+    """21.46 and 21.54 µm are both 21.5 in a message, and 21 and 22 on a page."""
+    sizes = (0.021456, 0.021544)
+    texts_of_both = [changed("EX0C", value(size, "mm", 0.000412), "2026-11-04") for size in sizes]
+    assert texts_of_both[0][:] == texts_of_both[1][:]
+    record = {"alarms": [{"text": texts_of_both[0]}], "standing": [{"text": t, "in": [t]} for t in reversed(texts_of_both)]}
+    record |= {"headline": say("changed.after_repair", text=texts_of_both[1], owner="Ann", date="2026-11-05", what="")}
+    carried_ = json.loads(json.dumps(carried(record), sort_keys=True))  # a history keeps no order of names
+    read: Any = revived(carried_)
+    told = [read["alarms"][0]["text"], *(a["text"] for a in read["standing"]), read["standing"][1]["in"][0]]
+    exact = [t.values["size"].value for t in (*told, read["headline"].values["text"])]
+    assert exact == pytest.approx([21.456, 21.544, 21.456, 21.456, 21.544], abs=1e-9)
+    on_page = [plain(t, Units(), texts()) for t in told]
+    assert ["+21 µm" in t for t in on_page] == [True, False, True, True] and "+22 µm" in on_page[1]
+    assert revived(json.loads(json.dumps(carried(read)))) == read
+
+
+def test_a_text_whose_words_are_said_once_has_no_place_beside_it() -> None:
+    assert not [key for key in carried(moved())[MEMBER] if key.startswith("@")]

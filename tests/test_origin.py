@@ -238,6 +238,7 @@ def test_readings_of_another_machine_are_doubtful_and_no_check_of_this_one(
     assert "found the readings of the full run itself" in called(capsys, *asked, "--despite")[2]
 
 
+@pytest.mark.long
 def test_a_check_made_before_its_full_run_is_none_of_it(cell: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     full, few = cell / "simulated.csv", tmp_path / "few.csv"
     shutil.copy(full, few)

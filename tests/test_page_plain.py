@@ -47,6 +47,7 @@ def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) 
     assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", seen(place, PATHS[0]))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["changed", "moving"])
 def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: Path, kind: str) -> None:
     place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in records(kind)])
@@ -122,6 +123,18 @@ def test_a_report_under_a_no_lets_no_part_be_made() -> None:
     assert parts_first(changed, do, t) == [do[1], do[0], do[2]]  # the box and the list begin with one thing
 
 
+def test_under_the_no_of_its_readings_a_report_asks_for_no_parts_though_the_night_did() -> None:
+    """The night said Yes, but; the readings of the morning are beyond the limit: "4. Make parts while the machine is at its usual
+    temperature" stood below "1. Make no parts on it"."""
+    t = texts()
+    warm = f"The machine is 5.3 K warmer. {t('cause.temperature.do')}"
+    told = parts_first(context(records("beyond")[1], (), None, t)["answer"], [warm], t)
+    assert (
+        told[0] == t("may.brief_no") and "Make parts" not in told[1] and "The machine is 5.3 K warmer. Let the machine" in told[1]
+    )
+    assert parts_first(context(records("changed")[1], (), None, t)["answer"], [warm], t) == [warm]
+
+
 @pytest.mark.parametrize(("name", "allowed"), [("'f1 '", "without a blank"), ("' f1'", "without a blank")])
 def test_a_facet_that_no_table_of_readings_can_name_is_refused(tmp_path: Path, name: str, allowed: str) -> None:
     file = tmp_path / "artefact.yaml"
@@ -145,6 +158,7 @@ def test_a_name_that_turns_the_text_behind_it_is_refused(tmp_path: Path) -> None
         read_nightly(tmp_path)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("proxied", "headers", "status"), [(False, {}, 200), (True, {}, 403), (True, {"x-forwarded-for": "127.0.0.1"}, 200)]
 )

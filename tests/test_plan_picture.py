@@ -48,6 +48,7 @@ def test_travels_between_touches_are_told_from_those_to_where_axes_turn() -> Non
     assert any("sweeps, radius 151 mm" in name for name in found)
 
 
+@pytest.mark.long
 def test_one_indexation_is_drawn_alone() -> None:
     drawn = picture(plan(read_cell(GOLDEN)), 2)
     assert int(np.isnan(lines(drawn)[texts()("way.probe")][:, 0]).sum()) == 2

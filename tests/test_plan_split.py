@@ -83,6 +83,7 @@ def test_every_part_is_a_program_of_its_own_that_is_read_back(post: str) -> None
     assert len({name for name, _ in found}) == len({mark for _, mark in found}) == 2
 
 
+@pytest.mark.few(0)
 def test_plan_writes_all_parts_and_one_plan_csv(tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
     result = Result("plan", "-C", tmp_path / "cell", "--split", 3, "--json", "-")
@@ -134,7 +135,7 @@ def test_a_program_too_long_for_the_control_is_split_unless_the_profile_says_non
     assert parts(dialect, whole, {"memory": "none"}) == (whole,)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("post", [name for name in names() if name not in SMALL])
 def test_where_no_memory_is_small_nothing_is_split_and_a_short_program_stays_whole(post: str, whole: Plan) -> None:
     assert post not in SMALL and parts(load(post), whole, {}) == (whole,)
@@ -163,6 +164,7 @@ def test_an_indexation_longer_than_the_memory_is_refused_by_its_touches() -> Non
         parts(load("fanuc"), golden(), {"memory": "no"})
 
 
+@pytest.mark.few(0)
 def test_plan_and_dry_run_split_what_the_cell_says_is_too_long(tmp_path: Path) -> None:
     shutil.copytree(GOLDEN / "cell", tmp_path / "cell")
     file = tmp_path / "cell" / "tango.yaml"

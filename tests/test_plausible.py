@@ -72,6 +72,7 @@ def estimated(capsys: pytest.CaptureFixture[str], cell: Path, *more: str) -> tup
     return code, json.loads(out)
 
 
+@pytest.mark.long
 def test_a_sound_cell_is_trustworthy(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, data = estimated(capsys, cell)
     assert code == 0

@@ -39,6 +39,7 @@ def test_a_table_knocked_by_3_micrometers_is_not_taken_for_a_drift(run: Run) -> 
     assert found.nothing and status(found, despite=False) == 1, "no parameter is trusted: nobody goes on with them unasked"
 
 
+@pytest.mark.long
 def test_a_screw_that_errs_once_a_turn_is_said(run: Run) -> None:
     cell, _, readings = run
     z = readings.position[:, cell.machine.column("Z")]

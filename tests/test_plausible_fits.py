@@ -152,6 +152,7 @@ def test_corners_of_the_facets_instead_of_their_centers_are_named(sound: tuple[C
     assert (first.kind, first.key, first.fits) == ("facet_place", "facets", True) and "corners instead of centers" in first.text
 
 
+@pytest.mark.long
 def test_a_work_offset_within_the_tolerance_gets_one_remark(sound: tuple[Cell, Readings]) -> None:
     cell, readings = sound
     x = cell.machine.column("X")

@@ -65,6 +65,7 @@ def test_a_table_that_was_bumped_and_turned_and_a_tip_that_was_changed_are_steps
     assert size and abs(float(size[1]) - 40.0) < 0.9, "known to 0.3 µm: ten draws lie between 39.8 and 40.7"
 
 
+@pytest.mark.long
 def test_a_bar_half_a_millimetre_too_long_is_named(cell: Cell, readings: Readings) -> None:
     bar = cell.artefact.scale_bar
     assert bar is not None
@@ -152,6 +153,7 @@ def test_a_wrong_sense_comes_before_the_bar_that_it_contradicts(axis: str, cell:
     assert (found.verdict, found.suspicions[0].kind) == ("implausible", "sense")
 
 
+@pytest.mark.long
 def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readings) -> None:
     bar = cell.artefact.scale_bar
     assert bar is not None
@@ -161,6 +163,7 @@ def test_gains_that_are_wrong_alike_speak_of_the_bar(cell: Cell, readings: Readi
     assert {"EXX1", "EYY1", "EZZ1"} <= set(judgement.untrusted)
 
 
+@pytest.mark.long
 def test_gains_that_nights_before_have_found_alike_are_no_doubt(cell: Cell, readings: Readings) -> None:
     """A machine that is 6 K warmer stays warm: its second morning blamed the scale bar."""
     bar = cell.artefact.scale_bar
@@ -198,6 +201,7 @@ def test_an_axis_that_bends_and_rolls_is_no_angle_of_an_indexation(root: Path) -
     assert "from where the readings say" not in said and "an error motion that the terms lack" in said
 
 
+@pytest.mark.long
 def test_single_wrong_touches_are_no_group(cell: Cell, readings: Readings) -> None:
     rng = np.random.default_rng(4)
     wrong = (rng.random(len(readings)) < 0.04) * rng.uniform(0.25, 0.5, len(readings)) * rng.choice([-1, 1], len(readings))

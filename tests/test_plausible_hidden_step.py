@@ -34,7 +34,7 @@ def trusted(example: str, step: float, stated: float | None = None) -> tuple[dic
     return {n: v for n, v in off.items() if n not in judgement.untrusted}, judgement, len(result.parameters)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("step", [0.0, 0.003, 0.005, 0.008])
 def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     """Gains were trusted, and off by nine of their standard deviations with a step of 8 µm."""
@@ -44,7 +44,7 @@ def test_what_an_unseen_step_moves_is_not_trusted(step: float) -> None:
     assert max(abs(v) for v in off.values()) < 4
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("example", "least"), [("hu40t", 15), ("trunnion", 17), ("huron", 10), ("split", 9)])
 def test_most_parameters_of_a_sound_cell_stay_trusted(example: str, least: int) -> None:
     off, judgement, every = trusted(example, 0.0)
@@ -58,11 +58,13 @@ def test_where_a_bend_is_hidden_the_note_speaks_of_steps_too() -> None:
     assert judgement.untrusted == () and "nor an error of position that is no gain" in said and "a step of" not in said
 
 
+@pytest.mark.long
 def test_a_step_that_is_known_to_be_smaller_moves_nothing() -> None:
     off, judgement, every = trusted("fork_head", 0.0, 0.0005)
     assert judgement.untrusted == () and len(off) == every
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("example", ["split", "fork_head"])
 def test_what_is_marked_for_a_step_that_need_not_be_there_is_acted_on_where_it_is_larger(example: str) -> None:
     """EX0C of split is -31 ± 0.2 µm, and such a step moves it by 1.5 µm: taking it away does more good than harm."""

@@ -35,6 +35,7 @@ def test_nothing_is_lacking_where_nothing_is_wrong(cell: Cell, readings: Reading
     assert judged(cell, readings).verdict == "trustworthy"
 
 
+@pytest.mark.long
 def test_a_rotary_scale_of_twenty_millionths_is_seen(cell: Cell, readings: Readings) -> None:
     angle = readings.position[:, cell.machine.column("C")]
     found = judged(cell, column(cell, readings, "C", 2e-5 * angle))
@@ -42,6 +43,7 @@ def test_a_rotary_scale_of_twenty_millionths_is_seen(cell: Cell, readings: Readi
     assert "ECCb" in found.untrusted  # 7 µrad of backlash that is not there, of which ± 0.5 would be said
 
 
+@pytest.mark.long
 def test_a_table_that_tilts_in_the_last_tenth_is_seen(cell: Cell, readings: Readings) -> None:
     point = np.array([cell.artefact.facets[f].point for f in readings.facet])
     normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
@@ -51,7 +53,7 @@ def test_a_table_that_tilts_in_the_last_tenth_is_seen(cell: Cell, readings: Read
     assert found.verdict == "doubtful" and "the table, or what is on it, had moved or turned at touch 20" in " ".join(found.reasons)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("share", [1.0, 0.3])
 def test_a_rotary_column_of_directions_that_contradicts_the_positions_is_said(cell: Cell, readings: Readings, share: float) -> None:
     direction = np.array(readings.direction)
@@ -61,6 +63,7 @@ def test_a_rotary_column_of_directions_that_contradicts_the_positions_is_said(ce
     assert "EAAb" in found.untrusted and "ECCb" not in found.untrusted
 
 
+@pytest.mark.long
 def test_an_axis_that_always_comes_from_one_side_is_no_contradiction(cell: Cell, readings: Readings) -> None:
     direction = np.array(readings.direction)
     direction[:, cell.machine.column("A")] = 1.0
@@ -83,6 +86,7 @@ def along(cell: Cell, readings: Readings, axis: str, way: Array) -> Readings:
     return pushed(cell, readings, -np.sum(normal * moved, axis=1))
 
 
+@pytest.mark.long
 def test_readings_that_were_filtered_are_said(cell: Cell, readings: Readings) -> None:
     normal = np.array([cell.artefact.facets[f].normal for f in readings.facet])
     point = np.array([cell.artefact.facets[f].point for f in readings.facet])
@@ -97,6 +101,7 @@ def test_a_clamp_that_lets_go_in_a_band_is_said(cell: Cell, readings: Readings) 
     assert "C stood elsewhere than the readings say wherever it was from" in doubted(cell, along(cell, readings, "C", loose))
 
 
+@pytest.mark.long
 def test_a_single_place_of_an_axis_is_no_stretch(cell: Cell, readings: Readings) -> None:
     a = readings.position[:, cell.machine.column("A")]
     text = doubted(cell, along(cell, readings, "A", 3e-5 * (np.abs(a + np.radians(30)) < 1e-3)))
@@ -117,6 +122,7 @@ def test_a_scale_that_grows_during_the_run_is_said(cell: Cell, readings: Reading
     assert "the scale of X had changed" in doubted(cell, along(cell, readings, "X", 6e-5 * x * np.linspace(0, 1, len(x))))
 
 
+@pytest.mark.long
 def test_a_squareness_that_drifts_during_the_run_is_said(cell: Cell, readings: Readings) -> None:
     """3.6 µm over 150 mm at the end: the scatter of a touch shows nothing of it, and EC0X is the mean of the run."""
     y = readings.position[:, cell.machine.column("Y")]
@@ -124,6 +130,7 @@ def test_a_squareness_that_drifts_during_the_run_is_said(cell: Cell, readings: R
     assert "the squareness of X and Y had changed" in " ".join(found.reasons) and "EC0X" in found.untrusted
 
 
+@pytest.mark.long
 def test_a_table_that_rings_after_a_turn_is_said(cell: Cell, readings: Readings) -> None:
     """20 µm a quarter of a turn of A along z, a third of it left after 20 s."""
     a, c = (readings.position[:, cell.machine.column(axis)] for axis in "AC")
@@ -163,6 +170,7 @@ def test_touches_that_do_not_fit_in_one_part_of_the_run_only_put_all_parameters_
     assert found.verdict == "doubtful" and "EC0Y" in found.untrusted
 
 
+@pytest.mark.long
 def test_an_axis_that_stops_elsewhere_from_touch_to_touch_puts_all_parameters_in_doubt(root: Path) -> None:
     folder = root / "examples" / "three_axis_calibrated"
     plain = read_cell(folder)

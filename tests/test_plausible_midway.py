@@ -72,7 +72,7 @@ def test_an_axis_in_inches_from_a_touch_on_is_named(root: Path) -> None:
     assert found.key == "Z" and found.fits and "from touch 121 on" in found.text
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("example", "row"), every([("trunnion", 1), ("hu40t", 380), ("split", 224)], 1))
 def test_a_column_of_the_spindle_that_was_lost_is_named(example: str, row: int, root: Path) -> None:
     judgement = spoilt(root, example, "S", slice(row, None), times=0.0)

@@ -63,7 +63,7 @@ def flags(events: list[Any]) -> list[int]:
     return [event.flag for event in events if isinstance(event, Touched)]
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "streamed", "profile"),
     [

@@ -30,7 +30,7 @@ def plans(root) -> dict[int, Plan]:  # type: ignore[no-untyped-def]
     return found
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", EVERY)
 def test_a_second_stylus_has_programs_of_its_own_names(name: str, plans: dict[int, Plan]) -> None:
     post = posts.load(name)

@@ -155,6 +155,7 @@ def test_a_call_here_and_there_is_refused(kind: str, places: Path) -> None:
     assert [text for at in numbers[5::15] for text in goes_on(kind, places, at, errno.ENOSPC, at % 2 == 0)] == []
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("option", ["--transcript", "--json"])
 def test_an_output_that_does_not_open_while_the_machine_moves_ends_no_run(option: str, places: Path) -> None:
     """click has an error of its own for it, which ended the run with exit status 1 in mid-conversation."""
@@ -219,6 +220,7 @@ print(*(module.__file__ for name, module in sys.modules.items() if name.startswi
 """
 
 
+@pytest.mark.few(0)
 def test_every_function_of_a_run_that_writes_was_asked(places: Path) -> None:
     """Of all modules that a run loads: one that is asked by no kind of run here is named with the reason."""
     path = os.pathsep.join([str(ROOT / "tests"), *filter(None, [os.environ.get("PYTHONPATH")])])

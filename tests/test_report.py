@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ from tango_cnc.report.answer import by_limit
 from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
-from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, gather
+from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
 from tango_cnc.report.may import _after, may
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
@@ -105,8 +106,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def facts(folder: Path) -> Facts:
-    cell = read_cell(folder)
+def facts() -> Facts:
+    return _facts()
+
+
+@cache
+def _facts() -> Facts:
+    """What tests of several files read: it takes two seconds."""
+    cell = read_cell(ROOT / "examples" / "hu40t")
     world = read_world(ROOT / "examples" / "hu40t" / "world.yaml")
     readings = simulate(cell.machine, cell.artefact, cell.strategy, world)
     paper = Paper(DAY, "0.0", owner="Ann <owner>", operator="Bob & Co")
@@ -457,6 +464,7 @@ def test_mistakes_in_texts_are_told(text: str, said: str, tmp_path: Path) -> Non
         texts_of(tmp_path)
 
 
+@pytest.mark.long
 def test_a_mistake_in_a_template_is_told_with_its_line(facts: Facts, tmp_path: Path) -> None:
     (tmp_path / "report.html").write_text("<p>\n{{ machine.name }\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"report\.html:2"):
@@ -637,6 +645,7 @@ def test_the_answer_is_by_the_limit_that_is_asked_for_and_says_which_it_was(
     assert late.answer.may != "yes" and why in late.answer.why  # what else makes it a "but" hides nothing
 
 
+@pytest.mark.long
 def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(facts: Facts) -> None:
     sheet = facts.sheet
     assert not isinstance(sheet, str)
@@ -678,6 +687,7 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     assert "text-anchor" not in place
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["heading", "sentence"])
 def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path: Path) -> None:
     """At every height of the page at which the table may begin."""
@@ -704,6 +714,7 @@ def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path
     assert not [height for height, found in at.items() if len(set(found.values())) != 1]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("larger", "verdict"), [(0.5, "good"), (0.5, "changed"), (1.0, "good")])
 def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Facts, larger: float, verdict: str) -> None:
     """The error of the night is half that of these readings, or the same."""
@@ -732,12 +743,36 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     assert ("Look for what has moved since the night." in lines) == (larger < 1)
 
 
+def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
+    """169 µm by these readings, and below it "which does 122 µm of it", which was of the 137 µm of the night."""
+    assert facts.tip is not None
+    there = 500.0 * facts.tip.worst
+    limit = {"what": "volume", "value": there, "unit": "µm", "low": there - 1, "high": there + 1, "limit": 1.0, "passed": False}
+    record = {"verdict": "out_of_limits", "night": "2026-11-20", "limits": [limit], "volume": {"worst_um": there, "std_um": 0.5}}
+    share = "Most of it comes from C axis off in X: −91 µm, which does 122 µm of it."
+    values: dict[str, Any] = {"cause": share, "brief": share, "todo": ("Have it compensated.",), "share": True}
+    night = NewestNight("2026-11-20", "out_of_limits", "", 1, "2026-11-20T02:30:00+00:00", record, **values)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
+    newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=1e-3))
+    told, found = may(newer, texts()), page.context(newer)
+    assert told.by_night and f"{1e3 * facts.tip.worst:.0f} µm, 1 µm allowed" in told.answer.numbers
+    assert told.cause.startswith("Most of it comes from") and "122" not in told.cause and "122" not in " ".join(found["todo"])
+    name = next(iter(effects(facts.result)))
+    found_ = facts.result.parameters[name]
+    assert found_.unit == "mm" and told.cause.rpartition(": ")[2][0] == ("−" if found_.value < 0 else "+")  # as below it
+    own = replace(newer, paper=replace(paper, measured="2026-11-20T02:10:00Z"))  # readings of that night: the number is its own
+    assert may(own, texts()).cause == share
+    moved = replace(newer, nights=replace(night, cause="Spindle has moved.", brief="", share=False))
+    assert may(moved, texts()).cause == "Spindle has moved."  # what has changed is no share
+
+
 def test_a_report_with_nothing_to_do_is_written(facts: Facts) -> None:
     """It ended with 'No first item' and wrote nothing."""
     values = page.context(facts) | {"todo": []}
     assert texts()("todo.nothing") in page.render(facts, None, values)
 
 
+@pytest.mark.long
 def test_what_must_not_be_used_is_in_the_sentence_about_the_numbers(facts: Facts) -> None:
     """'The numbers can be used' stood above a row that said 'Do not use'."""
     (name,) = [row["name"] for row in page.parameters(facts, texts(), most=1)]

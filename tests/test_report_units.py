@@ -48,6 +48,7 @@ def test_a_framed_report_is_in_the_unit_of_its_page(tmp_path: Path) -> None:
             assert (report == written) == (own == system)
 
 
+@pytest.mark.long
 def test_a_report_of_before_says_that_it_may_be_in_the_other_unit(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     (folder / "report.html").write_text("<p>12 mm</p>", encoding="utf-8")
@@ -58,6 +59,7 @@ def test_a_report_of_before_says_that_it_may_be_in_the_other_unit(tmp_path: Path
     assert shown(folder, "inch")[1] == "<p>12 mm</p>"
 
 
+@pytest.mark.long
 def test_a_kept_page_of_a_night_is_in_the_unit_of_the_pages(tmp_path: Path) -> None:
     """morning.html stayed in mm; a night now keeps it in both units, and one of before says in which it is."""
     one = night("HU40T-like", 0)

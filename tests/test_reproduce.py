@@ -222,6 +222,7 @@ def test_table_4_5_the_bar_gives_scales_and_changes_nothing_else() -> None:
     assert barred["EYY1"] - barred["EXX1"] == pytest.approx(pure["EYY1-EXX1"], abs=0.6)
 
 
+@pytest.mark.long
 def test_tables_4_8_and_4_9_the_axis_locations_do_most() -> None:
     for number in ("4-8", "4-9"):
         found = column(number, "sd")
@@ -231,6 +232,7 @@ def test_tables_4_8_and_4_9_the_axis_locations_do_most() -> None:
         assert sd["S3"] < found["S3"][0]
 
 
+@pytest.mark.long
 def test_table_4_7_the_better_model_has_the_better_table() -> None:
     sd = ours("4-7", "sd")
     assert max(sd["S3"], sd["S4"]) < 0.6 * min(sd["S1"], sd["S2"])
@@ -282,6 +284,7 @@ def test_table_6_3_compensation_and_what_it_leaves() -> None:
     assert first["4-4: out of sphericity"] == pytest.approx(printed["4-4: out of sphericity"], rel=0.5)
 
 
+@pytest.mark.long
 def test_table_8_4_fewer_indexations_may_condition_better() -> None:
     best = ours("8-4", "best")
     assert best["21 indexations"] < best["28 indexations"]

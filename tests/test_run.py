@@ -142,6 +142,7 @@ def test_resume_makes_the_missing_touches_and_ends_with_what_one_run_would_have_
     assert origin["repeated"] == [{"touch": number, "status": "ok", "moved_mm": 0.0} for number in (1, 3, 4)]
 
 
+@pytest.mark.few(0)
 def test_resume_makes_a_touch_whose_record_was_not_believed(cell):
     def edit(number, line):
         return line.replace("P3 H1 X", "P3 H1 X,") if number == 3 else line
@@ -246,6 +247,7 @@ def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
     assert sorted(counts) == [4, 7]
 
 
+@pytest.mark.few(0)
 def test_the_journal_says_how_long_its_plan_takes(cell):
     """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
     run(cell, Control(cell))
@@ -373,6 +375,7 @@ def test_there_must_be_a_run_to_follow(cell):
     assert "there is no run to follow" in result.err
 
 
+@pytest.mark.few(0)
 def test_a_facet_that_drifts_is_shown_while_it_happens(cell):
     """The first indexation comes again at the end; meanwhile everything has moved outwards by 5 µm."""
     text = STRATEGY.replace("{S: 90, B: 0, C: 0, facets: [5, 7]}", "{S: 0, B: 0, C: 0, facets: [3, 5]}")

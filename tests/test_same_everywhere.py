@@ -96,6 +96,7 @@ def test_everybody_is_sent_to_the_same_person(tmp_path: Path) -> None:
                 assert "Call Bob, 4712: Ann, 4711 was asked first" in text and "Call Ann" not in text, (name, path)
 
 
+@pytest.mark.long
 def test_the_next_night_stands_in_for_a_full_measurement_that_is_asked_for(tmp_path: Path) -> None:
     coming = {"kind": "full", "why": "tonight's check found a change"}
     for do, said in (
@@ -136,6 +137,7 @@ def test_a_run_without_a_touch_draws_nothing(tmp_path: Path) -> None:
         assert "0 of 20 touches" in page and "Last touches" not in page and "Deviation" not in page
 
 
+@pytest.mark.long
 def test_a_machine_that_was_never_measured_has_its_answer_everywhere(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[])
     (place / "history.db").unlink()
@@ -277,6 +279,7 @@ def test_a_message_says_of_a_drift_that_goes_on_what_it_made_since_last_night() 
     assert told.count("since the night ending 2026-11-13 (EX0C)") == 3 and "2026-11-12" not in told
 
 
+@pytest.mark.long
 def test_a_drift_has_one_date_and_is_no_jump(tmp_path: Path) -> None:
     """Rows of its later nights had the last night without it; the curve called what its first night found a jump."""
     records, start = [], datetime.now(UTC).replace(microsecond=0) - timedelta(days=14)

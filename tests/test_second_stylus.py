@@ -69,6 +69,7 @@ def exact(whole: Cell, world: World) -> Estimate:
     return estimate(whole.machine, whole.artefact, simulated(whole, world), ("S3",))
 
 
+@pytest.mark.long
 def test_the_joint_estimate_finds_machine_and_both_styli(exact: Estimate, world: World) -> None:
     """The simulator shares no mathematics with the estimator; without noise both styli come back as they are."""
     for name, value in {**world.errors, **world.stylus}.items():
@@ -181,6 +182,7 @@ def test_the_command_line_from_check_to_iso_figures(cell: Path, capsys: pytest.C
         assert low <= 0.0 <= high, "the simulated machine has no such tilt"
 
 
+@pytest.mark.few(0)
 def test_readings_of_two_runs_are_read_as_one(cell: Path) -> None:
     """tango run writes a file for each stylus; whoever reads the first reads both."""
     here = read_cell(cell)

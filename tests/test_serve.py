@@ -839,6 +839,7 @@ def test_an_address_of_another_computer_is_refused_in_words() -> None:
         assert free.getsockname()[1] > 0
 
 
+@pytest.mark.long
 def test_cells_of_one_name_have_their_folders_and_a_night_that_was_cut_off_is_told(tmp_path: Path) -> None:
     one, other = (cell(tmp_path / name, records=[night("HU40T-like", 3)]) for name in ("hall", "copy"))
     begun = other / "nights" / "begun"

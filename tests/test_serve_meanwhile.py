@@ -63,6 +63,7 @@ def decided(folder: Path) -> list[tuple[str, str, str]]:
         return [(d.action, d.owner, d.note) for d in history.decisions(M)]
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
@@ -235,6 +236,7 @@ def test_a_name_that_no_user_may_have_is_refused_before_a_password_is_asked_for(
     assert "Password" not in told.output and "letters from A to Z" in str(told.exception)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("how", ["removed", "another password", "a file for all to read"])
 def test_a_sign_in_is_worth_what_the_users_file_says_now(tmp_path: Path, how: str) -> None:
     """Who was taken out of the file read every page, and decided, for twelve hours more."""
@@ -265,6 +267,7 @@ def test_a_role_that_is_changed_in_the_file_counts_at_the_next_request(tmp_path:
     assert not decided(place)
 
 
+@pytest.mark.long
 def test_a_trend_says_how_many_parameters_it_draws(tmp_path: Path) -> None:
     records = [night(M, i) for i in range(3)]
     for i, record in enumerate(records):
@@ -342,6 +345,7 @@ def test_squares_of_the_map_stay_beside_their_facets_and_cover_no_other() -> Non
     assert apart(100 * places) == 100 * places  # more than there is room for: where they are
 
 
+@pytest.mark.long
 def test_a_run_that_has_only_begun_names_no_minutes(tmp_path: Path) -> None:
     """Half an hour was "1 min left" before the first touch, and an hour after it: it comes after the proof of the probe."""
     place = cell(tmp_path / "one", records=[night(M, 0)])
@@ -373,6 +377,7 @@ def test_squares_of_the_map_have_the_names_of_their_facets(tmp_path: Path) -> No
     run.gone()
 
 
+@pytest.mark.long
 def test_who_has_an_alarm_and_who_owns_the_machine_stand_together(tmp_path: Path) -> None:
     """The telephone number of the owner was gone once somebody had acknowledged the alarm."""
     place = struck(tmp_path / "one")

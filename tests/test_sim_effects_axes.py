@@ -39,6 +39,7 @@ def test_an_axis_remembers_how_far_it_came() -> None:
     assert turned == pytest.approx(1e-5 * (1 - np.exp(-b / 20)) * turning(Y), abs=1e-7)
 
 
+@pytest.mark.long
 def test_an_eccentric_graduation_errs_once_a_turn() -> None:
     once = 2e-5 * np.cos(at("C"))
     assert read_early("encoder_harmonic") == pytest.approx(once * turning(carried_by_b(Z)), abs=1e-7)
@@ -74,6 +75,7 @@ def test_tilt_error_motion_turns_the_table_about_a_line_across_the_axis() -> Non
     assert turned == pytest.approx(twice * turning(of_the_table), abs=1e-7)
 
 
+@pytest.mark.long
 def test_a_weight_beside_the_axis_sags_and_winds_it_up() -> None:
     moment = np.sin(at("B"))
     assert read_early("gravity_sag") == pytest.approx(-0.005 * moment * along(Y), abs=1e-9)
@@ -105,6 +107,7 @@ def test_an_axis_location_error_is_that_of_the_machine() -> None:
     assert read_early("axis_location", name="EA0C", amplitude=3e-5) == pytest.approx(early(told, PLAIN.position), abs=1e-11)
 
 
+@pytest.mark.long
 def test_a_screw_errs_with_its_pitch() -> None:
     assert read_early("cyclic_error") == pytest.approx(-0.002 * np.cos(2 * np.pi * at("Y") / 10) * along(Y), abs=1e-9)
     shifted = read_early("cyclic_error", axis="X", period=12.5, phase=60)
@@ -120,6 +123,7 @@ def test_a_wrong_table_of_compensation_is_straight_between_its_nodes() -> None:
     assert kink == pytest.approx(1e-5 * np.abs(at("B")) / (np.pi / 2) * turning(Y), abs=1e-7)
 
 
+@pytest.mark.long
 def test_a_column_leans_as_the_head_goes_up() -> None:
     # EAZ turns column, head and tool about x, at the origin of Z: the tip, at (0, y, −length) from there, goes by (0, length, y)
     lean = 1e-6 * at("Y") / 350

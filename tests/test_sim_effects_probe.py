@@ -103,6 +103,7 @@ def test_without_an_order_every_stop_of_the_spindle_is_another_one() -> None:
     assert np.std(drawn) == pytest.approx(0.001, rel=0.12)
 
 
+@pytest.mark.long
 def test_surface_form_is_white_and_only_where_it_is_said_to_be() -> None:
     rough = np.isin(FACET, ["16", "17", "18"])
     early = read_early("surface_form", facets=[16, 17, "18"])

@@ -21,6 +21,7 @@ def test_thermal_drift_carries_the_table_along_its_direction() -> None:
     assert read_early("thermal_drift", shape="linear") == pytest.approx(0.01 * TOUCHES.time / 2400 * along(Y), abs=1e-9)
 
 
+@pytest.mark.long
 def test_table_drift_turns_with_the_table() -> None:
     assert read_early("table_drift") == pytest.approx(0.005 * GROWN * ACROSS[:, 1], abs=1e-9)
     linear = 0.005 * TOUCHES.time / 2400
@@ -30,6 +31,7 @@ def test_table_drift_turns_with_the_table() -> None:
     assert np.abs(0.005 * GROWN * (along(Y) - ACROSS[:, 1])).max() > 0.003  # the machine's y is another direction
 
 
+@pytest.mark.long
 def test_a_warm_table_grows_out_of_its_middle() -> None:
     growing = 4e-5 * GROWN * np.sum(ACROSS * TOUCHES.point, axis=1)
     assert read_early("table_growth") == pytest.approx(growing, abs=1e-9)
@@ -56,6 +58,7 @@ def test_a_warm_scale_takes_its_axis_further_than_it_reads() -> None:
     assert linear == pytest.approx(1e-6 * TOUCHES.time / 2400 * at("X") * along(X), abs=1e-9)
 
 
+@pytest.mark.long
 def test_the_hall_breathes() -> None:
     swing = 0.003 * np.sin(2 * np.pi * TOUCHES.time / 1200)
     assert read_early("ambient_cycle") == pytest.approx(swing * along(X), abs=1e-9)

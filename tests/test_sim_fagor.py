@@ -41,7 +41,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -89,6 +89,7 @@ def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: P
     assert "NO CONTACT. IS THE PROBE ALIVE" in str(ran.alarm)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("deflected", ["alarm", "ends", "ignore"])
 def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan, deflected: str) -> None:
     ran = run(lines_of(made), made, fault="probe-stuck-after=2", deflected=deflected)

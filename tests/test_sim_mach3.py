@@ -113,7 +113,7 @@ def test_without_its_macros_nothing_moves_but_the_spindle(made: Plan) -> None:
     assert not any(event in ("feed", "skip", "contact") for event, _ in ran.events)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("code", range(880, 886))
 def test_one_macro_that_is_missing_stops_at_the_next_call(made: Plan, code: int) -> None:
     """Mach3 skips its calls in silence; nothing moves then that its macros move, and nothing is put on record."""
@@ -234,6 +234,24 @@ def test_who_does_not_wait_reads_what_was_before(made: Plan) -> None:
         "Close #1",
     ]
     assert run(["G21 G90", "M900", "M901"], made, stored=[*macro, *writes]).lines == ["0.0 5.0"]
+
+
+def test_a_macro_reads_a_program_of_any_length() -> None:
+    """M880 looks for its start mark in the program: 2991 lines were "the macro never ends"."""
+    lines, text = ["G0 X1"] * 20_000 + ["(THE MARK)"], ""
+    host = {
+        "open": lambda *_: None,
+        "eof": lambda number: not lines,
+        "line input": lambda number: lines.pop(0),
+        "close": lambda number: None,
+        "message": lambda found: said.append(found),
+    }
+    said: list[str] = []
+    text = 'Open "A" For Input As #1\nWhile Not EOF(1)\nLine Input #1, found\nWend\nClose #1\nMessage found'
+    Script(text, host).run()
+    assert said == ["(THE MARK)"]
+    with pytest.raises(Alarm, match="never ends"):
+        Script("n = 1\nWhile n > 0\nn = n + 1\nWend", {}).run()
 
 
 def test_basic() -> None:

@@ -36,7 +36,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [

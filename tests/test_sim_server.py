@@ -260,7 +260,7 @@ def test_hanging_up_in_the_middle_leaves_the_control_ready_for_the_next(start: S
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([], "one of them"),
+        (["--tcp", "127.0.0.1:0", "--pty"], "one of them"),
         (["--tcp", "nowhere"], "HOST:PORT"),
         (["--tcp", "127.0.0.1:0", "--language", "macro_c"], "Did you mean 'macro_b'?"),
         (["--tcp", "127.0.0.1:0", "--set", "incremnt=1"], "Did you mean 'increment'?"),

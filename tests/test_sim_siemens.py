@@ -43,7 +43,7 @@ def code(made: Plan, *lines: str, **profile: Any) -> Ran:
 # --- the program ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("options", "profile"),
     [
@@ -105,6 +105,7 @@ def test_a_probe_that_never_answers_stops_the_program_at_the_third_touch(made: P
     assert "NO CONTACT. IS THE PROBE ALIVE" in str(ran.alarm)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("deflected", ["alarm", "ignore"])
 def test_a_probe_that_stays_deflected_stops_before_the_next_move(made: Plan, deflected: str) -> None:
     """Such a probe has no edge to give: no protected move would be protected."""
@@ -358,7 +359,7 @@ def test_write_ends_lines_of_files_and_none_of_devices(made: Plan) -> None:
     assert shown(made, *(f'WRITE(E_1,"_N_A_MPF","{c}")' for c in "AB")) == ["A", "B"]
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("mirrored", [(), ("Z",), ("X", "Y")])
 @pytest.mark.parametrize("holds", [True, False])
 def test_where_supa_is_nothing_beside_meas_every_touch_is_where_it_is_planned(

@@ -121,6 +121,7 @@ def test_rotary_directions_come_from_the_indexations() -> None:
         assert np.array_equal(sign[1:][change == 0], sign[:-1][change == 0])
 
 
+@pytest.mark.long
 def test_noise_is_what_the_world_says() -> None:
     world = replace(BAD, noise=0.0006, seed=3)
     r = gaps(world, simulate(CELL.machine, CELL.artefact, CELL.strategy, world, cycles=5))

@@ -84,6 +84,7 @@ def test_a_machine_that_was_not_measured_for_weeks_has_no_answer_of_today(tmp_pa
     assert "Nobody knows: 1." in fleet and "Yes: 0. Yes, but: 0." in fleet
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("ago", "stated", "old"),
     [
@@ -104,7 +105,7 @@ def test_how_old_a_result_may_be_goes_by_the_rhythm_that_is_stated(tmp_path: Pat
     assert ("Nobody knows" in shown(place, f"/machine/{M}")) == bool(old)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ago", [20, 0])
 def test_status_fleet_metrics_and_report_agree(tmp_path: Path, ago: int) -> None:
     place, old = place_of(tmp_path / "one", ago), ago > 7

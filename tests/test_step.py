@@ -45,7 +45,7 @@ def test_where_positions_come_in_inches_nothing_moves_but_the_step_and_the_text_
 CONVERTED = [n for n in names() if load(n).language in ("macro_b", "mach4")]
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", [n if n == "fanuc" else pytest.param(n, marks=pytest.mark.long) for n in CONVERTED])
 @pytest.mark.parametrize("macros", ["inline", "called"])
 def test_where_positions_come_in_inches_the_profile_says_so_and_the_program_makes_mm_of_them(name: str, macros: str) -> None:

@@ -86,6 +86,7 @@ def test_the_same_marks_stand_below_all_lines_once() -> None:
     assert courses(found, 80).count("!") == 1
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("columns", [40, 60, 80, 132])
 def test_the_trend_of_a_history(columns: int, folder: Path) -> None:
     text = called("history", "plot", "-C", str(folder), columns=columns).stdout
@@ -132,7 +133,7 @@ def test_the_fleet_shows_the_tool_tip_of_two_weeks(folder: Path) -> None:
     assert len(drawn) == 14 and line.startswith(MACHINE)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("verdict", "late", "open_alarms", "status"),
     [
@@ -200,6 +201,7 @@ def test_cells_that_were_copied_from_one_another_hide_no_alarm_of_each_other(tmp
         }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("hours", [30, 50])
 def test_status_and_fleet_say_late_in_the_same_minute(tmp_path: Path, hours: float) -> None:
     """The last complete night was so long ago; one that measured nothing came after it."""
@@ -214,6 +216,7 @@ def test_status_and_fleet_say_late_in_the_same_minute(tmp_path: Path, hours: flo
     assert ("LATE" in fleet) == ("LATE" in status) == (hours > 36)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("verdict", "status"), [("good", 0), ("changed", 0), ("out_of_limits", 1), ("doubtful", 1)])
 def test_status_and_fleet_end_alike_after_the_same_night(tmp_path: Path, verdict: str, status: int) -> None:
     """No alarm is open: a timer that looks at the exit status of either hears of a last night that is not in order."""
@@ -287,6 +290,7 @@ def test_the_width_is_that_of_the_terminal_and_forty_at_least() -> None:
     assert (width({"COLUMNS": "100"}), width({"COLUMNS": "12"})) == (100, 40)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("columns", [40, 80])
 @pytest.mark.parametrize("words", [("history", "show", "last", "-C"), ("nightly", "--status", "-C")])
 def test_no_line_is_wider_than_the_terminal_and_no_word_is_cut(

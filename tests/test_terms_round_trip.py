@@ -113,7 +113,7 @@ def changed(bench: blind.Bench, effects: list[dict[str, Any]]) -> np.ndarray:
     return np.asarray(np.sum((read.position - bench.clean.position)[:, columns] * blind.eyes(bench).normal, axis=1))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", every((n for n in PATTERNS if n not in ("cylinder_cosine", *ELSEWHERE)), 3))
 def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     touches, machine = fitted.model.touches, bench.cell.machine
@@ -134,6 +134,7 @@ def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, be
     assert compared, f"{offered} moves no touch of this plan: state another `example` in tango_cnc/terms/{name}.py"
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("name", sorted(terms.causes()))
 def test_every_term_goes_through_the_file_into_the_estimate(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     touches, module = fitted.model.touches, terms.causes()[name]
@@ -148,7 +149,7 @@ def test_every_term_goes_through_the_file_into_the_estimate(name: str, bench: bl
         assert expected <= seen, "neither estimated nor told why not"
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["thermal_drift", "probe_lobing", "compensation_kink", "cylinder_cosine", "step", "first_touch"])
 def test_held_out_touches_are_predicted_with_the_term(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     item = {"cause": name, **settings(name, fitted.model.touches)[0]}

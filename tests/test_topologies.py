@@ -195,6 +195,7 @@ def test_top_points_condition_better_than_two_sections_and_those_better_than_any
     assert numbers[1] < 0.5 * numbers[2] < 1e-3 * numbers[3]
 
 
+@pytest.mark.long
 def test_both_strategies_find_the_machine_and_the_top_points_help(huron, s1, s2):
     """Table 5-2: without points on the top the rotary axes' orientation suffers."""
     world = read_world(EXAMPLES / "huron" / "world.yaml")

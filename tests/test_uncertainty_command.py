@@ -125,11 +125,11 @@ def test_subsets_and_runs_are_compared(cell: Path, capsys: pytest.CaptureFixture
         (["--subset", "A"], "LABEL=numbers"),
         (["--subset", "A=1-28", "--subset", "B=99"], "found indexation 99"),
         (["--compare", "a=readings.csv"], "no such file"),
-        (["--pool", "days"], "--pool days: found 1 day"),
+        pytest.param(["--pool", "days"], "--pool days: found 1 day", marks=pytest.mark.long),  # noticed after a fit
         (["--probability", "1.5"], "between 0 and 1"),
         (["--probability", "0.99999", "--trials", "1000"], "allowed: at least"),
         (["--budget", "nowhere.yaml"], "no such file"),
-        (["--terms", "S9"], "S9"),
+        pytest.param(["--terms", "S9"], "S9", marks=pytest.mark.long),
     ],
 )
 def test_wrong_options_end_with_2_and_say_what_is_allowed(

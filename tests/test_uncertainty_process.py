@@ -194,6 +194,7 @@ def test_repeated_runs_are_also_judged_by_their_own_scatter(cell: Cell, days: Re
     assert not both[1].differs.any()
 
 
+@pytest.mark.long
 def test_subsets_of_one_run_share_its_noise(cell: Cell, days: Readings) -> None:
     one = days.rows((days.day == 1) & (days.cycle == 1))
     choices = {"all": range(1, 29), "fewer": [i for i in range(1, 29) if i not in (3, 9)]}

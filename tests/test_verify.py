@@ -84,6 +84,7 @@ def test_what_only_the_held_out_touches_tell_is_no_reproach_to_the_model() -> No
     assert 0.7 < found.ratio < 1.3
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("terms", ["S3", "S4"])
 def test_held_out_residuals_are_as_large_as_promised(terms: str) -> None:
     """Rank by promise, too: what is promised to be uncertain is."""
@@ -118,6 +119,7 @@ def test_touches_that_make_the_ratio_large_are_named_the_furthest_first() -> Non
     assert "the model lacks something" in held_out_lines(replace(every, residual=1.5 * every.residual))[0]
 
 
+@pytest.mark.long
 def test_figures_per_subset_fall_as_in_table_4_9() -> None:
     sd = {s: hold_out(noisy(), (THESIS_GROUP,), s).figures.sd * 1e3 for s in ("S1", "S2", "S3", "S4")}
     assert sd["S1"] > 20
@@ -282,6 +284,7 @@ def test_points_in_a_plane_are_no_sphere() -> None:
         sphere.fit_sphere(np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]))
 
 
+@pytest.mark.long
 def test_model_and_simulator_touch_the_sphere_alike() -> None:
     """Two programs: the fixed point on the model, and contacts solved by the simulator; one error of each kind at once."""
     errors = {"EX0C": 0.05, "EA0B": 4e-5, "EYY1": 2e-5, "EB0Z": -3e-5, "EXXb": 0.002}
@@ -482,6 +485,7 @@ def test_before_and_after_over_the_volume(folder: Path) -> None:
     assert found["extrapolated"]["poses"] > 0
 
 
+@pytest.mark.long
 def test_the_map_is_written_pose_by_pose(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "map.csv"
     assert verify(folder, "--volume", "--levels", "2", "--map", str(file)).return_value == 0

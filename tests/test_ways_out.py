@@ -180,7 +180,7 @@ def test_override_and_dry_run_pass_the_probing_move_by(panel: dict[str, float]) 
     assert obeying[0] != pytest.approx(as_told[0], rel=0.5)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ["fanuc", "linuxcnc"])
 def test_a_program_of_protected_moves_is_as_fast_as_ever_at_a_tenth_of_the_override(name: str) -> None:
     """On a Fanuc every move near the table is a G31; on a LinuxCNC most are G1, and override acts."""

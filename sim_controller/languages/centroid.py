@@ -17,10 +17,11 @@ from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._shared.alarm import Alarm, Silence
+from ._shared.known import Spoken, StandIn
 from ._shared.scales import commanded, shown
 from .rs274.expressions import POWERS, PRODUCTS, SUMS, Key, Levels, Operator, Reader
 
-__all__ = ["Control", "Profile", "default_profile"]
+__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
 
 RELATIONS: Mapping[str, Operator] = {
     "==": lambda a, b: float(a == b),
@@ -52,6 +53,9 @@ class Profile:
     macros: tuple[str, ...] = ("M19",)  # M codes that the builder has made macros for
     sticks: bool = False  # #25022 says contact behind a probing move that met nothing, too
     old_contact: bool = False  # #24301 … are not written: those of the touch before remain
+
+
+SPOKEN = Spoken({"centroid": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:

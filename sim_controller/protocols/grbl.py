@@ -23,6 +23,7 @@ def serve(line: Line, session: Session, once: bool) -> None:
         known = session.family == "grbl"
         session.device = session.control(lambda data: None) if known else switched_on(session.motion(), session.note)
     control: Control = session.device
+    control.motion.lets_go()  # who held the stylus for the program before
     lines: queue.Queue[str] = queue.Queue()
     lock = threading.Lock()
     working, waiting = threading.Event(), list[str]()  # a line is executed; states of an alarm that has not been said yet

@@ -14,9 +14,10 @@ import click
 from ..gate import step
 from ..records import Plan
 from ._proofs import told
+from ._start import in_spindle
 
 SIGNAL = (
-    "Probe in the spindle and on. Push the stylus aside by hand, then let it go: does the control show the signal come and go at "
+    "{probe} in the spindle and on. Push the stylus aside by hand, then let it go: does the control show the signal come and go at "
     "its skip input ({page})? The lamp of the probe alone is not enough."
 )
 WAY = "Jog {name} by 1 mm towards {sign} by hand, with room on both sides: does the probe move away from the table?"
@@ -31,7 +32,7 @@ def questions(made: Plan, wanted: Collection[str], post: str) -> dict[str, tuple
     """
     name, by = step(made)
     asked = {
-        "alive": (SIGNAL.format(page=f"docs/controls/{post}.md says where it stands"), UNSEEN),
+        "alive": (SIGNAL.format(probe=in_spindle(made), page=f"docs/controls/{post}.md says where it stands"), UNSEEN),
         "directions": (WAY.format(name=name, sign="minus" if by > 0 else "plus"), WRONG_WAY.format(name=name)),
     }
     return {belief: each for belief, each in asked.items() if belief in wanted}

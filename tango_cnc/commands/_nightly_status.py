@@ -28,9 +28,9 @@ from ..report.days import at
 from ..report.morning import next_night
 from ..report.repeated import as_found, shortened
 from ..report.texts import Texts, code
-from ..report.tonight import by_tonight
+from ..report.tonight import by_now, by_tonight
 from ..report.units import Units
-from ..texts import joined
+from ..report.words import of_its_night
 from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
@@ -215,8 +215,10 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     yield from _nights(found, t)
     for alarm in found.alarms:
         command = answer(alarm["id"], str(folder), where)
-        dated = as_found(alarm["text"], {"alarms": [{**alarm, "night": str(alarm["id"])[:10]}]})
-        text = joined("; ", (dated, alarm.get("now")))
+        night = str(alarm["id"])[:10]
+        dated = as_found(alarm["text"], {"alarms": [{**alarm, "night": night}]})
+        older = bool(found.nights) and found.nights[0].night > night
+        text = by_now(of_its_night(dated, night) if older else dated, alarm)
         yield "  " + t("cli.nightly.open_alarm", id=alarm["id"], text=text, command=command)
     for stamp in found.waiting:
         yield "  " + t("cli.nightly.waits", stamp=stamp)

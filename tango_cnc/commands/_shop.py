@@ -35,8 +35,10 @@ def headlines(history: History, nights: Sequence[Night], by_now: bool = True) ->
     """history, nights of one machine, whether an alarm of another night has the size of the night that names it → {entry: what the
     night said, with what was decided since}, as texts that can be translated where they were recorded so.
     """
+    from ..history.answers import every_decision  # databases are slow to load
+
     records = history.records_of([n.entry for n in nights])
-    decisions = history.decisions(nights[0].machine) if nights else ()
+    decisions = every_decision(history, nights[0].machine) if nights else ()
     said = {n.entry: as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights}
     return {entry: sized(text, records.get(entry, {})) for entry, text in said.items()} if by_now else said
 

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
 
 
-def _in_spindle(part: Plan) -> str:
+def in_spindle(part: Plan) -> str:
+    """plan → which probe has to be in the spindle: with which stylus, where the machine has several."""
     machine = part.machine
     return f"Probe with stylus {machine.stylus} ({machine.probe.length:g} mm)" if machine.styli else "Probe"
 
@@ -95,7 +96,7 @@ def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))
     click.echo(
         f"{part.machine.name} on {address} will make {len(part.touches)} touches in about {time}. "
-        f"{_in_spindle(part)} in the spindle, switched on, clear of the table; hand on feed hold.",
+        f"{in_spindle(part)} in the spindle, switched on, clear of the table; hand on feed hold.",
         err=True,
     )
     click.confirm("Start?", default=False, abort=True, err=True)

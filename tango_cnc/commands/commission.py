@@ -14,7 +14,7 @@ from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
-from ._start import obeys
+from ._start import in_spindle, obeys
 from ._written import written
 from .check import positioning_feed
 
@@ -140,16 +140,14 @@ def command(
     made = moves.plan
     options, feed = _careful(cell, post, wanted)
     programs = written(cell, folder / FOLDER / "program", post, made, options)
+    first = by_hand_first(made, wanted, controller.post).values()
     if only_program:
-        for program in programs:
-            click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
-        for text, _ in by_hand_first(made, wanted, controller.post).values():
-            click.echo(f"before it: {text} If not, do not start it.")
+        _before(programs, f"{in_spindle(made)} in the spindle and on.", *(f"{text} If not, do not start it." for text, _ in first))
         return
     at = _Control(cell, post, address_of(cell, port), timeout, someone, options, moves)
     questions = {belief: each for belief, each in commission.questions(made).items() if belief in wanted}
     if not (someone and answers == "ask"):
-        for text, _ in by_hand_first(made, wanted, controller.post).values():
+        for text, _ in first:
             click.echo(f"not asked: {text} If not, do not start the program.", err=True)
     elif not by_hand(cell, post, made, wanted, programs[0].mark, json_file):
         raise click.exceptions.Exit(FAILED)
@@ -213,6 +211,14 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
     return options, feed
 
 
+def _before(programs: Sequence[Any], *texts: str) -> None:
+    """programs that are not sent, what has to be so before one is started → says both."""
+    for program in programs:
+        click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+    for text in texts:
+        click.echo(f"before it: {text}")
+
+
 def _announced(at: _Control, feed: float | None, settled: Sequence[str], questions: Mapping[str, Any]) -> None:
     """control, mm/min where it is slow, what is proven, what is asked → says it. Raises Abort when nobody wants it."""
     from ..commission.above import said
@@ -221,7 +227,7 @@ def _announced(at: _Control, feed: float | None, settled: Sequence[str], questio
     click.echo(
         f"{made.machine.name}: the program goes to the clear level, asks for a finger at the stylus, and makes {len(made.touches)} "
         f"moves in the air{f', at {feed:g} mm/min at most until their directions are proven' if feed else ''}. {said(at.moves)} "
-        "Probe in the spindle and on; hand on feed hold.",
+        f"{in_spindle(made)} in the spindle and on; hand on feed hold.",
         err=True,
     )
     if settled:

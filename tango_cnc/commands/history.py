@@ -147,6 +147,7 @@ def _said(event: Compensation, t: Texts) -> str:
 @json_option
 def show(history: History, machine: str, night: str, readings_file: Path | None, json_file: str | None) -> None:
     """One night whole: last, a date, or the number of an entry."""
+    from ..history.answers import every_decision
     from ..nightly.mail import message
     from ..report.tonight import by_tonight
 
@@ -162,7 +163,7 @@ def show(history: History, machine: str, night: str, readings_file: Path | None,
         return
     record: dict[str, Any] = {"artefacts": {"folder": ""}, **stored.record}
     t = here()
-    click.echo(fitted("\n".join(message(record, (), (), None, history.decisions(machine), t))))
+    click.echo(fitted("\n".join(message(record, (), (), None, every_decision(history, machine), t))))
     rows = [heads(t, "parameter", "value", "std", "change", "")]
     for name, p in (record.get("parameters") or {}).items():
         factor, unit = shown(p["unit"])

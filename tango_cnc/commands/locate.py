@@ -15,6 +15,7 @@ from ..files.targets import spared
 from ..records import InputError
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._live import Live
+from ._start import in_spindle
 from ._written import conducted, written
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 
 PLACE = "Measure 20"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
+UNSIZED = (
+    "a table up to 1 % larger or smaller than artefact.yaml says fits these touches as well, once it is turned: its facets are "
+    "then up to {:.1f} mm beside"
+)
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
 
@@ -68,7 +73,7 @@ def command(
     Eight to eleven slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
     cell's own file stays as it is: look at the numbers, then copy it.
     """
-    from .. import locate
+    from .. import locate, telling
     from ..duration import duration, spoken
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
@@ -108,12 +113,12 @@ def command(
     try:
         found = locate.locate(made, readings, agrees)
     except InputError as error:
-        click.echo(f"\ntango: {error}{_before(where, before)}", err=True)
+        click.echo(f"\ntango: {str(error).rstrip('.')}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
-    kept = [touch.facet for touch in made.touches if touch.facet not in found.left_out]
-    known, unseen = locate.known_to(made.artefact, kept, agrees), locate.unseen(made.artefact, kept)
+    known, unseen = telling.known_to(made.artefact, found.counted, agrees), telling.unseen(made.artefact, found.counted)
+    unsized = telling.unsized(made.artefact, found.counted, agrees)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -122,6 +127,8 @@ def command(
         "left_out": list(found.left_out),
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
+        "unsized_mm": round(unsized, 3),
+        "obstacles": list(found.obstacles),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
     }
@@ -130,11 +137,11 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
-    _told(found, result, agrees, len(kept), known[1])
+    _told(found, result, agrees, known[1])
 
 
-def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, worst: str) -> None:
-    """where the table stands, the same for --json, mm of --agrees, how many touches count, the facet known worst → says it."""
+def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> None:
+    """where the table stands, the same for --json, mm of --agrees, the facet known worst → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
@@ -150,8 +157,9 @@ def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, wors
         f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
     )
     if agrees > AGREES:
+        many = len(found.counted)
         click.echo(
-            f"{kept} touches count, {kept - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
+            f"{many} touches count, {many - 6} more than the place of a table needs, and they may be {agrees:g} mm off: one that "
             "met something else by a little more than that is not noticed. Touch three facets by hand before you go on"
         )
     if unseen := result["unseen"]:
@@ -159,18 +167,29 @@ def _told(found: Located, result: dict[str, Any], agrees: float, kept: int, wors
             f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
             "them. Measure that size before you trust a short search there"
         )
+    if (by := result["unsized_mm"]) > 1.0:
+        click.echo(f"{UNSIZED.format(by)}. Measure that size before you trust a short search")
+    if names := ", ".join(found.obstacles):
+        click.echo(
+            f"{names}: no touch says whether what stands on the table has moved with it. What is written has each in both places, "
+            "as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the other ones out: "
+            "touches beside them are left out until then"
+        )
     click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
 def _notice(made: Plan, within: float) -> str:
     """plan of the cycle, mm by which the table may stand elsewhere → what the person at the machine has to know before it moves."""
-    from .. import locate
+    from .. import locate, telling
 
     approach = made.strategy.approach
     notice = (
+        f"{in_spindle(made)} in the spindle and on. "
         f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
-        f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared."
+        f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared"
     )
+    on_table = ", ".join(solid.title or solid.kind for solid in made.artefact.obstacles)
+    notice += f", those on the table too: if {on_table} moved with it, correct artefact.yaml first." if on_table else "."
     near, most = locate.beside(made, within)
     if most < within:
         notice += (
@@ -178,14 +197,16 @@ def _notice(made: Plan, within: float) -> str:
             f"ball something else there. Then it is refused, and nothing is hit. 'tango locate --within {max(most, 1)}' is for "
             "a table whose place is known so well."
         )
+    if (by := telling.unsized(made.artefact, [touch.facet for touch in made.touches])) > locate.KNOWN:
+        notice += f" Measure the size of the table first: {UNSIZED.format(by)}."
     return notice
 
 
 def _before(where: Path, aside: str | None) -> str:
-    """file of the artefact in its place, name under which an earlier one is kept → a sentence about an earlier one; '' for none."""
+    """file of the artefact in its place, name under which an earlier one is kept → what is said of an earlier one; '' for none."""
     if aside is not None:
-        return f" What was found before is kept as {where.with_name(aside)}: the table may have moved since"
-    return f" {where} is of an earlier locating, not of these readings" if where.exists() else ""
+        return f". What was found before is kept as {where.with_name(aside)}: the table may have moved since"
+    return f". {where} is of an earlier locating, not of these readings" if where.exists() else ""
 
 
 def _worst(found: Located) -> float:

@@ -163,6 +163,7 @@ def _noticed(history: Any) -> tuple[str, ...]:
 def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
     """history, record of tonight → what its page needs beside it: decisions, last night that measured, last one in limits."""
     from ..history import compensations
+    from ..history.answers import every_decision
     from ..report.morning import last_within, never_within, volumes_of
 
     machine = record["machine"]
@@ -172,7 +173,7 @@ def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
             last = next((n for n in nights if n.verdict != "not_measured"), None) if record["verdict"] == "not_measured" else None
             signs = [(n.night, n.verdict) for n in nights]
             before = None if last is None else history.night(last.entry).record
-            known: dict[str, Any] = {"decisions": history.decisions(machine), "before": before, "within": last_within(signs)}
+            known: dict[str, Any] = {"decisions": every_decision(history, machine), "before": before, "within": last_within(signs)}
             known |= {"never": never_within(signs), "volumes": volumes_of(nights), "signs": signs}
             return known | {"events": compensations(history, machine)}
     return {}

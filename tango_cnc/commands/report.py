@@ -29,12 +29,12 @@ from ..report import page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import drift_told, jumps_of
-from ..report.days import local_day
+from ..report.days import between, local_day
 from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
 from ..report.texts import Texts, texts, texts_of
 from ..report.units import Units, shown
-from ..texts import joined
+from ..texts import Said, joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
@@ -294,9 +294,9 @@ def nights(
     from ..history.clock import told as told_of
     from ..report.age import due, measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
-    from ..report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
-    from ..report.morning import brief_of, volumes_of
-    from ..report.orders import orders
+    from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed
+    from ..report.morning import volumes_of
+    from ..report.orders import brief_of, orders
     from ..report.pace import ahead
     from ..report.reach import to_ask
 
@@ -323,7 +323,7 @@ def nights(
         old = complete is None or datetime.fromisoformat(complete.start_utc) < now - timedelta(hours=settings.late_hours)
         cause, owner = (str(found[0]["text"]), str(found[0]["owner"] or "")) if found else ("", "")
         open_ones, soon = len(still_open(found)), ahead(by_limit(before or record, limit_um), volumes_of(lately), today)
-        said = as_decided(record, history.decisions(machine)) or n.headline
+        said = as_decided(record, tuple(decisions.values())) or n.headline
         if (future := in_future(history, machine)) is not None:
             said, open_ones = joined(". ", (said, told_of(future))), open_ones + int(asks(future))
             waits = waits or (future.night if asks(future) else "")
@@ -335,12 +335,19 @@ def nights(
             answers_for=settings.answers_for,
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
+            named=bool(found) and asking(found)[:1] != found[:1],
             chain=history.newest_hashes().get(machine),
+            share=bool(found) and _is_share(found[0].get("raw_text")),
             busy=minutes_left(folder, now.timestamp()) is not None,
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
         return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))
+
+
+def _is_share(text: object) -> bool:
+    """text of what is wrong first, as its night recorded it → whether it names the largest share of an error, and no change."""
+    return isinstance(text, Said) and text.key == "changed.most"
 
 
 def _measured_before(history: History, machine: str, newest: Night) -> Mapping[str, Any] | None:
@@ -381,7 +388,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
                 {
                     **{"title": name, "unit": unit, "days": days, "value": (value * factor).tolist()},
                     **{"half": (INTERVAL * std * factor).tolist(), "alarm": [e in alarms for e in entries]},
-                    "x_label": f"{dates[0]} … {dates[-1]}",
+                    "x_label": between(dates, t),
                     "first": first,
                     "events": placed(events, first, date.fromisoformat(dates[-1])),
                     "limit": allowed.get(name),

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Set
+from collections import defaultdict
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import func, select
 
 from . import _tables as t
 from . import _whole
-from .records import AHEAD, HELD, Standing, date_of, merged, over, stamp_of
+from .answers import answers, briefly
+from .records import AHEAD, Decision, Standing, date_of, stamp_of
 
 if TYPE_CHECKING:
     from .store import History
 
 
-class Told(NamedTuple):
-    """Alarms of a night: their ids, and those of alarms that are a part of one of them."""
-
-    ids: tuple[str, ...]
-    merged: Set[str]
-
-
+Told = tuple[dict[str, Any], ...]  # alarms of a night, as far as they are counted
 MANY = 500  # records that are read at once
 
 
@@ -65,23 +59,26 @@ def standings(history: History, now_utc: str, late_hours: float, told: dict[int,
         select(t.machine.c.name, t.night.c.entry_id)
         .join(t.machine, t.machine.c.id == t.night.c.machine_id)
         .where(t.night.c.alarms > 0, counts_now)
+        .order_by(t.night.c.start_utc.desc(), t.night.c.entry_id.desc())
     )
     new = [row.entry_id for row in alarmed if row.entry_id not in told]
     for at in range(0, len(new), MANY):
         for entry, record in history.records_of(new[at : at + MANY]).items():
-            told[entry] = Told(tuple(str(alarm["id"]) for alarm in record["alarms"]), merged(record["alarms"]))
-    answered = select(t.machine.c.name, t.decision.c.alarm, t.decision.c.action, t.decision.c.until)
+            told[entry] = tuple(briefly(alarm) for alarm in record["alarms"])
+    d = t.decision.c
+    answered = select(t.machine.c.name, d.alarm, d.action, d.until, d.entry_id)
     answered = answered.join(t.machine, t.machine.c.id == t.decision.c.machine_id).order_by(t.decision.c.entry_id)
-    last_ones, today = {(x.name, x.alarm): x for x in history._rows(answered)}, date_of(now_utc)
-    decided = {key: x.action for key, x in last_ones.items() if not over(x, today)}
-    held = Counter(name for (name, _), action in decided.items() if action in HELD)
-    known = [(row.name, told[row.entry_id]) for row in alarmed if row.entry_id in told]
-    every = {(name, alarm) for name, one in known for alarm in one.ids}  # one that goes on counts once
-    every -= {(name, alarm) for name, one in known for alarm in one.merged}
-    waiting = Counter(name for name, alarm in every if (name, alarm) not in decided)
+    given, nights_of, today = defaultdict(list), defaultdict(list), date_of(now_utc)
+    for x in history._rows(answered):
+        given[x.name].append(Decision(x.alarm, x.action, "", "", x.until, "", x.name, x.entry_id))
+    for row in alarmed:
+        if row.entry_id in told:
+            nights_of[row.name].append((row.entry_id, told[row.entry_id]))
+    known = {name: answers(nights_of[name], given[name], today) for name in {*given, *nights_of}}
     found = []
     for name in history.machines():
         nights, complete = counts.get(name, (0, None))
         late = complete is None or complete < limit
-        found.append(Standing(name, last.get(name), nights, waiting[name], late, held[name]))
+        waiting, held = (len(known[name].unanswered()), len(known[name].held())) if name in known else (0, 0)
+        found.append(Standing(name, last.get(name), nights, waiting, late, held))
     return tuple(sorted(found, key=lambda s: (not (s.alarms_open or s.late), s.machine)))

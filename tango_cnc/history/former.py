@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..texts import Said, say
-from .records import HELD, Decision, Night, merged, over
+from .answers import of_machine
+from .records import Decision, Night
 
 
 class Names(Protocol):
@@ -65,13 +66,8 @@ def formers(
         elsewhere = other in others or not within  # where another cell may have this name, the record says whose nights they are
         if elsewhere and not _same(str(newest[0].get("cell") or ""), folder):
             continue
-        last = {d.alarm: d for d in history.decisions(other)}
-        last = {key: d for key, d in last.items() if not over(d, today)}
-        told = reversed(history.alarmed(other))
-        each = {a["id"]: a for s in told for a in s.record["alarms"]}  # several nights report one that goes on
-        alarms = [a for a in reversed(each.values()) if a["id"] not in merged(each.values())]
-        open_ = tuple(a for a in alarms if a["id"] not in last)
-        held = tuple(a for a in alarms if a["id"] in last and last[a["id"]].action in HELD)
+        known = of_machine(history, other, today)
+        open_, held = (tuple(known.newest[key][1] for key in keys) for keys in (known.unanswered(), known.held()))
         nights = history.nights(other)
         found.append(Former(other, len(nights), nights[0].night, open_, held))
     return tuple(found)

@@ -31,7 +31,8 @@ from . import _tables as t
 from ._answers import answers
 from ._columns import columns_of, rows_of
 from ._database import connect, first_line
-from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, merged, over, stamp_of
+from .answers import of_machine
+from .records import ACTIONS, AHEAD, Decision, Knowledge, Night, Standing, Stored, Trend, date_of, stamp_of
 
 FORMAT = "tango-night/1"
 REFUSED = 8  # nights that others at work may have refused, one after the other
@@ -286,13 +287,8 @@ class History:
         """machine, how many of its nights with an alarm (None: all), local date ('': none is over) → alarms without an answer, each
         as the last night that told it.
         """
-        decided = {key for key, d in {d.alarm: d for d in self.decisions(machine)}.items() if not over(d, today)}
-        told = [alarm for stored in self.alarmed(machine, last) for alarm in stored.record["alarms"]]
-        newest: dict[str, Mapping[str, Any]] = {}
-        for alarm in told:
-            newest.setdefault(alarm["id"], alarm)  # several nights report one that goes on
-        closed = decided | merged(told)
-        return tuple(alarm for key, alarm in newest.items() if key not in closed)
+        known = of_machine(self, machine, today, last)
+        return tuple(known.newest[key][1] for key in known.unanswered())
 
     # Trusting -------------------------------------------------------------------------------------------------------
 

@@ -115,6 +115,7 @@ class Registers(Dialogue):
         self._taken = 0
         self._last: Words = []  # the block after the last command
         self._odd = 0  # looks in a row at a control that speaks of other commands than those of this end
+        self._restless: set[int] = set()  # registers in which two readings in a row differed, where no two agreed
         super().__init__(task.start_patience)
 
     def _late(self) -> str:
@@ -281,12 +282,24 @@ class Registers(Dialogue):
     def _steady(self, where: tuple[int, int], times: int) -> Talk:
         """(address, count), 1 or 2 → the registers, of two readings that agree when 2; empty when no two in a row do."""
         block = yield from self._read(where)
+        self._restless = set()
         for _ in range(READS - 1):
             again = block if times == 1 else (yield from self._read(where))
             if self._but_tick(again) == self._but_tick(block):
                 return again
+            self._restless |= {where[0] + i for i, (old, new) in enumerate(zip(block, again, strict=True)) if old != new}
             block = again
         return []
+
+    def _changing(self) -> str:
+        """→ why the readings of the registers after a command did not count, and what the control's program has to do."""
+        if not self._restless:
+            return f"{READS} readings in a row speak of another command than the one that is done"
+        changing = ", ".join(sorted({self._layout.owner(register) for register in self._restless} - {"tick"}))
+        return (
+            f"no two of {READS} readings of the registers in a row agree, as these go on changing: {changing}. The control's "
+            "program has to put all values into the registers before it acknowledges, and leave them alone until the next command"
+        )
 
     def _but_tick(self, block: Words) -> Words:
         at = self._layout.registers["tick"] - self._layout.block[0]

@@ -69,6 +69,11 @@ class Layout:
         wide = 2 * len(self.axes)
         return {"position": wide, "request": wide + 8, "echo": wide + 8}.get(name, WIDE.get(name, 1))
 
+    def owner(self, register: int) -> str:
+        """register → name of the value that it is part of; its address where it is part of none."""
+        names = (name for name, first in self.registers.items() if first <= register < first + self.width(name))
+        return next(names, f"register {register}")
+
     def words(self, values: Sequence[int]) -> list[int]:
         """32-bit whole numbers → two registers each. Raises InputError for one that does not fit."""
         found: list[int] = []

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
+from ..history.answers import of_machine
 from ..report.texts import texts
 from ..report.tonight import is_gone
 from ..texts import say
@@ -20,7 +21,7 @@ def after_a_repair(past: Past, machine: str, alarms: Sequence[dict[str, Any]]) -
     """history, machine, alarms of tonight → the same; what moves again as it did before its last repair says so (`again`)."""
     if not alarms or not past.knows(machine):
         return list(alarms)
-    last = {d.alarm: d for d in past.decisions(machine)}
+    last = of_machine(past, machine).decided  # who has repaired a way back has repaired what went back
     closed = [key for key, d in last.items() if d.action in ("accept", "repaired")]
     older = [(last[key], a) for key, (_, a) in found_by(past, machine, closed).items()]
     return [_again(a, older) for a in alarms]

@@ -81,11 +81,7 @@ def after_repairs(
     helped: list[dict[str, Any]] = []
     still: list[dict[str, Any]] = []
     left, done = list(alarms), repaired(past, machine)
-    origin = found_by(past, machine, [d.alarm for d in done])
-    for d in done:
-        if d.alarm not in origin:
-            continue
-        stored, wrong = origin[d.alarm]
+    for d, stored, wrong in _meant(past, machine, done):
         if (m := moved(past, machine, k, after, stored, wrong)) is None:
             if wrong["cause"] in WITHOUT_SIZE and not alarms:
                 still.append(_nothing_changed(wrong, d))
@@ -103,6 +99,22 @@ def after_repairs(
         told = {"owner": said.owner, "date": said.utc[:10], "what": what}
         left = [a | {"text": say("changed.after_repair", text=a["text"], **told)} for a in left]
     return [*still, *left], helped
+
+
+def _meant(past: Past, machine: str, done: Sequence[Decision]) -> list[tuple[Decision, Any, dict[str, Any]]]:
+    """history, machine, repairs → each with the night and the alarm that it is held against, as far as these are on record.
+
+    Who answers `repaired` to a way back has repaired what went back: both ends of one story are one repair.
+    """
+    origin = found_by(past, machine, [d.alarm for d in done])
+    firsts = {d.alarm: str((origin[d.alarm][1].get("undoes") or {}).get("alarm") or d.alarm) for d in done if d.alarm in origin}
+    origin |= found_by(past, machine, [first for first in firsts.values() if first not in origin])
+    meant: dict[str, tuple[Decision, Any, dict[str, Any]]] = {}
+    for d in done:
+        first = firsts.get(d.alarm, d.alarm)
+        if first in origin:
+            meant.setdefault(first, (d, *origin[first]))
+    return list(meant.values())
 
 
 def _same(alarm: Mapping[str, Any], wrong: Mapping[str, Any]) -> bool:
@@ -188,7 +200,11 @@ def undone(past: Past, machine: str, k: Known, after: State, alarms: Sequence[di
 def _undone(past: Past, machine: str, k: Known, after: State, alarm: dict[str, Any]) -> dict[str, Any]:
     if alarm["cause"] in (*WITHOUT_SIZE, *BY_SIZE) or alarm.get("rate_per_day"):
         return alarm
-    for stored, a in unclosed(past, machine, None, alarm):
+    known = list(unclosed(past, machine, None, alarm))
+    back = {str(a["undoes"]["alarm"]) for _, a in known if a.get("undoes")}
+    for stored, a in known:
+        if a.get("undoes") or a["id"] in back:  # what moves after a change has gone back is another event
+            continue
         m = moved(past, machine, k, after, stored, a)
         if m is None or m.apart():
             continue

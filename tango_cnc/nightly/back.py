@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ..history.answers import of_machine
 from ..report.texts import texts
 from ..report.words import PLACE, spoken, who_moved
 from ..texts import LIST, Said, joined, say
@@ -12,7 +13,6 @@ from .moved import Moved
 from .ports import Past
 from .words import value
 
-CLOSED = ("accept", "repaired")
 OWN = ("pretravel", "scales", "table", "stylus")  # causes with a sentence of their own
 
 
@@ -22,12 +22,12 @@ def unclosed(past: Past, machine: str, before: Any, like: Mapping[str, Any]) -> 
     """
     if not past.knows(machine):
         return
-    last = {d.alarm: d.action for d in past.decisions(machine)}
+    known = of_machine(past, machine)
     for stored in reversed(past.alarmed(machine)):
         if before is not None and stored.night.start_utc >= before.night.start_utc:
             continue
         for a in stored.record["alarms"]:
-            if (a["cause"], a["parameter"]) == (like["cause"], like["parameter"]) and last.get(a["id"]) not in CLOSED:
+            if (a["cause"], a["parameter"]) == (like["cause"], like["parameter"]) and not known.closed(a["id"]):
                 yield stored, a
 
 

@@ -11,6 +11,7 @@ from datetime import date
 from typing import Any
 
 from ..history import Decision
+from ..history.answers import of_machine
 from ..records import Array
 from ..report.texts import texts
 from ..report.tonight import LENGTHS
@@ -48,7 +49,7 @@ def going_on(
     """
     if not alarms or not past.knows(machine):
         return list(alarms)
-    last = {d.alarm: d for d in past.decisions(machine)}
+    last = of_machine(past, machine, last=LISTED).decided
     newest = newest_of(past, machine)
     return [_going_on(past, machine, k, after, a, before, newest, last, given) for a in alarms]
 

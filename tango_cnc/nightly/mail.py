@@ -28,6 +28,8 @@ OWN = (
     "night.sensors.do",
     "night.sensors.warmer_do",
     "night.sensors.colder_do",
+    "night.sensors.was_warmer_do",
+    "night.sensors.was_colder_do",
     "night.comes_back.repaired_do",
     "night.edited.do",
 )  # what to do that a full measurement does not take back

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..history.records import merged
+from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone
+from ..report.tonight import is_gone, is_unseen, shows
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -43,24 +43,19 @@ def standing(
     """
     if not past.knows(machine):
         return []
-    today, last = date_of(day), {d.alarm: d for d in past.decisions(machine)}
+    today = date_of(day)
+    held = of_machine(past, machine, today, LISTED)
     known, when = (parameters, "") if parameters else _known(past, machine)
     found: list[dict[str, Any]] = []
     measured: tuple[str, str] | None = (today, TONIGHT) if kind == "full" and parameters else None
-    seen, undone = set(tonight), set[str]()
+    seen = {*tonight, *held.parts}
     for stored in past.alarmed(machine, LISTED):
-        seen |= merged(stored.record["alarms"])
         for alarm in stored.record["alarms"]:
             if alarm["id"] and alarm["id"] in seen:
                 continue
             seen.add(alarm["id"])
-            decision = last.get(alarm["id"])
-            if decision is not None and decision.action in ("accept", "repaired"):
-                undone |= {str(alarm["undoes"]["alarm"])} if alarm.get("undoes") else set()
-                continue
-            if alarm["id"] in undone:  # who closed its way back has closed it: what moves after that is another event
-                continue
-            if decision is not None and decision.action == "ignore" and (decision.until or "") >= today:
+            decision = held.decided.get(alarm["id"])
+            if held.closed(alarm["id"]) or (decision is not None and decision.action == "ignore"):
                 continue
             if measured is None:
                 measured = _measured(past, machine)
@@ -69,15 +64,14 @@ def standing(
             told |= {key: alarm.get(key) for key in ("rate_per_day", "steady", "on_part_um", "on_part", "do", "instead", "owner")}
             answered = decision is not None and decision.action == "acknowledge"
             told |= {key: dated(alarm, stored.record)[key] for key in ("utc", "was")}
-            told |= {
-                key: alarm[key] for key in ("alike", "compensation", "ignored", "again", "follows", "undoes") if alarm.get(key)
-            }
+            told |= {key: alarm[key] for key in BESIDE if alarm.get(key)}
             told |= {"night": _first_night(alarm, stored.record), "decision": "acknowledge" if answered else None}
-            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])))
+            told["text"] = unforeseen(instead(alarm["text"], LAST_NIGHT, str(alarm["since"])), told["night"])
+            told["do"] = unforeseen(alarm["do"], told["night"]) if alarm.get("do") else alarm.get("do")
             now = _was(alarm, stored.record, known, when) if when else _now(alarm, stored.record, parameters, kind)
             told |= {"now": now, "total": _total(alarm, stored.record, known)}
             gone = is_gone(told["now"])
-            told["confirmed"] = full if full and told["now"] and not gone else None
+            told["confirmed"] = full if full and told["now"] and not gone and not is_unseen(told["now"]) else None
             told |= {"do": say("night.gone_do")} if gone else {}
             told |= since_full(told, measured[0] if measured[1] >= stored.night.start_utc else "")  # or by itself
             told = as_loaded(told, events)
@@ -123,7 +117,7 @@ def unheard(past: Past, machine: str, day: float, parameters: Mapping[str, Any],
                 continue
             now = _was(a, stored.record, known, when) if when else _now(a, stored.record, parameters, kind)
             told = {key: a.get(key) for key in ("cause", "parameter", "since", "size", "std", "unit", "on_part_um")}
-            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])))
+            text = unforeseen(instead(a["text"], LAST_NIGHT, str(a["since"])), _first_night(a, stored.record))
             told |= {"text": text, "now": now, "total": _total(a, stored.record, known)}
             found.append({"alarm": a["id"], "night": _first_night(a, stored.record), "owner": d.owner, "until": d.until} | told)
     return sorted(found, key=lambda a: -abs(a["on_part_um"] or 0.0))
@@ -144,8 +138,9 @@ def _was(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
     change = _total(alarm, record, parameters)
     if change is None or then is None or now is None:
         return ""
-    told = value(change, now["unit"], math.hypot(now["std"], then["std"]))
-    return say("night.alarms.was", told=told, night=when)
+    spread = math.hypot(now["std"], then["std"])
+    told, size = value(change, now["unit"], spread), float(alarm.get("size") or 0.0)
+    return say(f"night.alarms.{'was' if shows(size, change, spread) else 'unseen_then'}", told=told, night=when)
 
 
 def _measured(past: Past, machine: str) -> tuple[str, str]:
@@ -187,10 +182,13 @@ def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mappin
 
 def still(size: float, change: float, std: float, told: str, *, confirmed: bool) -> Said:
     """size of an alarm, change tonight, its standard deviation, the change as a text, whether a full measurement has seen it →
-    whether what moved is still where it went.
+    whether what moved is still where it went; gone again, as far as tonight can tell, where it no longer shows, though it is not
+    sure to be elsewhere.
     """
     slack = max(3 * std, 0.25 * abs(size))
     if abs(change - size) < slack:
+        if not shows(size, change, std):
+            return say("night.alarms.unseen", told=told)
         return say(f"night.alarms.{'confirmed' if confirmed else 'still_there'}", told=told)
     return say("night.alarms.gone_again_left", told=told) if abs(change) < slack else say("night.alarms.now", told=told)
 

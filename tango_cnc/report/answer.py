@@ -292,7 +292,7 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, close
         return "no", "out_of_limits", t("may.beyond")
     if verdict not in MEASURED:
         return "no", verdict, ""
-    if verdict == "changed" and closed == "repaired":
+    if closed == "repaired":
         return "but", "changed", t("may.repaired")
     if (verdict == "changed" and closed != "accept") or waiting or has:
         also = "may.open_other" if has else "may.open"  # somebody has another one

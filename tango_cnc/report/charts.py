@@ -15,7 +15,7 @@ from ..diagnose.sentences import covariate, towards
 from ..records import Array
 from ..verify import held_out
 from .compensated import placed
-from .days import day
+from .days import between
 from .facts import Facts
 from .over import covariate_of, shown_over
 from .svg import BLUE, CYCLE, GOOD, INK, LINE, LOOK, PURPLE, RED, SOFT, STOP, Canvas, Kind, Mark, Plotted, chart, label
@@ -330,7 +330,7 @@ def tip(
     if limit is not None:
         allowed = inches(limit).removesuffix(" in") if unit == "in" else f"{limit:.0f}"
         marks.append(Mark(t("trend.allowed", limit=allowed, unit=unit), y=limit, color=INK, dash="7 3"))
-    span = f"{day(nights[0][0], t)} … {day(nights[-1][0], t)}"
+    span = between([str(night) for night, _, _ in nights], t)
     frame = Canvas(width, height, t("trend.tip"), span, unit, from_zero=True, first_day=first, months=t("date.months").split())
     return chart(series, frame, marks)
 

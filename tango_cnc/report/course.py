@@ -18,6 +18,7 @@ from ..state.changes import change
 from .days import day
 from .pace import RECENT, pace
 from .texts import Texts
+from .tonight import shows
 from .units import inches
 
 LEAST = 3  # nights since the last jump before anything is said of how it goes on
@@ -152,7 +153,11 @@ def course(
     if jumps:
         jumped = day(first + timedelta(days=float(days[start])), t)
         words |= {"date": jumped, "size": _short(jumps[-1][1], unit, signed=True), "count": str(len(jumps))}
-        told = t("course.jumped_few" if other else f"course.jumped_{way}", **words)
+        before = start - 1  # a jump has a night before it
+        left = float(value[-1] - value[before])
+        gone = way in ("few", "steady") and not other and not shows(jumps[-1][1], left, float(np.hypot(std[before], std[-1])))
+        words["last"] = day(first + timedelta(days=float(days[-1])), t)
+        told = t("course.jumped_back" if gone else "course.jumped_few" if other else f"course.jumped_{way}", **words)
         told = t("course.last_of", text=told, count=len(jumps)) if len(jumps) > 1 else told
         told = f"{told} {t(f'course.{way}', **words)}" if other else told
     else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, date, datetime
 
 from .texts import Texts
@@ -18,6 +19,11 @@ def day(text: object, t: Texts, year: bool = True) -> str:
         return str(text)
     told = f"{t('date.days').split()[found.weekday()]} {found.day} {t('date.months').split()[found.month - 1]}"
     return f"{told} {found.year}" if year else told
+
+
+def between(nights: Sequence[str], t: Texts) -> str:
+    """dates, oldest first, texts → Sun 1 Nov 2026 … Mon 30 Nov 2026."""
+    return f"{day(nights[0], t)} … {day(nights[-1], t)}"
 
 
 def spoken_days(text: str, t: Texts) -> str:

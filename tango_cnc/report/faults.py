@@ -21,10 +21,10 @@ from .plain import plain
 from .reach import instead_of
 from .right import is_right, whole_of, without_compensation
 from .texts import Texts
-from .together import CLOSED, SAME, closed, together
+from .together import SAME, closed, together
 from .tonight import LENGTHS, by_tonight, by_verdict
 from .units import Units, shown
-from .words import spoken, subject, unforeseen
+from .words import of_its_night, spoken, subject, unforeseen
 
 if TYPE_CHECKING:
     from ..history import History
@@ -32,7 +32,13 @@ if TYPE_CHECKING:
 
 def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """alarms of earlier nights → the same, read today: "since last night" names the night instead, and a forecast is over."""
-    return [{**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))))} for a in alarms]
+    return [_earlier(a) for a in alarms]
+
+
+def _earlier(a: Mapping[str, Any]) -> dict[str, Any]:
+    night = str(a.get("id") or a.get("night") or "")[:10]
+    found = {**a, "text": unforeseen(instead(a.get("text") or "", "last night", str(a.get("since"))), night)}
+    return found | ({"do": unforeseen(a["do"], night)} if a.get("do") else {})
 
 
 @dataclass(frozen=True)
@@ -73,8 +79,8 @@ def faults(
 ) -> list[dict[str, Any]]:
     """record, alarms of earlier nights, decisions by alarm, last night that measured, date, what happened to compensations, nights
     since the machine was measured, where these are too many (then nobody knows what still stands) → what is wrong, by what it does
-    to a part, whether or not somebody has it; what is no error of a part comes after that, what somebody ignores after that, what
-    is closed last. One order a machine: what was done is not told again.
+    to a part by now, whether or not somebody has it; what is no error of a part comes after that, what is closed last. One order a
+    machine: what was done is not told again.
     """
     known = (before or {}) if record.get("verdict") == "not_measured" else record
     how = _Today(record, known, decisions, u, t, machine, today, events)
@@ -85,14 +91,13 @@ def faults(
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
-    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x, known) else {}) for x in found]
+    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x["decision"], known) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 
 
-def _to_be_seen(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
-    """fault, last night that measured → whether somebody says to have repaired it, and no night has measured since."""
-    decision = a["decision"]
+def _to_be_seen(decision: Any, known: Mapping[str, Any]) -> bool:
+    """decision, last night that measured → whether somebody says to have repaired it, and no night has measured since."""
     return decision is not None and decision.action == "repaired" and str(decision.utc) >= str(known.get("end_utc") or "~")
 
 
@@ -102,18 +107,52 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
     standing |= {str(a["alarm"]): a for key in ("unheard", "gone") for a in how.known.get(key) or ()}  # what somebody ignores
     former = {str(a.get("id")): a for a in waiting}  # as their own nights wrote them
     tonight = [(a, False) for a in how.record.get("alarms") or ()]
-    older = [(a, True) for a in (*(how.record.get("standing") or ()), *waiting)]
+    helped = {str(x.get("alarm")) for x in how.record.get("repaired") or ()}  # a way back of these is that repair
+    older = [
+        (a, True) for a in (*(how.record.get("standing") or ()), *waiting, *_to_be_measured(how)) if _undone_by(a) not in helped
+    ]
     told: dict[str, dict[str, Any]] = {}
     for a, before_tonight in [*tonight, *older]:
         key = str(a.get("id"))
         a = _as_it_stands(a, standing.get(key), how.known)
-        a = _as_its_night_wrote(a, former.get(key)) if before_tonight else {**a, "utc": how.record.get("start_utc")}
+        a = _earlier(_as_its_night_wrote(a, former.get(key))) if before_tonight else _of_tonight(a, how)
         if how.stale:  # what the last night measured was another machine
             a |= {"total": None, "now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
-        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, how.decisions.get(key)) | {"older": before_tonight})
+        decision = how.decisions.get(key)
+        beside = {"older": before_tonight, "unmeasured": _to_be_seen(decision, how.known), "let_be": _let_be(decision, how.today)}
+        told.setdefault(str(a.get("id") or len(told)), how.alarm(a, decision) | beside)
     return list(told.values())
+
+
+def _let_be(decision: Any, today: str) -> bool:
+    """decision, date → whether somebody wants the alarm to be ignored that day."""
+    return decision is not None and decision.action == "ignore" and str(decision.until or "") >= today
+
+
+def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
+    """night that measured nothing, how it is told → alarms of the last one that did, which somebody says to have repaired since: a
+    night after the repair does not have them any more.
+    """
+    if how.known is how.record:
+        return []
+    every = (*(how.known.get("alarms") or ()), *(how.known.get("standing") or ()))
+    return [a for a in every if _to_be_seen(how.decisions.get(str(a.get("id"))), how.known)]
+
+
+def _of_tonight(a: Mapping[str, Any], how: _Today) -> dict[str, Any]:
+    """alarm of the newest night, how it is told → with its moment; where no night came after it, its temperature has its date."""
+    night = str(how.record.get("night") or "")
+    told = {**a, "utc": how.record.get("start_utc")}
+    if how.today <= night:
+        return told
+    return told | {key: of_its_night(a[key], night) for key in ("text", "do") if a.get(key)}
+
+
+def _undone_by(a: Mapping[str, Any]) -> str:
+    """alarm → id of the one that it takes back; '' for none."""
+    return str((a.get("undoes") or {}).get("alarm") or "")
 
 
 def _as_it_stands(a: Mapping[str, Any], stands: Mapping[str, Any] | None, known: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,6 +206,16 @@ def _confirmed(a: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
     return stays and (tonight or bool(a.get("confirmed")))
 
 
+def accepted(a: Mapping[str, Any]) -> bool:
+    """fault → whether somebody has accepted the machine as it is."""
+    return closed(a) and bool(a["decision"].action == "accept")
+
+
+def untried(a: Mapping[str, Any]) -> bool:
+    """fault → whether it was repaired, and no night has measured since whether it has gone."""
+    return bool(a.get("unmeasured")) and not a["gone"]
+
+
 def for_setting_up(a: Mapping[str, Any]) -> bool:
     """fault → whether parts have it only by what was set up or measured with the probe."""
     return change(a.get("cause_key")).of_the_probe or a.get("cause_key") == "ball"
@@ -181,9 +230,12 @@ def all_of_probe(found: Sequence[Mapping[str, Any]]) -> bool:
 def begun(found: Sequence[Mapping[str, Any]], behind: Sequence[Mapping[str, Any]] = ()) -> str:
     """faults, what stands behind a crossed limit → date of the last night before any of them; '' where none is.
 
-    What this night found counts though it was closed since: parts were made with it.
+    What this night found counts though it was closed since: parts were made with it. So does what was repaired and not measured
+    since.
     """
-    dates = [str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and not (closed(a) and a.get("older"))]
+    dates = [
+        str(a["begun"]) for a in found if a.get("begun") and not a["gone"] and (not closed(a) or not a.get("older") or untried(a))
+    ]
     return min([*dates, *(str(a["since"]) for a in behind if a.get("since"))], default="")
 
 
@@ -200,11 +252,22 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
 
 
 def settled(found: Sequence[Mapping[str, Any]]) -> str:
-    """faults → accept, or repaired, where every alarm of the night is closed: by what; '' where one is open or none was."""
-    own = [a for a in found if a["id"] and not a["older"]]
-    if not own or still_open(found):
+    """faults → accept, or repaired, where every alarm of the night, and every one that was accepted or repaired since, is closed:
+    by what; '' where one is open or none was. What has gone back, and is to be ignored, asks for no more than what was accepted.
+    """
+    own = [a for a in found if a["id"] and (not a["older"] or a.get("tonight") or untried(a) or accepted(a))]
+    if not own or any(not (a["gone"] and a.get("let_be")) for a in still_open(found)):
         return ""
-    return "accept" if {a["decision"].action for a in own} == {"accept"} else "repaired"
+    return "accept" if {a["decision"].action for a in own} <= {"accept", "ignore"} else "repaired"
+
+
+def asking(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """faults → those that ask for something, in their order: what is to be ignored asks for nothing, and where there is such a
+    one, what is closed does not either.
+    """
+    if not any(a.get("let_be") for a in found):
+        return list(found)
+    return [a for a in found if not a.get("let_be") and (not closed(a) or untried(a))]
 
 
 def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -218,19 +281,12 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     What was ignored until a date counts as unanswered after that day.
     """
-    from ..history.records import merged
+    from ..history.answers import answers  # databases are slow to load
 
-    last = {d.alarm: d for d in history.decisions(machine)}
-    last = {key: d for key, d in last.items() if d.action != "ignore" or str(d.until or "") >= today}
-    newest: dict[str, dict[str, Any]] = {}
-    parts: set[str] = set()
-    for stored in history.alarmed(machine):
-        parts |= merged(stored.record["alarms"])
-        for a in stored.record["alarms"]:
-            newest.setdefault(a["id"], dated(a, stored.record))  # several nights report one that goes on
-    closed_ = {key for key in newest if key in last and last[key].action in CLOSED}
-    undone = {str(newest[key]["undoes"]["alarm"]) for key in closed_ if newest[key].get("undoes")}  # closed with its way back
-    return [a for a in newest.values() if a["id"] not in parts | closed_ | undone], last
+    nights = {stored.night.entry: stored.record for stored in history.alarmed(machine)}
+    known = answers([(entry, record["alarms"]) for entry, record in nights.items()], history.decisions(machine), today)
+    open_ = [dated(a, nights[entry]) for key, (entry, a) in known.newest.items() if not known.closed(key)]
+    return open_, dict(known.decided)
 
 
 def _entered(a: Mapping[str, Any]) -> bool:
@@ -249,7 +305,15 @@ def _whole_error(
     name = str(a.get("parameter"))
     now = (known.get("parameters") or {}).get(name)
     total = a.get("total") if a.get("total") is not None else a.get("size")
-    if a["gone"] or not a["id"] or not now or not total or known.get("verdict") == "doubtful" or spoken(name) == name:
+    if (
+        a["gone"]
+        or a.get("unseen")
+        or not a["id"]
+        or not now
+        or not total
+        or known.get("verdict") == "doubtful"
+        or spoken(name) == name
+    ):
         return {"whole": ""}
     if (newer := after(known, events)) is not None:
         words = {"number": newer.number, "target": newer.target, "event": newer.event, "date": day(local_day(newer.utc), t)}
@@ -274,6 +338,8 @@ def _whole_error(
     return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
-    ignored = a["decision"] is not None and a["decision"].action == "ignore"
-    return ignored, change(a.get("cause")).of_the_probe, -size_of(a)
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
+    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+    own, left = float(a.get("size") or 0.0), a.get("total")
+    share = abs(float(left or 0.0) / own) if a["gone"] and own else 1.0
+    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -size_of(a) * min(share, 1.0)

@@ -14,7 +14,7 @@ from .answer import Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts, effects
-from .plain import amount, length
+from .plain import length, shop, signed
 from .texts import Texts
 from .units import shown
 from .verdict import worst_of
@@ -62,7 +62,7 @@ def _known(f: Facts, t: Texts) -> Told:
     return Told(
         night,
         basis + _by_option(f, t),
-        "" if night.may == "yes" else f.nights.brief or f.nights.cause,
+        "" if night.may == "yes" else _behind(f, newest, own, t),
         _run(f, not newest, t),
         True,
     )
@@ -175,13 +175,21 @@ def _own(f: Facts, t: Texts) -> Answer:
     return found
 
 
+def _behind(f: Facts, newest: bool, own: Answer, t: Texts) -> str:
+    """facts with nights, whether the number beside it is of these readings, their answer, texts → what is wrong first; a share is
+    one of the number beside it.
+    """
+    assert f.nights is not None
+    return _most(f, own, t) if newest and f.nights.share else f.nights.brief or f.nights.cause
+
+
 def _most(f: Facts, own: Answer, t: Texts) -> str:
     """facts, their answer, texts → which error does most, where the tool tip is beyond its limit or close to it; else nothing."""
     name = next(iter(effects(f.result)), None)
     if own.state not in ("out_of_limits", "undecided") or name is None:
         return ""
     factor, unit = shown(f.result.parameters[name].unit)
-    size = amount(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
+    size = signed(f.result.parameters[name].value * factor, unit, f.wishes.units, t)
     return t("may.most", what=spoken(name, f.cell.machine, t), size=size)
 
 
@@ -192,6 +200,9 @@ def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
     """
     none, some, moving = t("may.brief_no"), (t("morning.parts_first"), t("may.brief_probe")), {t("morning.cut_off_todo")}
     stopped = told.may == "no" and told.word != t("may.not_yet")
+    if stopped:  # the night may have let parts be made, of which these readings say otherwise
+        usual, beyond = (shop(t(f"cause.temperature.{key}"), t) for key in ("do", "do_beyond"))
+        do = [x.replace(usual, beyond) for x in do]
     first = [none] if stopped else [x for x in some if x in do]
     rest = [x for x in do if x not in (none, *some)]
     return [*(x for x in rest if x in moving), *first, *(x for x in rest if x not in moving)]

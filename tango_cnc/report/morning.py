@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import lru_cache
@@ -19,17 +18,17 @@ from .answer import Answer, answer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
-from .faults import all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
-from .orders import orders
+from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .orders import brief_of, orders
 from .pace import ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
 from .repeated import as_decided, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
-from .together import SAME
 from .units import Units
 from .verdict import Level
+from .words import of_its_night
 
 FORMAT = "tango-night/1"
 LEVELS: Mapping[str, Level] = {
@@ -50,7 +49,6 @@ NIGHT: Mapping[str, Any] = {  # what a page asks of every record
     "planned": 0,
 }
 LISTED = 3  # faults below the first one
-DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
 LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still count as the same
 
@@ -125,7 +123,7 @@ def context(
     closed = settled(found)
     told = answer(record, u, t, waits, before, machine, late, has, coming, closed, stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    if closed:
+    if closed and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
@@ -146,11 +144,11 @@ def context(
         "over_since": _over_since(told.may, within, never, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
-            (volumes or {}).get(began),
-            began,
+            (began, (volumes or {}).get(began)),
             str((before or record).get("night")) if told.old or before or dates_cut_off(former or ()) else "",
             u,
             t,
+            sum(not a["gone"] for a in still_open(found)) > 1,
         ),
         "who": who_of(told, asked, found, t),
         "whom": t("morning.call", owner=named) if (named := asked["owner"] or asked["deputy"]) else "",
@@ -200,9 +198,14 @@ def _suspected(
         suspect = t("morning.suspect_probe", date=day(probed, t))
     elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
         suspect += f" {t('morning.suspect_before', date=day(first, t))}"
+    if not suspect and (accepted_ := [str(a["begun"]) for a in found if a["begun"] and not a["gone"] and accepted(a)]):
+        until = min(accepted_)
+        if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
+            suspect = t("morning.suspect_until", first=day(first, t), date=day(until, t))
     back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
-    if back and not suspect and not any(str(x.get("since")) <= back for x in record.get("repaired") or ()):
-        return t("morning.suspect_gone", date=day(back, t))
+    known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
+    if back and not known and not (suspect and began and began <= back):
+        return f"{suspect} {t('morning.suspect_gone_also' if suspect else 'morning.suspect_gone', date=day(back, t))}".strip()
     return suspect
 
 
@@ -272,15 +275,6 @@ def _last_measured(known: Mapping[str, Any], t: Texts, now: datetime | None) -> 
     return t("web.last_measured", date=day(known.get("night"), t), ago=ago(moment, t, now))
 
 
-def brief_of(first: Mapping[str, Any]) -> str:
-    """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
-    own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
-    text = text.replace(str(first.get("then") or ""), "").rstrip()
-    if total is not None and abs(float(total) - own) <= SAME * abs(own):
-        text = text.replace(str(first.get("still") or ""), "").rstrip()
-    return DIRECTIONS.sub("", text)
-
-
 def _repaired(x: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> dict[str, str]:
     """what a night says of a repair that helped, units, texts, chain of axes → the same for the shop, and which parts to check."""
     since = x.get("since")  # older records do not have it
@@ -297,26 +291,28 @@ def _ignored(record: Mapping[str, Any], shown: set[str], u: Units, t: Texts, mac
     found = []
     for a in record.get("unheard") or ():
         if str(a["alarm"]) not in shown:
-            words = {"text": told(a["text"]), "owner": a["owner"], "until": day(a["until"], t)}
+            words = {"text": told(of_its_night(a["text"], str(a["alarm"])[:10])), "owner": a["owner"], "until": day(a["until"], t)}
             now = {"now": told(a["now"])} if a["now"] else {}
             found.append(t("morning.ignored_now" if now else "morning.ignored_by", **words, **now))
     return found
 
 
-def _grown(record: Mapping[str, Any], was: float | None, began: str, on: str, u: Units, t: Texts) -> str:
-    """last night that measured, µm at the tool tip before any open fault, its date, date of that night where it is no answer of
-    today → which of the two is larger; or nothing.
+def _grown(record: Mapping[str, Any], before: tuple[str, float | None], on: str, u: Units, t: Texts, several: bool) -> str:
+    """last night that measured, date before any open fault and µm at the tool tip then, date of that night where it is no answer of
+    today, units, texts, whether several causes are open → which of the two is larger, and that it is of all; or nothing.
     """
+    began, was = before
     v = record.get("volume") or {}
-    several = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
-    if several or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
+    same_date = began == record.get("night")  # nights of one date: which of them was before the fault cannot be told by its date
+    if same_date or was is None or v.get("worst_um") is None or record.get("verdict") == "doubtful":
         return ""
     now = float(v["worst_um"])
     slack = max(2 * float(v.get("std_um") or 0.0), LIKE * was)
     key = "larger" if now > was + slack else "smaller" if now < was - slack else "same"
     then = t("morning.grown_on", size=amount(now, "µm", u, t), date=day(on, t)) if on else ""
     sizes = {"before": amount(was, "µm", u, t), "now": then or t("morning.grown_now", size=amount(now, "µm", u, t))}
-    return t(f"morning.grown_{key}", date=day(began, t), **sizes)
+    told = t(f"morning.grown_{key}", date=day(began, t), **sizes)
+    return t("morning.grown_all", told=told) if several else told
 
 
 def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:

@@ -5,6 +5,7 @@ One order: a machine that may still move, then parts, then whom to ask, then wha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,14 +13,16 @@ from ..records import Machine
 from ..texts import unstopped
 from .alarm import whole_sentence
 from .answer import Answer, is_cut_off, is_moving, is_unsent, is_waiting
-from .faults import all_of_probe, settled
+from .faults import all_of_probe, asking, settled
 from .look import looks
 from .plain import plain, shop
 from .reach import to_ask
 from .texts import Texts
-from .together import closed
+from .together import SAME, closed
 from .units import Units
 from .words import subject
+
+DIRECTIONS = re.compile(r" \((?:[XYZ] [+−]?[\d.]+ \w+(?:, )?)+\)")
 
 
 def orders(
@@ -54,10 +57,14 @@ def orders(
         lines.append(told_here(t("morning.missed_todo")))
     if verdict == "doubtful":
         lines += [*looks((record.get("plausible") or {}).get("reasons") or (), t), told_here(t("night.doubtful_do"))]
-    elif closed := settled(found):
-        lines.append(t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo"))
-    elif found:
-        lines += of_faults(found, t) if not failed else []
+    elif (done := settled(found)) == "accept" and verdict == "out_of_limits":  # accepted, and beyond the limit all the same
+        lines += of_faults([a for a in found if not a["id"]] or [{"todo": t("todo.limit"), "text": ""}], t)
+    elif done:
+        lines.append(t("morning.todo_nothing" if done == "accept" else "may.repaired_todo"))
+    elif listed := asking(found):
+        lines += of_faults(listed, t, listed[0] is found[0]) if not failed else []
+    elif found:  # all of it is to be ignored
+        lines += [t("todo.limit")] if verdict == "out_of_limits" else _of_good(told, coming, t) if not failed else []
     elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_moving(record, former):
         lines += _of_good(told, coming, t)
     elif verdict == "out_of_limits":
@@ -81,12 +88,23 @@ def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> s
     return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may in ("no", "but") else ""
 
 
-def of_faults(found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
-    """what is wrong, texts → what to do about the first of it; a drift that stands in its way comes before it."""
+def brief_of(first: Mapping[str, Any]) -> str:
+    """fault → its sentence with the size that counts: not what it was in each direction, nor by how little it differs by now."""
+    own, total, text = float(first.get("size") or 0.0), first.get("total"), str(first["text"])
+    text = text.replace(str(first.get("then") or ""), "").rstrip()
+    if total is not None and abs(float(total) - own) <= SAME * abs(own):
+        text = text.replace(str(first.get("still") or ""), "").rstrip()
+    return DIRECTIONS.sub("", text)
+
+
+def of_faults(found: Sequence[Mapping[str, Any]], t: Texts, named: bool = True) -> list[str]:
+    """what is wrong and asks for something, texts, whether the page names the first of it first → what to do about that, with its
+    name where the page begins with another one; a drift that stands in its way comes before it.
+    """
     first = found[0]
-    if not first.get("alone"):
-        return [str(first["todo"])] if first["todo"] else []
-    drift = next(x for x in found if x["drifts"] and not closed(x))
+    drift = next((x for x in found if x.get("drifts") and not closed(x)), None)
+    if not first.get("alone") or drift is None:
+        return [f"{'' if named else brief_of(first)} {first['todo']}".strip()] if first["todo"] else []
     steps = (("morning.of_drift", drift, drift["todo"]), ("morning.of_other", first, first["alone"]))
     return [t(key, what=_of(a, t), do=low(do)) for key, a, do in steps if do]
 

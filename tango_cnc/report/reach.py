@@ -35,8 +35,10 @@ def instead_of(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]] = (
 
 
 def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
-    """record with owner and deputy, what is wrong, texts → whom to call, as an order; '' where somebody has it already."""
-    first = found[0] if found else {}
+    """record with owner and deputy, what is wrong, texts → whom to call about the first of it that nobody ignores, as an order; ''
+    where somebody has it already.
+    """
+    first = next((a for a in found if not a.get("let_be")), found[0]) if found else {}
     if first.get("decision") is not None:
         return ""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")

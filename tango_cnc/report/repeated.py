@@ -11,6 +11,7 @@ from .days import days_between
 LAST_NIGHT = "last night"
 STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
+BESIDES = "night.words.besides"
 OPEN = "night.words.open_alarm"
 MORE = "night.words.more_wait"
 DECIDED = {
@@ -30,8 +31,13 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said):
         return str(headline)
+    if headline.key == BESIDES:
+        return str(headline.but(told=as_decided({**record, "headline": headline.values["told"]}, decisions)))
     standing, tonight = record.get("standing") or (), bool(record.get("alarms"))
-    since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") and d.action in DECIDED]
+    helped = {x.get("alarm") for x in record.get("repaired") or ()}  # their ways back stood in nights that did not know of it
+    known = {a["id"] for a in standing if (a.get("undoes") or {}).get("alarm") in helped}
+    since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") or d.alarm in known]
+    since = [d for d in since if d.action in DECIDED]
     closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
     others = sum(not closed.get(alarm["id"], False) for alarm in standing[0 if tonight else 1 :])
     more = say(MORE, count=others) if others else ""

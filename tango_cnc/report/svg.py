@@ -27,6 +27,7 @@ CYCLE = ((BLUE, ""), (RED, "6 3"), (GREEN, "2 2"), (PURPLE, "8 3 2 3"), (ORANGE,
 FONT = "system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif"
 Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "diamonds", "band", "bars", "steps"]
 HALO = 'stroke="#fff" stroke-width="3" paint-order="stroke" stroke-linejoin="round"'  # a text above a curve stays readable
+WIDE = 6.4  # px that a sign of a label takes, at most
 STEPS = (1, 2, 7, 14, 30, 61, 91, 182, 365)  # days between dates on an axis
 
 
@@ -228,14 +229,14 @@ class _Plot:
             parts.append(f'<text x="{self.left - 6:.1f}" y="{y + 3.6:.1f}" text-anchor="end" fill="{SOFT}">{number(v)}</text>')
         if f.names:
             room = (self.right - self.left) / max(len(f.names), 1)
-            every = max(1, math.ceil(6.4 * max(map(len, f.names), default=1) / max(room, 1)))
+            every = max(1, math.ceil(WIDE * max(map(len, f.names), default=1) / max(room, 1)))
             for i, name in enumerate(f.names):
                 if i % every == 0:
                     parts.append(label(self.x(i), self.bottom + 14, name))
         elif f.first_day is not None:
             for v, name in dates(f.first_day, self.x0, self.x1, max(2, int((self.right - self.left) / 46)), f.months):
                 parts.append(f'<path d="M{self.x(v):.1f} {self.bottom:.1f}v4" stroke="{SOFT}"/>')
-                parts.append(label(self.x(v), self.bottom + 15, name))
+                parts.append(label(min(self.x(v), f.width - 1 - WIDE * len(name) / 2), self.bottom + 15, name))
         else:
             for v in ticks(self.x0, self.x1, max(2, int((self.right - self.left) / 70))):
                 x = self.x(v)

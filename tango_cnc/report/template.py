@@ -35,12 +35,16 @@ class _Compiled(jinja2.BytecodeCache):
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         """bucket of a template with its code → kept, where it is a page of the program; a shop's change, a PDF adds filters."""
-        if Path(bucket.key).is_relative_to(OURS) and bucket.key.endswith(".html"):
+        if _ours(bucket.key) and bucket.key.endswith(".html"):
             self.found[bucket.key, bucket.checksum] = bucket.bytecode_to_string()
 
 
-OURS = Path(__file__).parent / TEMPLATES
+OURS = tuple(Path(__file__).parents[1] / stage / TEMPLATES for stage in ("report", "web"))
 COMPILED = _Compiled()
+
+
+def _ours(file: str) -> bool:
+    return any(Path(file).is_relative_to(folder) for folder in OURS)
 
 
 def environment(folder: Path | None = None) -> jinja2.Environment:
@@ -84,8 +88,8 @@ def rendered(env: jinja2.Environment, name: str, context: Mapping[str, Any]) -> 
 def _where(error: Exception, name: str) -> str:
     """what a template has raised, its name → file and line of the mistake: in a template of the shop where one had a part in it."""
     files = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)]
-    made = [f"{file}:{line}" for file, line in files if Path(file).suffix in SUFFIXES and not Path(file).is_relative_to(OURS)]
-    own = [f"{file}:{line}" for file, line in files if Path(file).is_relative_to(OURS)]
+    made = [f"{file}:{line}" for file, line in files if Path(file).suffix in SUFFIXES and not _ours(file)]
+    own = [f"{file}:{line}" for file, line in files if _ours(file)]
     return [name, *own, *made][-1]
 
 

@@ -13,7 +13,7 @@ from .compensated import born, broken, last_written
 from .days import day, days_between
 from .plain import amount, office, plain, shop, signed
 from .texts import Texts
-from .tonight import WARMED, has_grown, with_effect
+from .tonight import WARMED, has_grown, is_unseen, with_effect
 from .units import Units, shown
 from .words import moved, spoken
 
@@ -120,7 +120,7 @@ def _story(
 def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
     """story, date of the last compensation → the oldest of its alarms, as all of them are told."""
     same = story.same
-    open_since = [str(a["since"]) for a in same if a.get("since") and not closed(a)]
+    open_since = [str(a["since"]) for a in same if a.get("since") and (not closed(a) or a.get("unmeasured"))]
     gone = _gone(same) and not story.drifts
     first = {
         **same[0],
@@ -129,10 +129,15 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "ids": [a["id"] for a in same if a["decision"] is None and a["id"]],
         "total": story.every,
         "held": [a["id"] for a in same if a["decision"] is not None and not closed(a)],
+        "unmeasured": any(a.get("unmeasured") for a in same),
+        "tonight": any(not a.get("older") for a in same),
+        "let_be": any(a.get("let_be") for a in same) and all(a.get("let_be") or closed(a) for a in same),
         "gone": gone,
     }
     if gone:
         first |= _gone_back(first, story.own, story.every, how.u, how.t)
+    elif same[0].get("older") and is_unseen(same[0].get("now")) and not story.drifts:
+        first |= _unseen(first, story.own, story.every, how)
     elif story.has_moved_on and story.one_number:
         first |= _moved_on(first, story, written, how)
     else:
@@ -215,6 +220,16 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     told |= {"office": office(t("night.gone_do"), t)}
     part = t("morning.gone_part", date=day(first["first"], t)) if first["on_part"] else ""
     return told | {"on_part": part}
+
+
+def _unseen(first: Mapping[str, Any], own: float, left: float, how: _Telling) -> dict[str, Any]:
+    """oldest alarm of a parameter that no longer shows, its size, what there is of it → its sentence as its night wrote it, and
+    that it has gone again, as far as the last night that measured can tell.
+    """
+    factor, unit = shown(str(first.get("unit") or "mm"))
+    words = {"left": amount(abs(left * factor), unit, how.u, how.t), "date": day(how.known_of, how.t)}
+    told = how.t("morning.unseen_turned" if left * own < 0 else "morning.unseen", **words)
+    return {"text": f"{first['text']} {told}", "unseen": True}
 
 
 def _on_a_drift(a: Mapping[str, Any], alarms: Sequence[Mapping[str, Any]]) -> bool:

@@ -14,6 +14,9 @@ WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no beari
 STANDING = "night.words.changed_since_night"
 ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more than a size
 NOW = (*ONLY, "night.alarms.confirmed")
+WAS = "night.alarms.was"
+UNSEEN = ("night.alarms.unseen", "night.alarms.unseen_then")  # which say that nothing can be seen of it any more
+UNSURE = 2.0  # standard deviations, below which a size is not told from nothing
 AS_FOUND = 0.25  # share of its size by which an alarm may have grown and still be what its night found
 LEAST = 0.05  # share that is nothing in any case
 BEYOND = ("out_of_limits", "doubtful")  # verdicts of a night after which no part is made
@@ -23,6 +26,19 @@ SURE = 4.0  # standard deviations of its size above which it has grown although 
 def is_gone(now: str) -> bool:
     """what a night says of an older alarm by now → whether what moved is back where it was."""
     return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+
+
+def is_unseen(now: object) -> bool:
+    """what a night says of an older alarm by now → whether it has gone again, as far as that night can tell."""
+    return isinstance(now, Said) and now.key in UNSEEN
+
+
+def shows(size: float, change: float, std: float) -> bool:
+    """size that a night found, what there is of it by now, standard deviation of that → whether it still shows: no more does what
+    has turned, nor what is less than two standard deviations from nothing, and nearer to nothing than to what was found. Every view
+    asks here.
+    """
+    return change * size >= 0 and (abs(change) >= UNSURE * std or abs(change) >= abs(change - size))
 
 
 def has_grown(total: float, size: float, std: float | None) -> bool:
@@ -37,7 +53,7 @@ def by_tonight(cause: Mapping[str, Any]) -> dict[str, Any]:
     """alarm → `on_part` and `on_part_um`; what goes on from an earlier night as it is tonight."""
     part, small, total, size = cause["on_part"], cause.get("on_part_um"), cause.get("total"), float(cause.get("size") or 0.0)
     same = {"on_part": part, "on_part_um": small}
-    if not small or not total or not size or is_gone(cause["now"]):
+    if not small or not total or not size or is_gone(cause["now"]) or is_unseen(cause["now"]):
         return same
     if not (cause.get("rate_per_day") or cause.get("ignored") or has_grown(float(total), size, cause.get("std"))):
         return same
@@ -58,6 +74,17 @@ def with_its_size(text: Any, a: Mapping[str, Any]) -> Any:
     std = None if a.get("std") is None else float(a["std"]) * factor
     own = number(size * factor, unit, std, signed=a.get("cause") not in LENGTHS)
     return text if told is None else _with(text, own, told)
+
+
+def by_now(text: Any, a: Mapping[str, Any]) -> Any:
+    """sentence of an alarm, the alarm → the sentence with one size: what there is of it by the last night that measured; of one
+    that has gone again what its night found, and what is left.
+    """
+    now = a.get("now")
+    if is_gone(now or "") or is_unseen(now):
+        return joined("; ", (text, now))
+    last = next((x for x in _inside(now) if x.key == WAS), None)
+    return with_its_size(text, a if last is None else {**a, "now": say(ONLY[0], told=last.values["told"])})
 
 
 def sized(headline: Any, record: Mapping[str, Any]) -> Any:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from ..records import Machine
-from ..texts import Said
+from ..texts import Said, say
 from .texts import Texts, texts
 
 PLACE = re.compile(r"E([XYZ])0([XYZABCS])")
@@ -14,6 +14,12 @@ _INTER = re.compile(r"E([XYZABC])0([XYZABCS])")
 _POWER = re.compile(r"E([XYZABC])([XYZABCS])(\d)")
 _BACK = re.compile(r"E([XYZABC])\1b")
 _STYLUS = re.compile(r"E([XYZ])t")
+WARMER = {  # sentences on tonight's temperature: the same of another night
+    "changed.warmer": "changed.was_warmer",
+    "changed.colder": "changed.was_colder",
+    "night.sensors.warmer_do": "night.sensors.was_warmer_do",
+    "night.sensors.colder_do": "night.sensors.was_colder_do",
+}
 ABOUT = {"A": "X", "B": "Y", "C": "Z"}
 
 
@@ -107,10 +113,22 @@ def _either(names: Sequence[str], t: Texts) -> str:
     return t("changed.which", names=told) if len(names) > 1 else told
 
 
-def unforeseen(text: str) -> str:
-    """what an alarm said in its night → the same without what it expected of the nights to come, which have come since."""
+def unforeseen(text: str, night: str) -> str:
+    """what an alarm said in its night, date of that night → the same to be read after later nights: without what it expected of
+    them, which have come since, and a temperature with the night that measured it.
+    """
     if not isinstance(text, Said):
         return text
     if text.key in ("changed.reaches", "changed.reaches_one"):
         return str(text.values["moved"])
-    return text.but(**{name: unforeseen(value) for name, value in text.values.items() if isinstance(value, Said)})
+    return of_its_night(text.but(**{k: unforeseen(v, night) for k, v in text.values.items() if isinstance(v, Said)}), night)
+
+
+def of_its_night(text: str, night: str) -> str:
+    """sentence, date of its night → the same to be read on another day, of what it says of the temperature."""
+    if not isinstance(text, Said):
+        return text
+    inner = {name: of_its_night(value, night) for name, value in text.values.items() if isinstance(value, Said)}
+    if text.key in WARMER:
+        return say(WARMER[text.key], **{**text.values, **inner, "on": night})
+    return text.but(**inner)

@@ -17,6 +17,7 @@ from .number import EXACT, Number, again, kept, rounded_from, sizes
 LANGUAGE = "en"
 LIST = "list"  # key of several texts with something between them
 MEMBER = "said"  # of a record: {text: [key, {name: value}]}
+AT = "@"  # before the place of a text whose words another one has, too: {"@standing.1.text": [key, {name: value}]}
 SAYING = ("alarms", "standing", "ignored", "unheard", "gone", "repaired", "behind", "trend")  # members with sizes and sentences
 SIZED = (*SAYING, "limits", "volume")
 PLAIN = frozenset({float, int, bool, type(None)})  # most of what a record holds: asked first, no abstract class is as quick
@@ -113,24 +114,34 @@ def translated(text: Any, texts: Mapping[str, str], more: int = 0) -> str:
     return texts[text.key].format_map(values) if values else texts[text.key]
 
 
-def _texts(found: Any) -> Iterator[Said]:
+def _texts(found: Any, place: str = "") -> Iterator[tuple[str, Said]]:
     if isinstance(found, Said):
-        yield found
-        inside: Iterable[Any] = found.values.values()
+        if (same := next((v for v in found.values.values() if isinstance(v, Said) and v[:] == found[:]), None)) is not None:
+            yield from _texts(same, place)  # what adds no word to a text is that text
+            return
+        yield place, found
+        inside: Iterable[tuple[Any, Any]] = found.values.items()
     elif isinstance(found, dict | Mapping):
-        inside = found.values()
+        inside = found.items()
     elif isinstance(found, list | tuple):
-        inside = found
+        inside = enumerate(found)
     else:
         return
-    for value in inside:
+    for name, value in inside:
         if type(value) not in PLAIN and type(value) is not str:
-            yield from _texts(value)
+            yield from _texts(value, f"{place}.{name}" if place else str(name))
 
 
 def carried(record: Mapping[str, Any]) -> dict[str, Any]:
-    """record with texts in it → the same with the keys and values of its texts as one more member, plain enough for JSON."""
-    said = {text[:]: [text.key, kept(text.values)] for text in _texts(record)}
+    """record with texts in it → the same with the keys and values of its texts as one more member, plain enough for JSON.
+
+    Two numbers may be rounded to the same words: a text whose words stand for another number before it has its place beside it.
+    """
+    said: dict[str, Any] = {}
+    for place, text in _texts(record):
+        own = [text.key, kept(text.values)]
+        if said.setdefault(text[:], own) != own:
+            said[f"{AT}{place}"] = own
     return {**record, MEMBER: said} if said else dict(record)
 
 
@@ -139,22 +150,24 @@ def revived(record: Mapping[str, Any]) -> Mapping[str, Any]:
     said = record.get(MEMBER)
     if not isinstance(said, Mapping) or not said:
         return record
+    alike = any(key.startswith(AT) for key in said)  # some texts are known by their places: those of one wording are made anew
     made: dict[str, Any] = {}
 
-    def told(found: Any) -> Any:
+    def told(found: Any, place: str) -> Any:
         if isinstance(found, str):
             if found not in said:
                 return found
             if found not in made:
                 made[found] = found  # what contains itself is no text of this program
-                key, values = said[found]
-                made[found] = Said(found, str(key), {n: v if isinstance(v, Number) else told(v) for n, v in again(values).items()})
-            return made[found]
+                key, values = said.get(f"{AT}{place}", said[found])
+                inside = {n: v if isinstance(v, Number) else told(v, f"{place}.{n}") for n, v in again(values).items()}
+                made[found] = Said(found, str(key), inside)
+            return made.pop(found) if alike else made[found]
         if isinstance(found, dict | Mapping):
-            return {name: value if type(value) in PLAIN else told(value) for name, value in found.items()}
-        return [told(value) for value in found] if isinstance(found, list) else found
+            return {name: value if type(value) in PLAIN else told(value, f"{place}.{name}") for name, value in found.items()}
+        return [told(value, f"{place}.{i}") for i, value in enumerate(found)] if isinstance(found, list) else found
 
-    whole = {name: value if name == MEMBER else told(value) for name, value in record.items()}
+    whole = {name: value if name == MEMBER else told(value, str(name)) for name, value in record.items()}
     return whole if any(EXACT in name for _, values in said.values() for name in values) else _with_numbers(whole)
 
 

@@ -35,9 +35,10 @@ class Keeper:
             threading.Thread(target=self._keep, name="tango keeper", daemon=True).start()
 
     def end(self) -> None:
-        """No further look begins."""
+        """No further look begins; what was put out of the way of the search for cycles is searched again."""
         self._over.set()
-        gc.unfreeze()
+        if self.count >= MANY:
+            gc.unfreeze()
 
     def reading(self) -> bool:
         """→ whether the first look at all machines still goes on."""

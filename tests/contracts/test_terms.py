@@ -129,7 +129,7 @@ def shared(name: str, effect: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in effect.items() if key in inspect.signature(terms.causes()[name].make).parameters}
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ALIKE)
 def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.Bench, touches: Touches) -> None:
     """Two independent ways: the change of the simulated readings lies in the span of the term's columns, sign and size included."""

@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
 from sim_controller.simulate import simulate
 from support import blind
@@ -136,6 +136,8 @@ def _drawn(b: blind.Bench, eye: blind.Eyes, peak: float, rng: np.random.Generato
 
 def _call(hidden: blind.Visible, outside: np.ndarray, noise: np.ndarray, every: Patterns, limit: float) -> Call:
     """what is hidden, projector (n, n), noise (n,) mm, patterns, limit → what the judge says."""
+    from scipy import stats
+
     own, left = str(hidden.effect["cause"]), outside @ hidden.change / blind.NOISE
     likely: dict[str, float] = {}
     for cause, value in zip(every.causes, every.unlikely((left + outside @ noise / blind.NOISE)[:, None])[:, 0], strict=True):
@@ -148,6 +150,8 @@ def _call(hidden: blind.Visible, outside: np.ndarray, noise: np.ndarray, every: 
 
 def _unlikely(taken: np.ndarray, k: np.ndarray) -> np.ndarray:
     """chi-squared, degrees of freedom → −log of the chance of more; the first term of its expansion where it is below 1e-300."""
+    from scipy import stats  # slow to load, and every worker reads this file
+
     log = stats.chi2.logsf(taken, k)
     further = taken / 2 - (k / 2 - 1) * np.log(np.maximum(taken, 1.0) / 2) + special.gammaln(k / 2)
     return np.asarray(np.where(np.isfinite(log), -log, further))

@@ -22,7 +22,7 @@ import postprocessors as posts
 from sim_controller.languages import Alarm, Silence
 from sim_controller.probing import Rig, rig
 from sim_controller.session import Session, Setup, tape
-from support.databases import REFUSES, _engine, damaged, good, migrated, rewritten
+from support.databases import MIGRATE, REFUSES, _engine, damaged, good, migrated, rewritten
 from support.dialects import OWN, usual
 from support.linkparts import MARK, job
 from support.mutants import Reader
@@ -32,7 +32,7 @@ from support.remembered import remembered
 from support.shopfiles import whole
 from tango_cnc.commands.capability import _merge
 from tango_cnc.commands.history import restore
-from tango_cnc.history import _database, opened
+from tango_cnc.history import opened
 from tango_cnc.link import protocols
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, TangoError, World
@@ -53,7 +53,7 @@ NIGHTLY = 'nightly: 1\nhistory: history.db\nowner: Ann  # of the hall\nnotify: [
 
 def _schema(backup: Path) -> Callable[[Any], None]:
     """backup → what sees to the schema of a history: one file in ten, the one whose bytes say so, has it from Alembic."""
-    return _database._migrate if zlib.crc32(backup.read_bytes()) % 10 == 0 else migrated
+    return MIGRATE if zlib.crc32(backup.read_bytes()) % 10 == 0 else migrated
 
 
 def _restored(folder: Path) -> Any:
@@ -67,8 +67,8 @@ def _restored(folder: Path) -> Any:
     try:
         with (
             click.Context(restore),
-            patch.object(_database, "create_engine", _engine),
-            patch.object(_database, "_migrate", _schema(folder / "backup.db")),
+            patch("tango_cnc.history._database.create_engine", _engine),
+            patch("tango_cnc.history._database._migrate", _schema(folder / "backup.db")),
             redirect_stdout(StringIO()),
             redirect_stderr(StringIO()),
         ):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -59,6 +60,7 @@ def usual(name: str) -> Spoken:
     return replace(spoken, library=beside(name)) if spoken.family in ("mach3", "mach4") else spoken
 
 
+@cache
 def klartext(name: str) -> bool:
     """dialect → whether its blocks are numbered, and its tables lie under TNC:\\."""
     return load(name).language == "klartext"

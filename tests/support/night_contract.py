@@ -122,8 +122,10 @@ class Contract:
         silent = {a["alarm"] for a in record.get("unheard") or ()}
         closed = {key for key, (action, _) in self.answers.items() if action in CLOSES}
         part = {str(one) for a in (*self.told.values(), *record["alarms"]) for one in (a.get("goes_on") or {}).get("with") or ()}
-        back = {str(a["undoes"]["alarm"]) for key, a in self.told.items() if key in closed and a.get("undoes")}
+        stories = [(key, str(a["undoes"]["alarm"])) for key, a in self.told.items() if a.get("undoes")]
+        back = {b if a in closed else a for a, b in stories if a in closed or b in closed}  # who closes an end has closed the other
         ignored = {key for key, (action, until) in self.answers.items() if action == "ignore" and until >= record["night"]}
+        back |= {b if a in ignored else a for a, b in stories if (a in ignored) != (b in ignored)}
         if wrong := waiting & (closed - set(ids)):
             yield f"the alarm {min(wrong)} stands, and is closed"
         if wrong := waiting & ignored:

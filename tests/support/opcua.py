@@ -13,10 +13,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from asyncua import ua
-from asyncua.server.user_managers import User, UserManager, UserRole
-from asyncua.sync import Server
-
 from sim_controller.languages import Alarm
 from sim_controller.probing import rig
 from sim_controller.session import Session, Setup
@@ -43,13 +39,15 @@ class Parameters(dict):  # type: ignore[type-arg]
         self._control.put(int(name[1:]), value)
 
 
-class Known(UserManager):
+class Known:
     """Lets anna in who has the password."""
 
     def __init__(self, word: str) -> None:
         self._word = word
 
     def get_user(self, iserver, username=None, password=None, certificate=None):  # type: ignore[no-untyped-def]
+        from asyncua.server.user_managers import User, UserRole
+
         return User(role=UserRole.User) if (username, password) == ("anna", self._word) else None
 
 
@@ -62,6 +60,10 @@ class Control:
 
     def __init__(self, port: int, files: bool = True, word: str = "") -> None:
         """port, whether it has a file system, the password of user anna where one is asked for."""
+        from asyncua import ua  # takes a second, and every worker reads this file
+        from asyncua.sync import Server
+
+        self._ua = ua
         self.files: dict[str, bytearray] = {}
         self._made: set[str] = set()  # files that have a node
         self.on, self.spoil = True, lambda data: data
@@ -90,21 +92,21 @@ class Control:
 
     def _method(self, parent, name, function, takes, gives):
         kinds = {"s": "String", "i": "Boolean", "n": "NodeId", "u": "UInt32", "b": "Byte", "d": "ByteString", "l": "Int32"}
-        made = [[getattr(ua.VariantType, kinds[letter]) for letter in letters] for letters in (takes, gives)]
+        made = [[getattr(self._ua.VariantType, kinds[letter]) for letter in letters] for letters in (takes, gives)]
 
         def called(_, *arguments):
             values = function(*[argument.Value for argument in arguments])
-            return [ua.Variant(value, kind) for value, kind in zip(values, made[1], strict=True)]
+            return [self._ua.Variant(value, kind) for value, kind in zip(values, made[1], strict=True)]
 
         at = parent.nodeid.Identifier
-        parent.add_method(ua.NodeId(f"{at}.{name}", 2), ua.QualifiedName(name, 2), called, *made)
+        parent.add_method(self._ua.NodeId(f"{at}.{name}", 2), self._ua.QualifiedName(name, 2), called, *made)
 
     def keep(self, name: str, text: bytes) -> None:
         """A file that is there already."""
         made, self.files[name] = name in self._made, bytearray(text)
         if made:
             return
-        file = self._folder.add_object(ua.NodeId(f"/NC/{name}", 2), ua.QualifiedName(name, 2))
+        file = self._folder.add_object(self._ua.NodeId(f"/NC/{name}", 2), self._ua.QualifiedName(name, 2))
         self._method(file, "Open", lambda mode: self._opened(name, mode), "b", "u")
         self._method(file, "Close", lambda handle: [][: self._open.pop(handle) is None], "u", "")
         self._method(file, "Write", self._write, "ud", "")
@@ -115,7 +117,7 @@ class Control:
         threading.Thread(target=self.keep, args=(name, b"")).start()  # the server's own loop waits for this call
         while name not in self._made:
             time.sleep(0.01)
-        return [ua.NodeId(f"/NC/{name}", 2), 0]
+        return [self._ua.NodeId(f"/NC/{name}", 2), 0]
 
     def _opened(self, name, mode):
         handle = len(self._open) + 1000 + int(time.monotonic() * 1000) % 100000
@@ -158,7 +160,7 @@ class Control:
     def read(self, number: int) -> float:
         """R parameter → its value, as it stands in the server."""
         space = self.server.aio_obj.iserver.aspace
-        return float(space.read_attribute_value(self._nodes[number].nodeid, ua.AttributeIds.Value).Value.Value)
+        return float(space.read_attribute_value(self._nodes[number].nodeid, self._ua.AttributeIds.Value).Value.Value)
 
     def printed(self, data: bytes) -> None:
         """A line that a program prints → its variables; returns when it has been taken."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from support.nights import into, thirty
@@ -27,9 +30,18 @@ def cell(folder: Path, name: str = "HU40T-like", records: Sequence[dict[str, Any
     quoted = name.replace("'", "''")
     (folder / "machine.yaml").write_text(text.replace("name: HU40T-like", f"name: '{quoted}'"), encoding="utf-8")
     (folder / "nightly.yaml").write_text(RHYTHM, encoding="utf-8")
-    with opened(folder / "history.db") as history:
-        into(history, thirty(name) if records is None else records)
+    (folder / "history.db").write_bytes(_history(pickle.dumps(thirty(name) if records is None else records)))
     return folder
+
+
+@cache
+def _history(records: bytes) -> bytes:
+    """nights, pickled → the file of a history that holds them: many tests begin with the same ones."""
+    with TemporaryDirectory() as place:
+        file = Path(place) / "history.db"
+        with opened(file) as history:
+            into(history, pickle.loads(records))
+        return file.read_bytes()
 
 
 class Recorded:

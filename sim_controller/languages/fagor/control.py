@@ -21,6 +21,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value
+from .._shared.known import Spoken, StandIn
 from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
@@ -79,6 +80,9 @@ class Profile:
     parameters: Decimal = Decimal(25)  # the last local one
 
 
+SPOKEN = Spoken({"fagor": StandIn()}, {"probe_input": "probe_input"})
+
+
 def default_profile(machine: Machine) -> Profile:
     """machine → profile with its axes; those that turn more than two turns roll over."""
     return Profile((*machine.linear, *machine.rotary), rollover=endless(machine))
@@ -107,11 +111,12 @@ class Control:
     def run(self, lines: Iterable[str], streamed: bool) -> None:
         """lines of one program, which is stored before it is executed. Raises Alarm and Silence."""
         self._local, self._file, self._motion_code = {}, "", 0
-        blocks = [_bare(line) for line in stored(lines, self._profile.memory, lambda where: alarm("memory", where))]
+        shown = list(stored(lines, self._profile.memory, lambda where: alarm("memory", where)))
+        blocks = [_bare(line) for line in shown]
         if not blocks or not re.fullmatch(r"%[A-Z0-9_]{1,14}", blocks[0]):
             raise alarm("header")
         try:
-            self._program(blocks)
+            self._program(blocks, shown)
         except MotionStop as stop:
             raise as_alarm(stop, alarm) from None
         except Mistake as mistake:
@@ -119,12 +124,12 @@ class Control:
         finally:
             self._file = ""
 
-    def _program(self, blocks: list[str]) -> None:
+    def _program(self, blocks: list[str], shown: list[str]) -> None:
         partners, index = _structures(blocks), 1
         while index < len(blocks):
             text = blocks[index]
             self._note("block", program=blocks[0], line=index + 1, text=text)
-            self._motion.reads(text)
+            self._motion.reads(shown[index])
             if re.fullmatch(r"M(30|0?2)", text):
                 return
             if text.startswith("$IF "):

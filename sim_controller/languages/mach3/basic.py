@@ -25,7 +25,7 @@ COMPARE: Mapping[str, Callable[[Any, Any], bool]] = {
     "<=": lambda a, b: a <= b,
     ">=": lambda a, b: a >= b,
 }
-LONGEST = 10_000  # statements: a loop that never ends
+LONGEST = 10_000  # statements without a line of a file between: a loop that never ends
 
 
 def _format(value: float, form: str) -> str:
@@ -143,6 +143,7 @@ class Script:
             self._host["print"](int(match[1]), self._whole(match[2]))
         elif match := re.fullmatch(r"line input #(\d), (\w+)", line, re.IGNORECASE):
             self._values[match[2].lower()] = self._host["line input"](int(match[1]))
+            self._steps = 0  # a file has an end
         elif match := re.fullmatch(r"close #(\d)", line, re.IGNORECASE):
             self._host["close"](int(match[1]))
         elif match := re.fullmatch(r"call (\w+\(.*\))", line, re.IGNORECASE):

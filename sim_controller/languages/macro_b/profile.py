@@ -10,6 +10,8 @@ from typing import Literal
 
 from tango_cnc.records import Machine
 
+from .._shared.known import Spoken, StandIn
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -46,6 +48,26 @@ class Profile:
     overflow: Literal["dropped", "expanded"] = "dropped"  # digits that do not fit into a field; Haas expands it
     line_end: Literal["lf", "crlf", "lfcrcr", "cr"] = "lf"  # 100#3 NCR, 6001#4 CRO
     branches_in_dnc: bool = False  # GOTO and WHILE in a drip-fed main program, which real ones refuse
+
+
+HAAS = {
+    "macros_ahead": "true",
+    "lettered": "true",
+    "padding": "bare",
+    "overflow": "expanded",
+    "line_end": "cr",
+    "fastest_skip": "2500",
+}
+SPOKEN = Spoken(
+    {
+        "fanuc": StandIn(),
+        "mazak": StandIn(),
+        "mitsubishi": StandIn({"skip_feed": "own"}),
+        "haas": StandIn(HAAS),
+        "brother": StandIn(stored=("O8832", "M99", "O8833", "M99")),  # stand in for the programs that switch the probe
+    },
+    {"probe_state": "probe_variable"},
+)
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -22,6 +22,7 @@ from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm
 from .._shared.bracket_axes import Axes
 from .._shared.bracket_expressions import ARITHMETIC, FUNCTIONS, Grammar, Mistake, Reader, Value, held
+from .._shared.known import Spoken, StandIn
 from .._shared.memory import stored
 from .._shared.scales import as_alarm, endless
 from .alarms import alarm
@@ -81,6 +82,9 @@ class Profile:
     scaled: Mapping[str, float] = field(default_factory=dict)  # of what is programmed, in H0 too; -1 is a mirror image
     memory: int = 512  # kB free for a program; 0: it runs from a disk
     restart: bool = False  # sequence restart: VRSTT is 128
+
+
+SPOKEN = Spoken({"okuma": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:

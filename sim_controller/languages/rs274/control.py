@@ -16,11 +16,12 @@ from tango_cnc.records import Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
+from .._shared.known import Spoken, StandIn
 from .axes import Frames
 from .expressions import LINUXCNC, Key, Reader
 from .program import Line, Program
 
-__all__ = ["Control", "Profile", "default_profile"]
+__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
 
 GROUPS: Mapping[str, tuple[float, ...]] = {
     "motion": (0, 1, 38.2, 38.3, 80),
@@ -51,6 +52,9 @@ class Profile:
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # H → mm
     hal: bool = True  # HAL_PIN_VARS: a program may read pins as #<_hal[…]>
     preview: bool = False  # nothing moves: #<_task> is 0, as for the interpreter that draws the path
+
+
+SPOKEN = Spoken({"linuxcnc": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:
@@ -274,8 +278,10 @@ class Control:
             self._open = False
         elif word == "log":
             line = self._filled(rest)
-            self._note("output" if self._open else "lost", text=line)
-            if self._open:
+            if not self._open:
+                self._note("lost", text=line, why="LOG without LOGOPEN")
+            else:
+                self._note("output", text=line)
                 self._punch(f"{line}\n".encode("ascii"))
         elif word in ("probeopen", "probeclose"):
             raise Alarm("RS274", f"({word.upper()}) is not simulated")

@@ -11,6 +11,7 @@ from typing import Literal
 from tango_cnc.records import Machine
 
 from ...motion import Motion
+from .._shared.known import Spoken, StandIn
 from .._shared.scales import TURN, commanded, endless, roll, shown
 from .alarms import alarm
 
@@ -43,6 +44,9 @@ class Profile:
     devices: tuple[str, ...] = ("/dev/ext/1", "/dev/v24")  # that EXTOPEN knows
     user: Mapping[str, int] = field(default_factory=dict)  # arrays of global user data (DEF NCK REAL …) and how many fields
     room: Decimal = Decimal("1000000")  # bytes of a file in the control (MD11420)
+
+
+SPOKEN = Spoken({"siemens": StandIn()}, {"probe_input": "probe_input"})
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -22,8 +22,9 @@ EXPERIMENT = Experiment(
     "a skip move that begins with the probe deflected ends at once, or is an alarm",
     "hold the stylus aside and start the program of one move of 0.5 mm that tango commission writes for it (--held): it has to "
     "stop by itself. Feed hold ready; let go if it moves more than 1 mm",
-    "state probe_state, the variable that shows the input of the probe; where the control has none, watch "
-    "every run: a guarded move that begins deflected guards nothing",
+    "what is looked at is not the input that the probe is wired to, or nothing looks: state probe_state, and probe_input where "
+    "there are two, by what changes while the stylus is pushed aside. Where the control shows nothing, watch every run: a guarded "
+    "move that begins deflected guards nothing",
     judge,
     settles=re.compile(r"deflected|^alarm =|IF and THEN|\$IF and|IF … THEN|DoOEMButton 1003|M125 cancels|^probe_state ="),
     rests=("skip", "probe_on", "probe_state", "probe_input", "distance", "alarm"),

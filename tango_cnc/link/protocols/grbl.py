@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Mapping, Sequence
 
-from ...gate import PROVING, TOUCH, gate, served
+from ...gate import HOLD, PROVING, TOUCH, gate, served
 from ...records import OFF, Axis, InputError, Move, Plan, Touch
 from .. import _grbl
 from .. import _grbl_targets as targets
@@ -59,8 +59,7 @@ class Client(Control):
             self._feed = float(options.get("feed", FEED))
         except ValueError:
             self._feed = 0.0
-        if task.plan.only is not None:  # beside a hand
-            self._feed = min(self._feed, GENTLE)
+        self._feed = min(self._feed, GENTLE if task.plan.only is not None else math.inf)  # beside a hand
         fastest = max((axis.rapid or math.inf for axis in task.plan.machine.axes if axis.kind == "linear"), default=math.inf)
         if "feed" in options and not 0 < self._feed <= min(fastest, HIGHEST):
             raise InputError(
@@ -122,6 +121,8 @@ class Client(Control):
 
     def _conversation(self) -> Talk:
         yield from self._look()
+        if self._task.plan.only is not None:
+            yield from self._say(f"({HOLD})")
         yield from self._report()
         if not self._plain:
             yield from self._able()

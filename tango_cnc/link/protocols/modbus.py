@@ -143,7 +143,7 @@ class Client(Registers):
                 )
             block = yield from self._steady(self._layout.block, 2)
             if not block:
-                raise Stop(f"the registers keep changing although record {number} has not been taken")
+                raise Stop(f"record {number} has not been taken, and {self._changing()}")
             if self._stopping:
                 raise Stop("stopped by the user; the control waits for its last record to be taken and moves no further: reset it")
             self._handed_over(block)
@@ -210,14 +210,14 @@ class Client(Registers):
         if move.kind == "probe":
             self._events.append(self._record(move.touch, block))
         elif not block:
-            raise Stop(f"the registers keep changing after command {self._sequence} is done")
+            raise Stop(f"command {self._sequence}: {self._changing()}")
         elif move.kind != "find":
             self._arrived(target, block)
         self._last = block
 
     def _record(self, number: int, block: Words) -> Event:
         if not block:
-            return Refused(f"touch {number}: {READS} readings of the registers in a row were all different", "")
+            return Refused(f"touch {number}: {self._changing()}", "")
         place = self._position(block)
         point, flag = self._said("point", block), self._said("flag", block)
         text = f"P{point} H{flag} " + " ".join(f"{letter}{value:.4f}" for letter, value in place.items())

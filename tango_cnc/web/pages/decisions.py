@@ -18,7 +18,7 @@ from ...report.alarm import decided, sentence, size_of, with_its_date
 from ...report.answer import is_moving, measuring
 from ...report.days import at, day
 from ...report.faults import earlier, still_open
-from ...report.morning import brief_of
+from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of

@@ -228,7 +228,9 @@ def brief(
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    return parts, dated(cause[:1].upper() + cause[1:])
+    first = found[0] if found and not told.old else {}
+    gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
+    return parts, f"{dated(cause[:1].upper() + cause[1:])} {gone}".rstrip()
 
 
 def _age(row: Row, t: Texts) -> str:

@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from ...history.answers import every_decision
 from ...records import InputError
 from ...report.age import measured_on
 from ...report.compensated import known_then
@@ -35,7 +36,7 @@ def night(request: Request) -> Response:
     before = record_before(request, found, nights)
     values = context(
         record,
-        found.history.decisions(found.name),
+        every_decision(found.history, found.name),
         state.units,
         state.texts,
         before=before,

@@ -24,7 +24,7 @@ from ...link.progress import journals
 from ...records import Cell
 from ...report.days import at
 from ...report.plain import office, shop
-from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart
+from ...report.svg import BLUE, GOOD, GREEN, INK, LINE, RED, SOFT, Canvas, Plotted, chart, label
 from ...report.texts import Texts
 from ..app import machine_of, made, needs, page, state_of
 from ..live import LiveRun, broken, called, quiet, title, touched_by
@@ -228,8 +228,8 @@ def _map(run: LiveRun, cell: Cell, heading: str) -> str:
         name = f'<text x="{x:.1f}" y="{y - SQUARE / 2 - 3:.1f}" text-anchor="middle" font-size="11" fill="{SOFT}">'
         name += f"{escape(str(f.id)[:6])}</text>"
         parts.append(f'{name}<text x="{x:.1f}" y="{y + 4.4:.1f}" text-anchor="middle" fill="{ink}">{left or "✓"}</text></g>')
-    axes = ((wide - 22, high_px - 4, "X →"), (4, 12, "Y ↑"))
-    parts += [f'<text x="{x:g}" y="{y:g}" fill="{SOFT}">{name}</text>' for x, y, name in axes]
+    axes = ((wide - 4, high_px - 4, "end", "X →"), (4, 12, "start", "Y ↑"))
+    parts += [label(x, y, name, anchor) for x, y, anchor, name in axes]
     return "".join([*parts, "</svg>"])
 
 

@@ -16,6 +16,7 @@ from ...history import Trend
 from ...report.charts import trend as drawn
 from ...report.compensated import placed
 from ...report.course import course, drift_told, jumps_of
+from ...report.days import between
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
@@ -52,7 +53,7 @@ def trends(request: Request) -> Response:
             "value": series.value * factor,
             "half": INTERVAL * series.std * abs(factor),
             "alarm": alarm,
-            "x_label": f"{series.nights[0]} … {series.nights[-1]}",
+            "x_label": between(series.nights, state.texts),
             "events": placed(events, date.fromisoformat(series.nights[0]), date.fromisoformat(series.nights[-1])),
         }
         sizes = ((880, 340), (360, 300)) if wanted else ((425, 240),)

@@ -1,0 +1,157 @@
+"""The line of docs/commissioning.md that starts the simulated control of a dialect, from the first hour to the first readings."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from postprocessors import names
+from sim_controller.__main__ import run
+from tango_cnc.cli import guarded, tango
+from tango_cnc.commands.init import write_example
+from tango_cnc.files.commissioning import read_commissioning
+
+ROOT = Path(__file__).parent.parent
+ROW = re.compile(r"^\| (\w+) \| `(\{.*\})` \| `python -m (sim_controller .*)` \|$", re.MULTILINE)
+ROWS = {name: (profile, line) for name, profile, line in ROW.findall((ROOT / "docs" / "commissioning.md").read_text("utf-8"))}
+STRATEGY = f"""\
+name: the first hour
+approach: {{standoff: 10, search: 5, feed: 180}}
+indexations:
+  - {{S: 0, B: 0, C: 0, facets: {list(range(3, 29))}}}
+  - {{S: 0, B: 0, C: 90, facets: [3, 5]}}
+"""
+
+
+class Terminal(io.StringIO):
+    """A person who has typed already."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def call(*arguments: object) -> int:
+    return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
+
+
+def cell_of(folder: Path, dialect: str) -> Path:
+    """folder, dialect → a cell there as the table has it, with a port and a file of its own."""
+    write_example(folder, "hu40t")
+    (folder / "strategy.yaml").write_text(STRATEGY)
+    controller = yaml.safe_load(ROWS[dialect][0])
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(controller["port"]).replace("8193", str(free.getsockname()[1]))
+    controller["port"] = port.replace("/tmp/TANGO.TXT", str(folder / "TANGO.TXT"))
+    text = (folder / "tango.yaml").read_text()
+    (folder / "tango.yaml").write_text(text[: text.index("controller:")] + yaml.safe_dump({"controller": controller}))
+    return folder
+
+
+@contextlib.contextmanager
+def started(cell: Path, dialect: str, *more: object) -> Iterator[None]:
+    """cell, dialect, more options → its line of the table is carried out."""
+    words = [*ROWS[dialect][1].split(), *map(str, more)]
+    with subprocess.Popen(
+        [sys.executable, "-m", *(str(cell) if word == "cell" else word for word in words)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline().strip()
+            yield
+        finally:
+            process.kill()
+
+
+def test_the_table_has_a_line_for_every_dialect() -> None:
+    missing = set(names()) - set(ROWS)
+    assert not missing, (
+        f"docs/commissioning.md, Try it without a machine: a row for {missing}; sim_controller: SPOKEN of its language"
+    )
+
+
+@pytest.mark.few(0)
+@pytest.mark.parametrize(
+    "dialect", [name if name == "mach3" else pytest.param(name, marks=pytest.mark.long) for name in sorted(ROWS)]
+)
+def test_the_line_of_a_dialect_goes_from_commissioning_to_readings(dialect: str, tmp_path: Path) -> None:
+    """Nine could not be started by docs alone, and a program that lay there was carried out before anybody waited for it."""
+    cell = cell_of(tmp_path / "cell", dialect)
+    assert call("commission", "-C", cell, "--program") == 0  # it lies there from now on
+    with started(cell, dialect):
+        time.sleep(1.0)
+        records = cell / "TANGO.TXT"
+        assert not records.exists() or not records.read_text(), "nobody waits for it"
+        assert call("commission", "-C", cell, "--answers", "yes") == 0
+        assert call("locate", "-C", cell, "--yes") == 0
+        assert call("run", "-C", cell, "--yes") == 0
+    verdicts = {proof.belief: proof.verdict for proof in read_commissioning(cell)}
+    assert "FAIL" not in verdicts.values() and verdicts["alive"] == verdicts["directions"] == "PASS"
+    found = json.loads((cell / "readings.json").read_text())
+    assert found["ok"] == found["touches"] > 20
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("dialect", sorted(ROWS))
+def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
+    dialect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It had no hand: deflected FAIL on a sound control, and locate and run refused it from then on."""
+    cell, ledger = cell_of(tmp_path / "cell", dialect), tmp_path / "ledger.jsonl"
+    monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 60))
+    with started(cell, dialect, "--ledger", ledger):
+        assert call("commission", "-C", cell, "--timeout", "6", "--no-dial") == 0
+        monkeypatch.setattr(sys, "stdin", io.StringIO())
+        assert call("locate", "-C", cell, "--yes") == 0  # and nobody holds it any more
+    assert {proof.belief: proof.verdict for proof in read_commissioning(cell)}["deflected"] == "PASS"
+    held = (cell / "commissioning" / "program").glob("*")
+    assert any("HOLD THE STYLUS ASIDE" in file.read_text(errors="replace") for file in held)
+    events = [json.loads(line) for line in ledger.read_text().splitlines()]
+    assert not any(event["event"] == "collision" for event in events)
+    if dialect != "grbl":  # which is asked line by line, and has no programs
+        begins = [row for row, event in enumerate(events) if event["event"] == "program" and event["state"] != "ended"]
+        second = events[begins[1] : begins[2]]
+        assert not any(event["event"] in ("rapid", "contact") or event.get("result") == "miss" for event in second), "it went on"
+
+
+def test_a_macro_that_mach3_does_not_have_is_no_silent_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit status 0, not a word, and no record."""
+    cell = cell_of(tmp_path / "cell", "mach3")
+    assert call("commission", "-C", cell, "--program") == 0
+    program, records = cell / "commissioning" / "program" / "tango.tap", tmp_path / "R"
+    alone = Path(shutil.copy(program, tmp_path / "tango.tap"))
+    capsys.readouterr()
+    assert run(["--cell", str(cell), "--start", str(alone), "--records", str(records)]) == 3
+    said = capsys.readouterr().err
+    assert "M880 (no macro of this name)" in said and "--stored FILE" in said and not records.read_text()
+    assert run(["--cell", str(cell), "--start", str(program), "--records", str(records)]) == 0
+    assert "TANGO END" in records.read_text()
+
+
+@pytest.mark.parametrize(
+    ("port", "options", "complaint"),
+    [
+        ("socket://192.168.1.20:8193", [], "port 'socket://192.168.1.20:8193' in the cell; allowed: one of them, or port: of this"),
+        ("/dev/ttyUSB0", [], "found none of --tcp, --pty, --records, and port '/dev/ttyUSB0' in the cell"),
+        ("file:///tmp/R", ["--pty", "--records", "R"], "found several of --tcp, --pty, --records; allowed: one of them"),
+    ],
+)
+def test_a_port_that_is_not_on_this_computer_is_refused(
+    port: str, options: list[str], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_example(tmp_path / "cell", "hu40t")
+    settings = tmp_path / "cell" / "tango.yaml"
+    settings.write_text(settings.read_text().replace("socket://127.0.0.1:8193", port))
+    assert run(["--cell", str(tmp_path / "cell"), *options]) == 2
+    assert complaint in capsys.readouterr().err

@@ -1,0 +1,105 @@
+"""What somebody asks to be ignored gives no order: what to do is about what is open beside it, and names that."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.nights import night
+from support.server import cell
+from test_page_repaired import alarm
+
+pytest.importorskip("starlette")
+from starlette.testclient import TestClient
+
+from tango_cnc.commands.report import nights
+from tango_cnc.files import read_cell
+from tango_cnc.history import Decision, opened
+from tango_cnc.report.morning import context
+from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
+from tango_cnc.texts import say
+from tango_cnc.web.app import create
+from tango_cnc.web.settings import Settings
+
+M = "HU40T-like"
+UNTIL = "2027-12-10"
+LARGE_DO, SMALL_DO = "Have the large one compensated.", "Have maintenance look at the small one."
+FIRST = "Measure the first part before you go on."
+
+
+def decided(a: dict[str, Any], action: str = "ignore", until: str | None = UNTIL) -> Decision:
+    return Decision(a["id"], action, "Emil", "", until if action == "ignore" else None, "2026-11-01T10:00:00Z")
+
+
+def two() -> tuple[dict[str, Any], dict[str, Any]]:
+    """→ a large change, and a small one of another parameter that nobody has answered."""
+    return alarm(2, 30.0, do=LARGE_DO), alarm(6, 4.0, "EX0C", do=SMALL_DO)
+
+
+def test_what_to_do_is_about_what_is_open_and_not_about_what_is_ignored() -> None:
+    large, small = two()
+    told = context(night(M, 8, standing=[small, large]), (decided(large),), None, texts())
+    assert told["first"]["id"] == large["id"] and [a["id"] for a in told["also"]] == [small["id"]]  # by size, as ever
+    assert told["todo"][0] == FIRST and told["todo"][1].startswith("Call Ann.")
+    (own,) = (line for line in told["todo"] if SMALL_DO in line)
+    assert own.startswith("C axis has moved along X by +4 µm since") and LARGE_DO not in " ".join(told["todo"])
+    both = context(night(M, 8, standing=[small, large]), (), None, texts())
+    assert LARGE_DO in both["todo"] and SMALL_DO not in " ".join(both["todo"])  # nobody ignores it: the larger one
+
+
+@pytest.mark.parametrize("until", ["2026-10-31", "2026-11-01"])
+def test_what_was_ignored_until_a_day_asks_again_after_it(until: str) -> None:
+    large, small = two()
+    told = context(night(M, 8, standing=[small, large]), (decided(large, until=until),), None, texts())
+    assert (LARGE_DO in told["todo"]) == (until < night(M, 8)["night"])
+
+
+@pytest.mark.parametrize(("verdict", "wanted"), [("good", FIRST), ("out_of_limits", texts()("todo.limit"))])
+def test_where_all_is_ignored_nothing_asks_for_a_repair_but_a_limit(verdict: str, wanted: str) -> None:
+    large, _ = two()
+    told = context(night(M, 8, verdict, standing=[large]), (decided(large),), None, texts())
+    assert wanted in told["todo"] and LARGE_DO not in " ".join(told["todo"]) and len(told["todo"]) <= 2
+
+
+def test_what_is_closed_beside_what_is_ignored_asks_for_nothing() -> None:
+    large, small = two()
+    told = context(night(M, 8, standing=[small, large]), (decided(large), decided(small, "accept")), None, texts())
+    assert told["todo"] == [FIRST]
+
+
+def test_what_somebody_has_and_does_not_ignore_still_asks() -> None:
+    large, small = two()
+    told = context(night(M, 8, standing=[small, large]), (decided(large, "acknowledge"),), None, texts())
+    assert LARGE_DO in told["todo"]
+
+
+def test_every_page_and_the_report_have_one_order(tmp_path: Path) -> None:
+    large, small = two()
+    records = [night(M, 2, "changed", alarms=[large]), night(M, 6, "changed", alarms=[small])]
+    place = cell(tmp_path / "one", records=[*records, night(M, 8, standing=[small, large])])
+    with opened(place / "history.db") as history:
+        history.decide(M, Decision(large["id"], "ignore", "Emil", "", date.today().isoformat()))
+    with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        for path in (f"/machine/{M}", "/alarms", f"/machine/{M}/trend"):
+            text = client.get(path).text.partition("For the engineer")[0]
+            assert SMALL_DO in text and LARGE_DO not in text, path
+    found = nights(place, read_cell(place).machine, Units(), texts())
+    assert (
+        found is not None and found.named and SMALL_DO in found.todo[-1] and found.todo[-1].startswith("C axis has moved along X")
+    )
+
+
+@pytest.mark.parametrize("action", ["ignore", "accept"])
+def test_a_change_that_went_back_last_night_and_is_ignored_is_no_reason_to_measure_a_part(action: str) -> None:
+    """The night saw it gone back, and its alarm is of that night; the box said Measure the first part all the same."""
+    knock = alarm(6, 20.0, total=0.0001, now=say("night.alarms.gone_again_left", told="-0.1 ± 0.3 µm"))
+    back = alarm(8, -19.9, undoes={"alarm": knock["id"], "left": -0.0001}, total=None)
+    decisions = tuple(decided(a, action) for a in (knock, back))
+    told = context(night(M, 8, "changed", alarms=[back], standing=[knock]), decisions, None, texts())
+    assert told["answer"].may == "yes" and told["todo"] == ["Nothing."] and told["first"]["gone"]
+    assert "the day on which it went back" in told["suspect"]
+    asked = context(night(M, 8, "changed", alarms=[back], standing=[knock]), (), None, texts())
+    assert asked["answer"].may == "but" and FIRST in asked["todo"]
