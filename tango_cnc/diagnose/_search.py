@@ -180,7 +180,7 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
                 continue
             twice = any(c.candidate.cause == cause and _axis(c) == _axis(new) for c in others)
             if not twice and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
-                if len(old.candidate.setting) > len(new.candidate.setting):
+                if len(old.candidate.setting.keys() - {"shape"}) > len(new.candidate.setting.keys() - {"shape"}):
                     behind = best - total(place, [*others, new]) - STRONG
                 else:  # a tip that creeps has fewer numbers than a body that drifts, but for one that drifts along one axis
                     behind = best - thrifty(place, others, new) - APART
