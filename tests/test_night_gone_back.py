@@ -8,13 +8,17 @@ from typing import Any
 
 import pytest
 from support.answers import answered, decide, open_and_decided
+from support.nights import night
 from support.nights_parts import Event, Story
 
-from tango_cnc.history import History
+from tango_cnc.history import History, opened
+from tango_cnc.nightly.mail import message
+from tango_cnc.nightly.standing import standing
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
+from tango_cnc.texts import say
 
 
 @pytest.mark.long
@@ -47,8 +51,8 @@ def test_who_repaired_it_before_he_said_so_has_closed_both_alarms(root: Path, tm
     story = Story((Event(8, {"EY0C": 0.020}), Event(9, {"EY0C": -0.0185})), wander=0.5)
     records = answered(root, tmp_path / "h.db", story, 12, {8: "acknowledge", 10: late})
     assert records[8]["alarms"][0]["undoes"]["alarm"] == records[7]["alarms"][0]["id"]
-    for night in records[10:]:
-        assert night["verdict"] == "good" and not night["alarms"] and not night.get("standing"), night["headline"]
+    for told in records[10:]:
+        assert told["verdict"] == "good" and not told["alarms"] and not told.get("standing"), told["headline"]
     helped = records[10].get("repaired") or []
     assert [h["parameter"] for h in helped] == (["EY0C"] if action == "repaired" else [])
     for h in helped:
@@ -78,3 +82,43 @@ def test_what_has_gone_back_is_apart_from_what_came_after_it_on_the_page() -> No
     record = {"verdict": "changed", "alarms": [knock], "standing": [], "start_utc": "2026-11-27T02:00:00Z", "night": "2026-11-27"}
     found = faults(record, [gone, first], {}, Units(), texts())
     assert [(x["begun"], x["gone"]) for x in found] == [("2026-11-26", False), ("2026-11-11", True)]
+
+
+def _told(number: int, um: float, **more: Any) -> dict[str, Any]:
+    """number of the night, µm that the C axis has moved that night along Y → its alarm, as nights write them."""
+    since, dated = (night("M", i)["night"] for i in (number - 1, number))
+    text = say("changed.off", what="C axis", letter="Y", size=f"{um:+.1f} ± 0.3 µm", since=since, name="EY0C")
+    return {
+        **{"id": f"{dated}-020000-1", "cause": "axis_location", "parameter": "EY0C", "since": since, "unit": "mm", "text": text},
+        **{"size": um / 1e3, "std": 0.0003, "sigmas": 60.0, "rate_per_day": None, "instead": [], "owner": "Ann", "decision": None},
+        **{"on_part_um": 2 * abs(um), "on_part": f"Since {dated} a part is off.", "do": "Ask who was at the machine."},
+        **more,
+    }
+
+
+def test_what_went_back_and_moved_again_is_neither_still_there_nor_gone_by_the_alarm_of_its_way_back(tmp_path: Path) -> None:
+    """+20, −20, +20 µm: the mail had the first as "still there, confirmed", and the way back as gone again: "+1.1 µm is left"."""
+    knock = _told(2, 20.0)
+    back = _told(4, -19.9, undoes={"alarm": knock["id"], "night": "2026-10-26", "size_before": 0.02, "left": 0.0001, "std": 0.0003})
+    again, alarms = _told(6, 20.5), {2: [knock], 4: [back]}
+    height = {2: 0.020, 3: 0.020, 6: 0.0206}  # by night
+    records = []
+    for i in range(7):
+        record = night("M", i, "changed" if i in alarms else "good", alarms=alarms.get(i, []))
+        change = height.get(i, 0.0) - height.get(i - 1, 0.0)
+        record["parameters"]["EY0C"] |= {"value": 0.012 + height.get(i, 0.0), "change": change, "seen": True}
+        records.append(record)
+    with opened(tmp_path / "h.db") as history:
+        for record in records[:6]:
+            history.add_night(record)
+        found = {a["id"]: a for a in standing(history, "M", 20_757.2, records[6]["parameters"], "full")}
+    first, way_back = found[knock["id"]], found[back["id"]]
+    assert str(first["now"]).startswith("gone again: +0.1") and first["total"] == pytest.approx(0.0001) and not first["confirmed"]
+    assert not way_back["now"] and way_back["total"] == way_back["size"] and not way_back["confirmed"]
+    record = records[6] | {"verdict": "changed", "alarms": [again], "standing": list(found.values())}
+    told = message(record, (), ())[1]
+    assert "still there" not in told and told.count("the day on which it went back differ") == 2
+    assert told.count("a part is off") == 1  # of what stands
+    page = context(record, (), None, texts())
+    assert page["first"]["id"] == again["id"] and page["also"][0]["gone"] and page["first"]["on_part_um"] == pytest.approx(41.0)
+    assert "It has gone back since: 0.1 µm of 20 µm is left." in page["also"][0]["text"]

@@ -743,6 +743,21 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     assert ("Look for what has moved since the night." in lines) == (larger < 1)
 
 
+@pytest.mark.parametrize("limit", [1e-3, 1.0])
+@pytest.mark.parametrize(("simulated", "of_night"), [(False, False), (True, False), (True, True)])
+def test_a_report_that_says_no_after_the_night_carries_it_for_the_pages(
+    facts: Facts, limit: float, simulated: bool, of_night: bool
+) -> None:
+    """Above the No of newer readings the page of the server said Yes, but."""
+    record = {"verdict": "good", "night": "2026-11-20", "volume": {"worst_um": 0.5, "std_um": 0.1}, "simulated": of_night}
+    night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z", simulated=simulated)
+    text = page.render(replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=limit)))
+    wanted = limit < 1 and simulated <= of_night
+    assert ('<meta name="tango-no-after" content="2026-11-20T02:30:00+00:00">' in text) == wanted
+    assert "tango-no-after" not in page.render(facts)
+
+
 def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
     """169 µm by these readings, and below it "which does 122 µm of it", which was of the 137 µm of the night."""
     assert facts.tip is not None

@@ -27,7 +27,8 @@ def with_total(
     if not any(a["cause"] in LENGTHS for a in waiting):
         return list(waiting)
     newest = newest_of(past, machine)
-    return [_with_total(past, machine, k, after, a, newest, kind) if a["cause"] in LENGTHS else a for a in waiting]
+    mine = [a["cause"] in LENGTHS and not a.get("ended") for a in waiting]  # what went back is as its night has told it
+    return [_with_total(past, machine, k, after, a, newest, kind) if own else a for a, own in zip(waiting, mine, strict=True)]
 
 
 def _with_total(

@@ -69,6 +69,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "sentence": sentence(found, t, f.judgement.untrusted),
         "may": told,
         "state": told.short(t),
+        "says_no_after": _no_after(f, said),
         "basis": said.basis,
         "cause": said.cause,
         "run": said.run,
@@ -102,6 +103,15 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "files": f.paper.files,
     }
     return values if f.wishes.pictures else values | _bare(values)
+
+
+def _no_after(f: Facts, said: Told) -> str:
+    """facts, answer → when the newest night ended, where these readings are newer and say No by themselves, of the machine that the
+    night has measured; else nothing. Pages of the machine ask for it.
+    """
+    if f.nights is None or said.by_night or said.answer.may != "no":
+        return ""
+    return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
 
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:

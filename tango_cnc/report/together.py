@@ -110,7 +110,8 @@ def _story(
     first, sizes = same[0], [float(a.get("size") or 0.0) for a in same]
     every = sum(sizes)
     if first.get("total") is not None and not knocked:
-        every = float(first["total"]) - sum(float(a["size"]) for a in apart if _moment(a) > _moment(first))
+        later = [] if first.get("ended") else [a for a in apart if _moment(a) > _moment(first)]  # total ends where it went back
+        every = float(first["total"]) - sum(float(a["size"]) for a in later)
     story = _Story(same, sizes[0], every, "", False)
     knocks = _knocks(same, how.known_of, how.u, how.t) if story.one_number else ""
     steady = any(a.get("rate_per_day") and a.get("steady", True) for a in same)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from typing import Any
 
@@ -34,7 +35,7 @@ from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
 from ..places import STRIP, measured_before, told
 from ..served import Served
-from .report import file_of_cell
+from .report import file_of_cell, says_no
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
@@ -88,8 +89,11 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
 def answer_today(request: Request, machine: Served) -> Answer:
     """request, machine → the answer of its page, for pages that show something older or narrower."""
     busy, t = busy_of(request, machine), state_of(request).texts
-    found = morning_of(request, machine, busy).get("answer")
+    known = morning_of(request, machine, busy)
+    found = known.get("answer")
     if isinstance(found, Answer):
+        if known["newer_no"]:
+            return replace(found, may="no", word=t("may.no"), why=t("web.newer_no_why", answer=found.word), numbers="", soon="")
         return found
     if not busy and (moving := of_no_night(machine.former, t)) is not None:
         return moving
@@ -130,7 +134,8 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
     every = [(n.night, told(n, allowed)) for n in known]
-    return context(
+    no = not busy and says_no(machine, str(record.get("end_utc") or ""))
+    return {"newer_no": no} | context(
         record,
         decisions,
         state.units,

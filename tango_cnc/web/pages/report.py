@@ -5,6 +5,7 @@ A page of the server frames it, with the way back to the machine; alone it is fo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ SANDBOX = (
     "form-action 'none'; frame-ancestors 'self'; base-uri 'none'"
 )
 NAMES = ("report.html", "morning.html")
+NO_AFTER = re.compile(r'<meta name="tango-no-after" content="([0-9T:Z+.-]+)">')
+HEAD = 2000  # characters of a report in which it says so
 PAIR = 120.0  # s within which one command writes the report in both units
 
 
@@ -122,6 +125,20 @@ def file_of_cell(machine: Served, unit: str = "") -> Path | None:
     except OSError:
         kept = True
     return file if kept else other
+
+
+def says_no(machine: Served, ended_utc: str) -> bool:
+    """machine, moment at which its newest night ended → whether its report was made of readings that are newer than that night, and
+    says No where the night does not.
+    """
+    if not ended_utc or (file := file_of_cell(machine)) is None:
+        return False
+    try:
+        with file.open(encoding="utf-8", errors="replace") as text:
+            found = NO_AFTER.search(text.read(HEAD))
+    except OSError:
+        return False
+    return found is not None and found[1] == ended_utc
 
 
 def file_of_night(machine: Served, record: Mapping[str, Any], name: str, unit: str = "") -> Path | None:
