@@ -19,7 +19,7 @@ from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.artefact import read_artefact
 from tango_cnc.plan import last_motion
-from tango_cnc.records import Artefact, Cell, Facet, InputError, Plan, Readings
+from tango_cnc.records import Artefact, Cell, Facet, InputError, LinkError, NothingSentError, Plan, Readings
 
 CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
 MOVED = np.array([4.0, -3.0, 2.0])
@@ -194,7 +194,8 @@ def test_touches_tell_a_table_of_another_size_from_one_that_is_turned(larger: fl
     grown = {k: replace(f, point=tuple(larger * x for x in f.point)) for k, f in cell.artefact.facets.items()}
     true = locate.moved(replace(cell.artefact, facets=grown), np.array([-2.0, 14.0, 5.0]), np.radians([0.5, -0.6, 1.5]))
     assert telling.unsized(cell.artefact, [touch.facet for touch in planned.touches]) < locate.KNOWN
-    with pytest.raises(InputError, match=r"table that is .*% (larger|smaller) than artefact.yaml says|from where the others place"):
+    size = f"{abs(larger - 1):.1%} {'larger' if larger > 1 else 'smaller'}"
+    with pytest.raises(InputError, match=f"All of them fit a table that is {size} than artefact.yaml says: measure"):
         locate.locate(planned, touched(planned, true=true))
 
 
@@ -262,3 +263,49 @@ def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
     readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, 0.01 * by, 0.001 * turn))))
     assert call("locate", "-C", tmp_path / "cell", "--readings", readings) == 0
     assert len(read_artefact(tmp_path / "cell" / "locate" / "artefact.yaml").obstacles) == 2
+
+
+def test_touches_that_are_broken_off_leave_no_place_of_before_behind(
+    cell: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The place of the week before stayed without a word, beside the readings of a try that an alarm had ended."""
+    measured(monkeypatch, touched(locate.strategy(read_cell(cell))))
+    assert call("locate", "-C", cell, "--yes") == 0
+    before = (cell / "locate" / "artefact.yaml").read_text()
+    capsys.readouterr()
+
+    def stops(kind: type[LinkError]) -> None:
+        def conducted(*_: object, **__: object) -> Readings:
+            raise kind("the control has been silent for longer than 43 s; look at the machine")
+
+        monkeypatch.setattr(command, "conducted", conducted)
+        assert call("locate", "-C", cell, "--yes") == 3
+
+    stops(NothingSentError)
+    assert (cell / "locate" / "artefact.yaml").read_text() == before and "kept as" not in capsys.readouterr().err
+    stops(LinkError)
+    (kept,) = (cell / "locate").glob("artefact.*.yaml")
+    said = capsys.readouterr().err
+    assert kept.read_text() == before and not (cell / "locate" / "artefact.yaml").exists()
+    assert f"kept as {kept}" in said and "move the probe up along the tool by hand before anything turns" in said
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("locate", "--program", "--readings", "FILE"),
+        ("commission", "--touch", "--held"),
+        ("commission", "--touch", "--dial"),
+        ("commission", "--touch", "--said", "TEXT"),
+        ("commission", "--timeout", "-1"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(words: tuple[str, ...], cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(words[0], "-C", cell, *words[1:]) == 2
+    said = capsys.readouterr().err
+    assert any(word in said for word in words[1:] if word.startswith("--") and word != "--touch")
+    assert not (cell / "commissioning").exists() and not (cell / "locate").exists()
+
+
+def test_a_program_is_written_without_a_terminal_whoever_holds_the_stylus(cell: Path) -> None:
+    assert call("commission", "-C", cell, "--held", "--program") == 0

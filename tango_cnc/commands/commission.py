@@ -72,7 +72,12 @@ PLACE = "Measure 10"  # in the list of commands
     help="Questions that a person has to answer: ask at the terminal, take yes for each, or leave them open.",
 )
 @click.option("--said", metavar="TEXT", default="", help="What stands on the screen of the control where the program stopped.")
-@click.option("--timeout", type=float, metavar="S", help="Seconds without an answer after which the program counts as stopped.")
+@click.option(
+    "--timeout",
+    type=click.FloatRange(0, min_open=True),
+    metavar="S",
+    help="Seconds without an answer after which the program counts as stopped.",
+)
 @json_option
 def command(
     folder: Path,
@@ -116,15 +121,14 @@ def command(
             f"everything is proven on this control{more}, see {folder / NAME}; 'tango commission --again' tries it once more"
         )
         return
-    if touch and within is not None:
-        raise InputError("--within: found --touch too; allowed: one of them, as --touch takes the table to be where its file says")
+    _together(touch, {"--within": within is not None, "--held": held, "--dial": dial, "--said": bool(said)})
     if touch:
         touched(cell, post, port, wanted, yes, only_program, timeout, json_file)
         return
     someone = attended()
-    if held and not someone:
+    if held and not someone and not only_program:
         raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
-    if dial and not someone:
+    if dial and not someone and not only_program:
         raise InputError("--dial: found no terminal; allowed: a terminal with a person who turns the feed override when asked")
     alone = {"deflected", *BY_DIAL}  # what only a second program shows
     if not someone and not wanted - alone and not only_program:
@@ -209,6 +213,17 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
     if feed is not None and "directions" in wanted:
         feed = options["positioning_feed"] = min(feed, commission.UNTRIED_FEED)
     return options, feed
+
+
+def _together(touch: bool, others: Mapping[str, bool | None]) -> None:
+    """whether the table is touched, {option of the moves in the air: whether it is stated} → nothing.
+
+    Raises InputError for both.
+    """
+    for name, stated in others.items():
+        if touch and stated:
+            why = "--touch takes the table to be where its file says" if name == "--within" else "that is of the moves in the air"
+            raise InputError(f"{name}: found --touch too; allowed: one of them, as {why}")
 
 
 def _before(programs: Sequence[Any], *texts: str) -> None:

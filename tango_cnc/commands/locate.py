@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,7 @@ from ..astray import AGREES
 from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.origin import set_aside
 from ..files.targets import spared
-from ..records import InputError
+from ..records import Cell, InputError, LinkError, NothingSentError
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._live import Live
 from ._start import in_spindle
@@ -79,6 +81,8 @@ def command(
     from ..plan import by_stylus, plan_hash
     from .check import positioning_feed
 
+    if only_program and file is not None:
+        raise InputError("--program: found --readings too; allowed: one of them, as nothing is made of readings by a program")
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     post = writing(cell) if file is None and controller_of(cell) else None
     made = locate.strategy(cell, within=within)
@@ -101,7 +105,7 @@ def command(
             click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
         address, many = address_of(cell, port), len(made.touches)
-        with holding(folder, "tango locate"), Live(None) as live:
+        with holding(folder, "tango locate"), Live(None) as live, _broken_off(out or folder / FOLDER / "artefact.yaml", out, cell):
             readings = conducted(
                 cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=many, notice=notice
             )
@@ -138,6 +142,23 @@ def command(
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
     _told(found, result, agrees, known[1])
+
+
+@contextmanager
+def _broken_off(where: Path, out: Path | None, cell: Cell) -> Iterator[None]:
+    """file of the artefact in its place, that of -o, cell → within it, touches that do not come to their end say how to go on, and
+    that what an earlier locating found is not of today: it is set aside. Raises LinkError.
+    """
+    try:
+        yield
+    except NothingSentError:
+        raise
+    except LinkError as error:
+        aside = set_aside(where) if out is None else None
+        raise type(error)(
+            f"{str(error).rstrip('.')}. After a stop: read the screen of the control, clear the alarm, and move the probe up along "
+            f"the tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md){_before(where, aside)}"
+        ) from None
 
 
 def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> None:
