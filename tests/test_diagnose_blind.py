@@ -31,6 +31,15 @@ def test_one_hidden_cause_is_named(bench: tuple[blind.Bench, blind.Eyes], cause:
     assert blind.names(found[1]) == [cause]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("cause", "seed"), [("thermal_drift", 5200053), ("probe_lobing", 5200068), ("backlash", 5200080)])
+def test_a_small_cause_is_named_although_a_part_of_the_touches_hardly_shows_it(cause: str, seed: int) -> None:
+    """A drift along one axis has one number, as a scale that grows has; a subset in which lobes do not pay their price has none."""
+    o = blind.tried(blind.Trial(blind.SMALL, "hu40t", (cause,), (0.0015, 0.0015), seed))
+    assert o is not None
+    assert o.found == [cause]
+
+
 LEAST = {
     "nothing hidden, white: nothing named": 0.95,
     "nothing hidden, drift: nothing named": 0.95,

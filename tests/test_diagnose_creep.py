@@ -54,3 +54,12 @@ def test_a_machine_that_drifts_is_no_stylus_that_creeps(direction: list[float]) 
     d = told(cause="thermal_drift", direction=direction)
     assert honest(d, "thermal_drift", "stylus_creep"), [(f.cause, f.alternatives) for f in d.findings]
     assert d.findings[0].cause == "thermal_drift"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [5200076, 5201076])
+def test_a_stylus_that_creeps_along_no_axis_is_named_first(seed: int) -> None:
+    """It has two numbers, and a drift that does the same three; one in this plane has two as well, so it is listed."""
+    o = blind.tried(blind.Trial(blind.SMALL, "hu40t", ("stylus_creep",), (0.0015, 0.0015), seed))
+    assert o is not None
+    assert o.found == ["stylus_creep"] and "thermal_drift" in o.calls[0] and o.verdict == "unexplained"

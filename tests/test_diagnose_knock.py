@@ -66,6 +66,14 @@ def test_what_was_knocked_is_named_or_listed_and_nothing_else_is_explained(
 
 
 @pytest.mark.long
+def test_a_knock_that_reads_like_no_step_is_found_without_one() -> None:
+    """What C moved on its carrier turns with B: no step of the machine or the table does that."""
+    o = blind.tried(blind.Trial(blind.SMALL, "hu40t", ("axis_knock",), (0.0015, 0.0015), 93200075))
+    assert o is not None
+    assert o.found == ["axis_knock"]
+
+
+@pytest.mark.long
 def test_a_moment_that_touches_do_not_feel_is_told_as_two_touches() -> None:
     """Along X of the spindle: no touch on a facet that looks up feels it."""
     d = told(cause="stylus_knock", direction=[1.0, 0.0, 0.0], at=203)

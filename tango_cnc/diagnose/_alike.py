@@ -6,6 +6,9 @@ causes apart by chance. So another cause is compared in the directions that it s
 
 A name of one direction, such as a scale that grows, is cheaper than a body that may drift in any of three. A body that drifts along
 one axis of its frame is as plain, and a machine is built so that most do. So it is compared so, too, at the price of one direction.
+
+A tip that creeps has two directions, both across the spindle. A body that drifts in this plane alone does the same to all touches
+of a spindle that does not turn. So it is compared along two axes of its frame, too, at the price of two directions.
 """
 
 from __future__ import annotations
@@ -36,6 +39,10 @@ def alike(
             if other.candidate.cause not in found or behind < found[other.candidate.cause][1]:
                 found[other.candidate.cause] = other, behind
         return list(found.values())
+    for other, planes in _along_two(place, cat, one.candidate):
+        behind = best - max(total(place, [*others, plane]) for plane in planes)
+        if other.candidate.cause not in found or behind < found[other.candidate.cause][1]:
+            found[other.candidate.cause] = other, behind
     own = orthonormal(one.columns)
     for candidate in _variants(cat, one.candidate):
         columns = place.project(candidate.columns)
@@ -69,6 +76,21 @@ def _along_one(place: Space, cat: Catalogue, one: Candidate) -> Iterator[Chosen]
                 break
             if single.columns.shape[1] == 1:
                 yield Chosen(single, place.project(single.columns), cost(single, len(axis) * max(tried, FEWEST_TRIED), place.m))
+
+
+def _along_two(place: Space, cat: Catalogue, one: Candidate) -> Iterator[tuple[Chosen, list[Chosen]]]:
+    """space, catalogue, a name of two directions → displacements with its moment and course; each along two axes of its frame."""
+    for candidate in _variants(cat, one) if _axes(one) == "xy" else ():
+        if _axes(candidate) == "xyz":
+            tried = int((cat.group == cat.causes.index(candidate.cause)).sum())
+            columns, whole = place.project(candidate.columns), cost(candidate, tried, place.m)
+            price = cost(candidate, 3 * max(tried, FEWEST_TRIED), place.m) - float(np.log(place.m))
+            planes = [Chosen(candidate, np.delete(columns, gone, axis=1), price) for gone in range(3)]
+            yield Chosen(candidate, columns, whole), planes
+
+
+def _axes(c: Candidate) -> str:
+    return "".join(k.name[-1:] for k in c.coefficients)
 
 
 def _variants(cat: Catalogue, one: Candidate) -> Iterator[Candidate]:

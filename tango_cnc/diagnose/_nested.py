@@ -20,6 +20,7 @@ from ._records import ALONE, SUBSETS, Stability
 from ._space import RIDGE, faint
 
 UNKNOWN = 0.5  # of the pattern of a name, from which a setting that fits the other touches as well predicts it no more
+AXES = "xyz"  # of a displacement, whatever its frame
 NEAR = 10.0  # evidence by which another cause may be better in a subset: no very strong evidence against a name
 
 
@@ -50,8 +51,9 @@ class Folds:
         self.size = np.array([b.shape[1] for b in blocks])
         self.start = np.concatenate([[0], np.cumsum(self.size)[:-1]]).astype(np.int64)
         self.columns = np.hstack(blocks)
-        named = np.array([c.named for c in e.catalogue.candidates])
-        self.named = np.flatnonzero(named)
+        every = (*e.catalogue.candidates, *(o.candidate for o in e.chosen))
+        self.named = np.flatnonzero([c.named for c in e.catalogue.candidates])
+        self.towards = np.array([[k.name[-1:] for k in c.coefficients] == [*AXES] for c in every])
 
     def nested(self, one: Chosen, schemes: Mapping[str, NDArray[np.int64]], keep: NDArray[np.bool_]) -> Nested:
         """one of the chosen, groups (n,) of each scheme, rows that count → gain and selection."""
@@ -121,8 +123,19 @@ class Folds:
             left[:, np.arange(k), np.arange(k)] += RIDGE * length + 1e-30
             right = along[at]
             taken = np.sum(right * np.linalg.solve(left, right[:, :, None])[:, :, 0], axis=1)
-            result[blocks] = -m * np.log(np.maximum(1 - taken / whole, 1e-9)) - self.price[blocks]
+            result[blocks] = _gained(m, taken / whole) - self.price[blocks]
+            if k != len(AXES):
+                continue
+            # As in the contest: what goes along one axis of its frame has one number, and which axis was picked among three.
+            single = np.max(along[at] ** 2 / np.einsum("bkk->bk", left), axis=1)
+            alone = _gained(m, single / whole) - self.price[blocks] + (k - 1) * float(np.log(m)) - 2 * float(np.log(k))
+            result[blocks] = np.where(self.towards[blocks], np.maximum(result[blocks], alone), result[blocks])
         return result
+
+
+def _gained(m: int, part: Array) -> Array:
+    """degrees of freedom, part of the sum of squares that is taken (b,) → twice the log likelihood ratio (b,)."""
+    return np.asarray(-m * np.log(np.maximum(1 - part, 1e-9)))
 
 
 __all__ = ["Folds", "Nested"]

@@ -154,11 +154,13 @@ def select(place: Space, cat: Catalogue, limits: Limits, usual: Array) -> list[C
         if names and total(place, names) > total(place, chosen):
             chosen = names
     chosen = twinned(place, cat, plainest(place, cat, chosen))
+    chosen = [*chosen, *happened(place, cat, chosen, limits, usual)]
     return [*chosen, *awaited(place, cat, chosen, usual)]
 
 
 def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chosen]:
-    """chosen → chosen, where a plainer cause has the place of one with more settings that is no more than `STRONG` better.
+    """chosen → chosen, where a plainer cause has the place of one with more settings that is no more than `STRONG` better, and one
+    that is only more usual of one that is no more than `APART` better.
 
     More settings follow the noise of one run better by a few units; the other one stays among the alternatives.
     """
@@ -178,11 +180,26 @@ def plainest(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Cho
                 continue
             twice = any(c.candidate.cause == cause and _axis(c) == _axis(new) for c in others)
             if not twice and cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
-                options.append((total(place, [*others, new]), new))
-        value, new = max(options, key=lambda one: one[0], default=(-np.inf, old))
-        if value > best - STRONG:
+                if len(old.candidate.setting.keys() - {"shape"}) > len(new.candidate.setting.keys() - {"shape"}):
+                    behind = best - total(place, [*others, new]) - STRONG
+                else:  # a tip that creeps has fewer numbers than a body that drifts, but for one that drifts along one axis
+                    behind = best - thrifty(place, others, new) - APART
+                options.append((behind, new))
+        behind, new = min(options, key=lambda one: one[0], default=(np.inf, old))
+        if behind < 0:
             found[i] = new
     return found
+
+
+def thrifty(place: Space, others: Sequence[Chosen], one: Chosen) -> float:
+    """others, a cause beside them → the score of all, where it goes along one axis of its frame alone if that is better: most
+    machines are built so that they do, and which axis was picked among three.
+    """
+    axes = [k.name[-1:] for k in one.candidate.coefficients]
+    columns = [one.columns[:, [i]] for i in range(len(axes))] if axes == ["x", "y", "z"] else []
+    price = one.price - (len(axes) - 1) * float(np.log(place.m)) + 2 * float(np.log(max(len(axes), 1)))
+    single = [total(place, [*others, Chosen(one.candidate, own, price)]) for own in columns]
+    return max([total(place, [*others, one]), *single])
 
 
 def twinned(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chosen]:
@@ -206,6 +223,30 @@ def twinned(place: Space, cat: Catalogue, chosen: Sequence[Chosen]) -> list[Chos
             if value > least and possible and any(c is new for c in trial):
                 least, found = value, trial
     return found
+
+
+def happened(place: Space, cat: Catalogue, chosen: Sequence[Chosen], limits: Limits, usual: Array) -> list[Chosen]:
+    """chosen → a twin of a cause that was not found, where the twin is significant beside them.
+
+    What the two do may be so different that the one that is searched for does not show where the other one happened. One alone is
+    added: with twins in the search, what comes again and again is followed by several of them.
+    """
+    if any(not c.candidate.cause for c in chosen):
+        return []
+    score, ratios, _ = scored(place, cat, chosen)
+    selected, there = columns_of(place, chosen), {c.candidate.cause for c in chosen}
+    found: list[tuple[float, Chosen]] = []
+    for cause, names in cat.twins.items():
+        for name in names if there.isdisjoint((cause, *names)) else ():
+            if name not in cat.causes:
+                continue
+            i = cat.causes.index(name)
+            own = np.flatnonzero(cat.group == i)
+            if float(score[own].max()) - usual[i] > limits.limit[kind(name)]:
+                value, new = rival(place, cat, name, selected, ratios)
+                if cat.plausible(new.candidate, coefficients(place, selected, new.columns, ratios)):
+                    found.append((value, new))
+    return [max(found, key=lambda one: one[0])[1]] if found else []
 
 
 def _axis(c: Chosen) -> object:

@@ -65,9 +65,9 @@ class Cause(Family):
     make: Callable[..., list[Coefficient]]  # machine, **setting → the coefficients that these settings stand for
     frame: str  # in which it acts: machine, table, spindle, axis, probe, log
     mistaken: tuple[str, ...]  # names of the causes that it is taken for
-    plainer: tuple[str, ...] = ()  # of these, what is more usual and has fewer settings: named first where it comes near
+    plainer: tuple[str, ...] = ()  # of these, what is more usual or has fewer settings: named first where it comes near
     parted: Mapping[str, str] = field(default_factory=dict)  # another cause → what to do so that touches tell the two apart
-    in_place_of: str = ""  # a cause that is searched for; this one is tried only where that one was found, in its place
+    in_place_of: str = ""  # a cause that is searched for; this one is tried in its place, or alone where none was found
     says: str  # the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
     meaning: str  # what it does to parts, for a person at the machine
     advice: str  # what that person does about it
