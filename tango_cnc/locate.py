@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
-from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, no_proof
+from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, grown, no_proof
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
@@ -267,7 +267,7 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
         raise InputError(
             f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
             f"{agrees:g} mm. Was another facet touched, or something that is not the table? {_advice(plan)}."
-            f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
+            f"{_as_another(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     counted = tuple(facet.id for row, facet in enumerate(facets) if row in kept)
@@ -296,6 +296,15 @@ def _missed(readings: Readings) -> str:
 def _hidden(readings: Readings) -> str:
     """readings of the cycle, in which a touch met nothing → why a table whose file is less exact is not offered."""
     return f" As {_missed(readings)}, too few touches are left to take the table for less exact than its file"
+
+
+def _as_another(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
+    """as `agreeing` → the sentence on what they fit: a table of another size, or one that is less exact; '' for neither."""
+    by, left = grown(facets, tip, radius)
+    if len(facets) > LEAST and left <= agrees and abs(by) > 1e-3:
+        size = f"{abs(by):.1%} {'larger' if by > 0 else 'smaller'}"
+        return f" All of them fit a table that is {size} than artefact.yaml says: measure one of its widths first"
+    return _looser(facets, tip, radius, least, agrees)
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:

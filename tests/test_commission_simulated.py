@@ -102,7 +102,7 @@ def test_the_line_of_a_dialect_goes_from_commissioning_to_readings(dialect: str,
     assert found["ok"] == found["touches"] > 20
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("dialect", sorted(ROWS))
 def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
     dialect: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -51,6 +51,7 @@ def said(verdict: str, untrusted: list[str] | None = None, hidden: Mapping[str, 
     return as_far_as_trusted(found, record, result, everything if untrusted is None else untrusted, hidden or {}, run())
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize("verdict", ["kept", "not as promised"])
 def test_a_run_that_is_not_to_be_trusted_proves_nothing_good(verdict: str) -> None:
     assert said(verdict, []).verdict == verdict

@@ -92,7 +92,7 @@ def test_a_direction_of_a_machine_with_an_inclined_axis_is_refused() -> None:
         given("siemens", {"V1 (A), Z": 0.7071})
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("name", "target"),
     [(n, t) for n in EXAMPLES for t in ("siemens", "heidenhain", "fanuc", "value_sheet", "fagor") if n != "three_axis_calibrated"],

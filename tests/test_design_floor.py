@@ -96,7 +96,7 @@ def test_it_says_in_how_many_minutes_the_change_that_is_wished_is_seen(monkeypat
     assert "--again" in " ".join(floor.lines(floor.Floor(0.007, 0.006, None), size))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("name", "told", "count"), [("fork_head", 3, 11), ("trunnion", 6, 7)])
 def test_a_head_tells_three_numbers_at_an_indexation_and_a_table_six(name: str, told: int, count: int) -> None:
     cell = read_cell(EXAMPLES / name)

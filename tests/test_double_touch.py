@@ -370,7 +370,7 @@ def test_ctrl_c_within_a_touch_draws_the_probe_clear(protocol: str, kind: str) -
     assert min(np.abs(np.array(place) - standoff)[:3].max() for place in went[-40:]) < 0.01
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("retreat", "near"), [(9.75, 0), (9.5, 1)])
 def test_a_way_back_to_the_facet_that_some_controls_find_too_short_is_not_made(retreat: float, near: int) -> None:
     """Mach3 takes no G31 of less than 0.254 mm: the second of two touches begins at the stand-off then, and is as slow."""

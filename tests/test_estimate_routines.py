@@ -54,7 +54,7 @@ def test_parameters_and_figures_of_the_terms_are_those_of_another_routine(exampl
         assert abs(one.value - two.value) <= HUNDREDTH * one.std
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_figures_of_every_error_motion_are_those_of_another_routine(driver: str) -> None:
     """That fit inverts normal equations; an orthogonal routine sees the touches themselves, and the widths as rows."""

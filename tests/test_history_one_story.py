@@ -174,3 +174,25 @@ def test_a_night_that_told_a_repair_and_its_way_back_tells_the_repair_alone() ->
     page = context(record, (Decision(KNOCK, "repaired", "Dora", utc=night(M, 6)["end_utc"]),), None, texts())
     assert page["first"]["id"] == other["id"] and not page["also"] and page["count"] == 1
     assert page["suspect"].startswith("All that were made since Thu 29 Oct 2026")
+
+
+def test_nobody_has_answered_and_it_is_one_open_alarm_in_every_count(tmp_path: Path) -> None:
+    """One on the pages, two in the fleet, in /metrics and in the headline ("more open alarms: 1")."""
+    place = story(tmp_path / "one")
+    told = views(place)
+    assert told["unanswered"] == told["former"] == [KNOCK] and told["count"] == 1 and told["held"] == 0
+    assert views(story(tmp_path / "again", again=True))["count"] == 2  # and what moved after that
+    back = moved(5, -19.0, undoes={"alarm": KNOCK, "left": 0.001}, night="2026-10-29", now="")
+    knock = moved(2, 20.0, night="2026-10-26", now=say("night.alarms.gone_again_left", told="+1.0 ± 0.3 µm"))
+    for alarms, standing_ in (([back], [knock]), ([], [back, knock]), ([], [knock, back])):
+        record = night(M, 8, "changed", alarms=alarms, standing=standing_) | {"repaired": []}
+        record["headline"] = headline(record)
+        assert "more open alarms" not in record["headline"] and "more open alarms" not in as_decided(record, ())
+    other = moved(7, 9.0, night="2026-10-31", now="")
+    record = night(M, 8, "changed", standing=[other, back, knock]) | {"repaired": []}
+    record["headline"] = headline(record)
+    assert "more open alarms: 1" in record["headline"] and "more open alarms: 1" in as_decided(record, ())
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        assert f'tango_machine_alarms_open{{machine="{M}"}} 1' in client.get("/metrics").text
+    shown = CliRunner().invoke(tango, ["nightly", "--status", "-C", str(place)]).output
+    assert shown.count("open alarm") == 1

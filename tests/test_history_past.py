@@ -58,7 +58,7 @@ def nights(
     return np.asarray(true)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("follows", "size", "cause"),
     [

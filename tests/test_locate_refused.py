@@ -194,7 +194,8 @@ def test_touches_tell_a_table_of_another_size_from_one_that_is_turned(larger: fl
     grown = {k: replace(f, point=tuple(larger * x for x in f.point)) for k, f in cell.artefact.facets.items()}
     true = locate.moved(replace(cell.artefact, facets=grown), np.array([-2.0, 14.0, 5.0]), np.radians([0.5, -0.6, 1.5]))
     assert telling.unsized(cell.artefact, [touch.facet for touch in planned.touches]) < locate.KNOWN
-    with pytest.raises(InputError, match=r"table that is .*% (larger|smaller) than artefact.yaml says|from where the others place"):
+    size = f"{abs(larger - 1):.1%} {'larger' if larger > 1 else 'smaller'}"
+    with pytest.raises(InputError, match=f"All of them fit a table that is {size} than artefact.yaml says: measure"):
         locate.locate(planned, touched(planned, true=true))
 
 

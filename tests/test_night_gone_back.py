@@ -117,8 +117,11 @@ def test_what_went_back_and_moved_again_is_neither_still_there_nor_gone_by_the_a
     assert not way_back["now"] and way_back["total"] == way_back["size"] and not way_back["confirmed"]
     record = records[6] | {"verdict": "changed", "alarms": [again], "standing": list(found.values())}
     told = message(record, (), ())[1]
-    assert "still there" not in told and told.count("the day on which it went back differ") == 2
+    assert "still there" not in told and told.count("the first night without it again, differ") == 2
     assert told.count("a part is off") == 1  # of what stands
     page = context(record, (), None, texts())
     assert page["first"]["id"] == again["id"] and page["also"][0]["gone"] and page["first"]["on_part_um"] == pytest.approx(41.0)
     assert "It has gone back since: 0.1 µm of 20 µm is left." in page["also"][0]["text"]
+    gone = page["also"][0]["on_part"]
+    assert gone.startswith("Parts that were made between Mon 26 Oct 2026 and Wed 28 Oct 2026, the first night without it again")
+    assert page["suspect"].endswith("Those between Sun 25 Oct 2026 and Wed 28 Oct 2026, when another fault went back, too.")

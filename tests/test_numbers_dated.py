@@ -50,6 +50,7 @@ def seen(place: Path, path: str) -> str:
         return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
+@pytest.mark.long
 def test_numbers_beside_a_night_that_was_cut_off_name_their_own_night(tmp_path: Path) -> None:
     t, good = texts(), night(M, 1)
     found = answer(good, Units(), t)

@@ -100,6 +100,6 @@ def test_a_change_that_went_back_last_night_and_is_ignored_is_no_reason_to_measu
     decisions = tuple(decided(a, action) for a in (knock, back))
     told = context(night(M, 8, "changed", alarms=[back], standing=[knock]), decisions, None, texts())
     assert told["answer"].may == "yes" and told["todo"] == ["Nothing."] and told["first"]["gone"]
-    assert "the day on which it went back" in told["suspect"]
+    assert told["suspect"].endswith("and Sun 1 Nov 2026, the first night without it again.")
     asked = context(night(M, 8, "changed", alarms=[back], standing=[knock]), (), None, texts())
     assert asked["answer"].may == "but" and FIRST in asked["todo"]

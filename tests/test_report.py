@@ -758,6 +758,32 @@ def test_a_report_that_says_no_after_the_night_carries_it_for_the_pages(
     assert "tango-no-after" not in page.render(facts)
 
 
+@pytest.mark.parametrize("owner", ["", "Dora, 4713"])
+def test_a_report_asks_who_has_repaired_what_has_moved_since_the_night(facts: Facts, owner: str) -> None:
+    """It sent somebody to look for what had moved; the repair of that morning had moved it."""
+    assert facts.tip is not None
+    record: dict[str, Any] = {
+        "verdict": "good",
+        "night": "2026-11-20",
+        "volume": {"worst_um": 500 * facts.tip.worst, "std_um": 0.5},
+    }
+    record["parameters"] = {n: {"value": 0.5 * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
+    name = next(iter(effects(facts.result)))
+    night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record, repaired={name: owner} if owner else {})
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
+    (line,) = [x for x in page.context(replace(facts, nights=night, paper=paper))["todo"] if "by these readings" in x]
+    assert line.startswith("Ask Dora, 4713 what was done" if owner else "Look for what has moved since the night.")
+
+
+@pytest.mark.parametrize(("has", "asks", "calls"), [("Bob", "", False), ("", "Call Bob.", True), ("Bob", "Call Cy.", True)])
+def test_a_report_calls_nobody_about_what_somebody_has(facts: Facts, has: str, asks: str, calls: bool) -> None:
+    record = {"verdict": "changed", "night": "2026-11-20", "limits": [], "volume": None}
+    more: dict[str, Any] = {"has": has, "asks": asks, "owner": "Bob", "todo": ("Measure the first part.", "Ask.")}
+    night = NewestNight("2026-11-20", "changed", "", 1, "2026-11-20T02:30:00+00:00", record, **more)
+    newer = replace(facts, nights=night, paper=replace(facts.paper, measured="2026-11-20T09:00:00Z"))
+    assert ("Call Bob about what the night has found" in " ".join(page.context(newer)["todo"])) == calls
+
+
 def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
     """169 µm by these readings, and below it "which does 122 µm of it", which was of the 137 µm of the night."""
     assert facts.tip is not None

@@ -309,6 +309,7 @@ def test_the_command_prints_tables_with_both_columns() -> None:
     assert row["ours"]["pure"] == pytest.approx(-9.31, abs=5)
 
 
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("number", "figure"), [("4-6", "4-7"), ("4-7", "4-8"), ("4-8", "4-9"), ("4-9", "4-10")])
 def test_arrows_of_the_pictures_are_the_residuals_of_the_table(number: str, figure: str) -> None:
     arrows = made(number).arrows

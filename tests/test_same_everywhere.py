@@ -54,6 +54,7 @@ def broken_off(place: Path) -> None:
     run.gone()
 
 
+@pytest.mark.long
 def test_a_run_that_broke_off_asks_for_the_same_on_its_own_page(tmp_path: Path) -> None:
     """The page of the run asked for the missing touches first; nobody else did."""
     place = cell(tmp_path / "one", records=[night(M, 0)])

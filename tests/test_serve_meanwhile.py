@@ -127,6 +127,7 @@ def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> N
     assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining
 
 
+@pytest.mark.long
 def test_a_run_that_has_only_begun_says_what_its_plan_takes(tmp_path: Path) -> None:
     """Before five touches have shown its pace, the list said that it has just begun, though its plan says for how long."""
     place = cell(tmp_path / "one", records=[night(M, 0)])

@@ -44,6 +44,7 @@ def test_every_touch_is_recorded_where_it_happened(made: Plan) -> None:
     assert_as_it_happened(ran, made)
 
 
+@pytest.mark.few(0)
 def test_records_are_machine_coordinates_whatever_the_offset(made: Plan) -> None:
     assert run(lines_of(made), made, g54={"X": 11.5, "Y": -3.25, "Z": 100.25}).lines == run(lines_of(made), made).lines
 

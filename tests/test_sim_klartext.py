@@ -153,6 +153,7 @@ def test_a_missing_mask_stops_before_anything_moves(made: Plan) -> None:
     assert not ran.moves
 
 
+@pytest.mark.few(0)
 def test_the_short_way_needs_m126(made: Plan) -> None:
     """Whoever takes M126 out gets the same touches, the long way round."""
     long_way = [line.replace("M126", "M127") for line in lines_of(made)]

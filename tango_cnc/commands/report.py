@@ -294,7 +294,7 @@ def nights(
     from ..history.clock import told as told_of
     from ..report.age import due, measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
-    from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed
+    from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed, untried
     from ..report.morning import volumes_of
     from ..report.orders import brief_of, orders
     from ..report.pace import ahead
@@ -335,6 +335,7 @@ def nights(
             answers_for=settings.answers_for,
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
+            repaired={str(a["parameter"]): str(a["decision"].owner) for a in found if untried(a) and a["decision"] is not None},
             named=bool(found) and asking(found)[:1] != found[:1],
             chain=history.newest_hashes().get(machine),
             share=bool(found) and _is_share(found[0].get("raw_text")),

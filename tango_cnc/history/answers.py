@@ -31,8 +31,9 @@ class Answers:
         return tuple(key for key in self.newest if key in self.decided and self.decided[key].action in HELD)
 
     def unanswered(self) -> tuple[str, ...]:
-        """→ ids of those without an answer."""
-        return tuple(key for key in self.newest if key not in self.decided)
+        """→ ids of those without an answer, a change and its way back once: who answers the former has answered the latter."""
+        waits = [key for key in self.newest if key not in self.decided]
+        return tuple(key for key in waits if _gone_back(self.newest[key][1]) not in waits)
 
 
 def answers(nights: Iterable[tuple[int, Sequence[Mapping[str, Any]]]], decisions: Iterable[Decision], today: str = "") -> Answers:

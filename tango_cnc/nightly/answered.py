@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..history import Decision
+from ..history.answers import of_machine
 from ..state import Named, State, reopened
 from ..texts import joined, say
 from .alarms import Known, effect_of, said_of
@@ -80,7 +81,7 @@ def after_repairs(
     """
     helped: list[dict[str, Any]] = []
     still: list[dict[str, Any]] = []
-    left, done = list(alarms), repaired(past, machine)
+    left, done = list(alarms), _judged_by_tonight(past, machine, repaired(past, machine))
     for d, stored, wrong in _meant(past, machine, done):
         if (m := moved(past, machine, k, after, stored, wrong)) is None:
             if wrong["cause"] in WITHOUT_SIZE and not alarms:
@@ -99,6 +100,27 @@ def after_repairs(
         told = {"owner": said.owner, "date": said.utc[:10], "what": what}
         left = [a | {"text": say("changed.after_repair", text=a["text"], **told)} for a in left]
     return [*still, *left], helped
+
+
+def _judged_by_tonight(past: Past, machine: str, done: Sequence[Decision]) -> list[Decision]:
+    """history, machine, repairs → those that tonight says something of. Of what had gone back already, and has moved again since,
+    the night of the way back has said it: what is there now came after the repair, and has an alarm of its own.
+    """
+    if not done:
+        return []
+    decided = of_machine(past, machine).decided
+    told = [(stored, a) for stored in past.alarmed(machine) for a in stored.record["alarms"]]
+    back = {str(a["undoes"]["alarm"]): (stored, a) for stored, a in told if a.get("undoes")}
+
+    def moved_since(d: Decision) -> bool:
+        ends = back.get(d.alarm) or next((one for one in back.values() if one[1]["id"] == d.alarm), None)
+        if ends is None:
+            return False
+        gone_in, way = ends[0].night.start_utc, ends[1]
+        later = [a for stored, a in told if stored.night.start_utc > gone_in and _same(a, way) and not a.get("undoes")]
+        return any(a["id"] not in decided or decided[a["id"]].action != "repaired" for a in later)
+
+    return [d for d in done if not moved_since(d)]
 
 
 def _meant(past: Past, machine: str, done: Sequence[Decision]) -> list[tuple[Decision, Any, dict[str, Any]]]:

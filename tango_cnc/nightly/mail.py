@@ -257,7 +257,7 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
     lines += [
-        t("mail.on_part", text=_gone_part(cause, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        t("mail.on_part", text=_gone_part(cause, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
         t("mail.do", text=t(again) if again in t and cause["do"] == usual else cause["do"]),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
@@ -269,12 +269,16 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _gone_part(cause: Mapping[str, Any], t: Texts) -> str:
-    """alarm, texts → which parts a change that has gone back makes different, as its page says; '' of one that stands."""
+def _gone_part(cause: Mapping[str, Any], night: str, t: Texts) -> str:
+    """alarm, its night if that is tonight, texts → which parts a change that has gone back makes different, as its page
+    says; '' of one that stands.
+    """
     undone = cause.get("undoes") or {}
     if not cause.get("on_part") or not (undone or is_gone(cause.get("now") or "")):
         return ""
-    return t("morning.gone_part", date=str(undone.get("alarm") or cause.get("id") or "")[:10])
+    begun = str(undone.get("alarm") or cause.get("id") or "")[:10]
+    until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or "")
+    return t(f"morning.gone_part{'_by' if until else ''}", date=begun, until=until)
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

@@ -85,7 +85,7 @@ def _as_ended(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """alarms of other nights → the same; one that went back is told as the night saw it that found it gone, and so is its way back:
     what moved after that is another event, which is neither still there nor gone by what its own alarm says.
     """
-    back = {str(a["undoes"]["alarm"]): a["undoes"] for a in found if a.get("undoes")}
+    back = {str(a["undoes"]["alarm"]): a["undoes"] | {"gone_by": str(a["id"])[:10]} for a in found if a.get("undoes")}
 
     def told(a: dict[str, Any]) -> dict[str, Any]:
         if a.get("undoes"):
@@ -93,7 +93,14 @@ def _as_ended(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         if (u := back.get(str(a["id"]))) is None or u.get("left") is None or u.get("std") is None:
             return a
         left = say("night.alarms.gone_again_left", told=value(float(u["left"]), str(a["unit"]), float(u["std"])))
-        return a | {"now": left, "total": float(u["left"]), "confirmed": None, "do": say("night.gone_do"), "ended": True}
+        return a | {
+            "now": left,
+            "total": float(u["left"]),
+            "confirmed": None,
+            "do": say("night.gone_do"),
+            "ended": True,
+            "gone_by": u["gone_by"],
+        }
 
     return [told(a) for a in found]
 

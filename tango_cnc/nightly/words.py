@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from ..report.repeated import stories
 from ..report.texts import texts
 from ..report.tonight import is_gone, moved_on
 from ..report.units import shown
@@ -187,7 +188,8 @@ def _who(alarm: Mapping[str, Any]) -> Said:
 
 def _more(record: Mapping[str, Any], told: int) -> str:
     """record, standing alarms that the headline names → how many more stand; '' for none."""
-    count = len(record.get("standing") or ()) - told
+    standing = record.get("standing") or ()
+    count = len(stories(standing) - stories([*record["alarms"], *standing[:told]]))
     return say("night.words.more_wait", count=count) if count > 0 else ""
 
 

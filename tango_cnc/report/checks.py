@@ -170,7 +170,8 @@ def _nights(f: Facts, t: Texts) -> list[Check]:
     )
     newer = "_newer" if age == "newer" else ""
     owner = n.owner or f.paper.owner
-    whom = "_also" if n.asks and n.asks in n.todo else "" if owner else "_nobody"  # nobody calls two people about one alarm
+    has = bool(n.has) and not n.asks  # somebody has what is wrong first
+    whom = "_also" if has or (n.asks and n.asks in n.todo) else "" if owner else "_nobody"  # nobody calls two about one alarm
     todo = t(f"todo.nights{newer}{whom}", owner=owner)
     told = n.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     tone = LEVELS[told.may]

@@ -202,10 +202,11 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=day(first, t), date=day(until, t))
-    back = min((str(a["begun"]) for a in found if a["gone"] and a["begun"]), default="")
+    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in found if a["gone"] and a["begun"]), default=("", ""))
     known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
     if back and not known and not (suspect and began and began <= back):
-        return f"{suspect} {t('morning.suspect_gone_also' if suspect else 'morning.suspect_gone', date=day(back, t))}".strip()
+        key = f"morning.suspect_gone{'_also' if suspect else ''}{'_by' if until else ''}"
+        return f"{suspect} {t(key, date=day(back, t), until=day(until, t))}".strip()
     return suspect
 
 

@@ -39,7 +39,8 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") or d.alarm in known]
     since = [d for d in since if d.action in DECIDED]
     closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
-    others = sum(not closed.get(alarm["id"], False) for alarm in standing[0 if tonight else 1 :])
+    named = record.get("alarms") if tonight else standing[:1]
+    others = len(stories([a for a in standing if not closed.get(a["id"], False)]) - stories(named or ()))
     more = say(MORE, count=others) if others else ""
     own = [d for d in since if standing and not tonight and d.alarm == standing[0]["id"]]
     who = say(DECIDED[own[-1].action], owner=own[-1].owner, date=own[-1].utc[:10], until=own[-1].until or "") if own else None
@@ -50,6 +51,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
         return str(_answered(headline, more, None)) if standing and tonight else str(headline)
     headline = headline.but(more=more)
     return headline if who is None else headline.but(who=who)
+
+
+def stories(alarms: Sequence[Mapping[str, Any]]) -> set[str]:
+    """alarms → what they are about: a change and its way back are one story, which is called as the former."""
+    return {str((a.get("undoes") or {}).get("alarm") or a.get("id") or f"{i} of {id(alarms)}") for i, a in enumerate(alarms)}
 
 
 def said_of_repair(decision: Any) -> str:

@@ -44,6 +44,8 @@ def since_then(f: Facts, t: Texts, key: str = "report.since_then") -> str:
     values = {key: amount(value, unit, f.wishes.units, t) for key, value in (("here", here), ("there", there))}
     signs = {key: "−" if value < 0 else "" for key, value in (("here", here), ("there", there))}
     told = {key: signs[key] + text for key, text in values.items()}
+    if key == "todo.grown" and name in f.nights.repaired:
+        key, told["owner"] = "todo.grown_repaired", f.nights.repaired[name]
     return t(
         key,
         what=f"{spoken(name, machine, t)[:1].upper()}{spoken(name, machine, t)[1:]}",

@@ -134,6 +134,7 @@ def _one_of(story: _Story, written: str, how: _Telling) -> dict[str, Any]:
         "tonight": any(not a.get("older") for a in same),
         "let_be": any(a.get("let_be") for a in same) and all(a.get("let_be") or closed(a) for a in same),
         "gone": gone,
+        "gone_by": next((str(a["first"]) for a in same if gone and _undoes(a, same[0])), ""),
     }
     if gone:
         first |= _gone_back(first, story.own, story.every, how.u, how.t)
@@ -210,7 +211,12 @@ def _gone(same: Sequence[Mapping[str, Any]]) -> bool:
     """alarms of a parameter, oldest first → whether it is back where it was before the oldest of them."""
     if same[0]["older"] and isinstance(now := same[0].get("now"), Said) and now.key == "night.alarms.gone_again_left":
         return True
-    return any((a.get("undoes") or {}).get("alarm") == same[0]["id"] for a in same)
+    return any(_undoes(a, same[0]) for a in same)
+
+
+def _undoes(a: Mapping[str, Any], first: Mapping[str, Any]) -> bool:
+    """alarm, the oldest of its parameter → whether it is the way back of that one."""
+    return bool((a.get("undoes") or {}).get("alarm") == first["id"])
 
 
 def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: Texts) -> dict[str, Any]:
@@ -219,7 +225,8 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     sizes = {"left": amount(abs(left * factor), unit, u, t), "size": amount(abs(own * factor), unit, u, t)}
     told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
     told |= {"office": office(t("night.gone_do"), t)}
-    part = t("morning.gone_part", date=day(first["first"], t)) if first["on_part"] else ""
+    key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
+    part = t(f"morning.{key}", date=day(first["first"], t), until=until) if first["on_part"] else ""
     return told | {"on_part": part}
 
 

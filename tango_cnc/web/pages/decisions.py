@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
@@ -22,7 +23,7 @@ from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
-from ..served import Row
+from ..served import Row, Served
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of, rows_of, unchanged
 from .machine import busy_for, run_of
 
@@ -102,6 +103,7 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
     said = measuring(said, state.texts) if busy and said is not None else said
     return {
         "machine": row.machine,
+        "where": _where(row.machine),
         "answer": said,
         "faults": shown,
         "open": asked,
@@ -110,6 +112,11 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
         "call": "" if said is None else to_ask(asked_of(row, state), waits, state.texts),
         "todo": [] if said is None else orders_of(row, said, found, state),
     }
+
+
+def _where(machine: Served) -> str:
+    """machine → the options with which a command finds it from the folder in which the server was started."""
+    return f"--machine {shlex.quote(machine.name)}" if machine.folder is None else f"-C {shlex.quote(str(machine.folder))}"
 
 
 def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator
 
 from starlette.exceptions import HTTPException
@@ -52,19 +53,26 @@ def _lines(request: Request) -> Iterator[str]:
     def stale(row: Row) -> float | None:
         return None if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
 
+    names = Counter(row.machine.name for row in rows)
+
+    def labels(row: Row) -> str:  # folders with one machine name: two series with the same labels would spoil the whole scrape
+        twice = names[row.machine.name] > 1
+        told = f'machine="{_escaped(row.machine.name)}"'
+        return f'{told},cell="{_escaped(str(row.machine.folder or row.machine.slug))}"' if twice else told
+
     own = (("alarms_open", _alarms), ("late", _late), ("stale_nights", stale), ("volume_um", _volume), ("nights", _nights))
     for name, values in own:
         yield f"# TYPE tango_machine_{name} gauge"
         for row in rows:
             value = values(row)
             if value is not None:
-                yield f'tango_machine_{name}{{machine="{_escaped(row.machine.name)}"}} {value:g}'
+                yield f"tango_machine_{name}{{{labels(row)}}} {value:g}"
     yield "# TYPE tango_machine_verdict gauge"
     for row in rows:
         if row.standing is not None and row.standing.last is not None:
             for verdict in VERDICTS:
                 told = int(row.standing.last.verdict == verdict)
-                yield f'tango_machine_verdict{{machine="{_escaped(row.machine.name)}",verdict="{verdict}"}} {told}'
+                yield f'tango_machine_verdict{{{labels(row)},verdict="{verdict}"}} {told}'
 
 
 def _alarms(row: Row) -> float | None:
