@@ -194,6 +194,9 @@ def _suspected(
     """
     within, never = limits
     suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, t)
+    alone = suspect == t("morning.suspect", date=day(began, t))
+    if suspect and alone and found and str(found[0]["begun"]) not in ("", began):
+        suspect = t("morning.suspect_any", date=day(began, t))  # "it" would be what the page names first
     if not suspect and not began and (probed := begun(found)):
         suspect = t("morning.suspect_probe", date=day(probed, t))
     elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):

@@ -115,8 +115,10 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
 
 
 def _where(machine: Served) -> str:
-    """machine → the options with which a command finds it from the folder in which the server was started."""
-    return f"--machine {shlex.quote(machine.name)}" if machine.folder is None else f"-C {shlex.quote(str(machine.folder))}"
+    """machine → the option with which a command finds it from the folder that its cell lies in; no page says where that is."""
+    return (
+        f"--machine {shlex.quote(machine.name)}" if machine.folder is None else f"-C {shlex.quote(machine.folder.resolve().name)}"
+    )
 
 
 def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
