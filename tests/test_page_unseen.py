@@ -104,3 +104,16 @@ def test_a_jump_is_steady_while_it_still_shows(then: float, std: float, wanted: 
     value = np.r_[np.full(8, 21.1), np.full(7, 21.1 + then)]
     days, spread = np.arange(15.0), np.r_[np.full(8, 0.7), np.full(7, std)]
     assert course(date(2026, 10, 24), days, value, spread, [(8, -6.6)], None, "µm/m", texts()) == wanted
+
+
+def test_the_list_has_the_size_of_what_no_touch_tells_apart(tmp_path: Path) -> None:
+    """It stopped at the bracket: "C axis or B axis, since Mon 26 Oct 2026"."""
+    since = night(M, 1)["night"]
+    names = say("changed.which", names=say("changed.either", first="C axis", second="B axis"))
+    text = say("changed.off", what=names, letter="X", size="+20.0 ± 0.3 µm", since=since, name="EX0C")
+    own = scale(FOUND, 0.7) | {"parameter": "EX0C", "unit": "mm", "size": 0.02, "total": 0.02, "text": text, "alike": ["EX0B"]}
+    own["now"] = say("night.alarms.still_there", told="+20.0 ± 0.3 µm")
+    place = cell(tmp_path / "one", records=[night(M, 2, "changed", alarms=[own]), night(M, 8, "changed", standing=[own])])
+    with TestClient(create(Settings((place,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        text = " ".join(client.get("/").text.split())
+    assert "C axis or B axis has moved along X by +20 µm, since Mon 26 Oct 2026." in text

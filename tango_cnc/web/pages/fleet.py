@@ -226,6 +226,7 @@ def brief(
     if told.old and not parts:
         return t("may.brief_measure"), dated(told.old)
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
+    cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
     first = found[0] if found and not told.old else {}
