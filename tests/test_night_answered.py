@@ -276,7 +276,10 @@ def test_a_change_that_goes_back_unanswered_says_so_and_what_is_left(root: Path,
     page = context(records[8], tuple(last.values()), None, texts(), waiting=earlier(found))
     assert "+20 µm" in page["first"]["text"] and "of 20 µm is left" in page["first"]["text"]
     assert "Correct the whole error" not in page["first"]["whole"] and "gone back" in page["first"]["todo"]
-    assert page["suspect"].startswith("All that were made between Wed 7 Oct 2026") and "went back" in page["suspect"]
+    assert (
+        page["suspect"].startswith("All that were made between Wed 7 Oct 2026")
+        and "Fri 9 Oct 2026, the first night without it again" in page["suspect"]
+    )
 
 
 @pytest.mark.long
