@@ -23,9 +23,10 @@ from ..link.progress import minutes_left, newest_complete
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import due, measured_on, night_of_stamp, nights_old
-from ..report.answer import measuring, of_no_night, said_broken_off, said_cut_off
+from ..report.answer import by_newer_no, measuring, of_no_night, said_broken_off, said_cut_off
 from ..report.days import at
 from ..report.morning import next_night
+from ..report.newer import says_no
 from ..report.repeated import as_found, shortened
 from ..report.texts import Texts, code
 from ..report.tonight import by_now, by_tonight
@@ -140,6 +141,7 @@ def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
         if found is not None:
             told = found.answer(u, t, machine)
+            told = by_newer_no(told, t) if says_no(folder, found.ended_utc) else told
             told = measuring(told, t) if busy else told
             word = ", ".join(x for x in (told.word, busy or told.old) if x)
             lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)

@@ -18,6 +18,7 @@ from ..files.nightly import Nightly, history_of, read_nightly
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, TangoError
+from ..report.newer import says_no
 from ..report.repeated import as_found
 from ..report.tonight import sized
 from ..texts import instead, joined, say
@@ -56,6 +57,7 @@ class _Row:
     moving: str = ""  # the answer of its page, where its control may still execute a program
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
+    newer_no: bool = False  # whether a report of readings after its newest night says No
 
     @property
     def wants_somebody(self) -> bool:
@@ -63,7 +65,7 @@ class _Row:
         return (
             self.standing.alarms_open > 0
             if self.former
-            else bool(self.cut_off or self.stale or self.moving) or self.standing.wants_somebody
+            else bool(self.cut_off or self.stale or self.moving or self.newer_no) or self.standing.wants_somebody
         )
 
 
@@ -188,7 +190,8 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     said = sized(said, record)
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
-    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale)
+    no = says_no(folder, record.get("end_utc"))
+    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale, newer_no=no)
     if (future := in_future(history, s.machine)) is not None:
         yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)
 
@@ -204,6 +207,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "stale_nights": row.stale,
             "moving": bool(row.moving),
             "measuring_minutes_left": row.left,
+            "newer_no": row.newer_no,
         }
         for row in found
     ]
@@ -213,6 +217,7 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
     """lines, texts → the table that is printed, its heads first."""
     from ..report.age import night_of_stamp
     from ..report.characters import sparkline
+    from ..report.orders import low
     from ..report.texts import code
 
     heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
@@ -225,7 +230,8 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late and s.last else ""
         how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
         busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
-        late = busy or row.moving or late
+        by_report = f"{t('may.no')}, {low(t('morning.newer_no'))}" if row.newer_no else ""
+        late = busy or row.moving or by_report or late
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
         how = {} if row.cell is None else ended(row.cell, row.cut_off)

@@ -25,6 +25,8 @@ UNSENT = "web.unsent"  # of one that ended before anything was sent to the contr
 RUN_OFF = "web.run_off"  # of a run outside the nights that broke off
 WAITING = "web.waiting"  # of one that has ended and that the history has not taken
 
+NEWER = "newer_no"  # state of an answer that readings after the newest night have given
+
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
 MEASURED = ("good", "changed", "out_of_limits", "doubtful")
@@ -273,6 +275,16 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
     key = "now" if ahead.nights < 1 else "next" if ahead.nights < SOON else "in"
     words = {"limit": length(ahead.limit, u), "rate": length(ahead.rate, u), "nights": f"{ahead.nights:.0f}"}
     return t(f"may.soon_{key}", **words)
+
+
+def by_newer_no(known: Answer, t: Texts) -> Answer:
+    """answer of the newest night, texts → the No of readings that came after it (`newer.says_no`); what is No already, or unknown
+    because the machine may still move, stays.
+    """
+    if known.may not in ("yes", "but") or known.state in ("cut_off", "moved"):
+        return known
+    why = t("may.newer_no", answer=known.word)
+    return replace(known, may="no", word=t("may.no"), state=NEWER, numbers="", why=why, soon="", old="")
 
 
 def measuring(known: Answer, t: Texts) -> Answer:

@@ -14,7 +14,7 @@ from ..records import InputError, Machine
 from ..texts import Said, say
 from . import svg
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import Answer, answer, dates_cut_off, measuring, renamed
+from .answer import Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
@@ -97,6 +97,7 @@ def context(
     busy: str = "",
     now: datetime | None = None,
     newer: int = 0,
+    newer_no: bool = False,
     signs: Sequence[tuple[str, str]] = (),
     former: Sequence[str] | None = None,
     old: int | None = None,
@@ -108,7 +109,7 @@ def context(
     night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
     on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
     compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
-    nights came after this one; `former`: what its cell has under other names today (None: as the record says); `old`: nights
+    nights came after this one; `newer_no`: whether a report of readings after it says No; `former`: what its cell has under other names today (None: as the record says); `old`: nights
     since the machine was measured, where these are too many for an answer of today (None: as the record says).
     """
     u = units or Units()
@@ -128,6 +129,8 @@ def context(
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, t)
+    over_since = _over_since(told.may, within, never, t)
+    told = by_newer_no(told, t) if newer_no else told
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
     return {
@@ -141,7 +144,7 @@ def context(
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
         "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
-        "over_since": _over_since(told.may, within, never, t),
+        "over_since": over_since,
         "grown": _grown(
             record if record.get("volume") else before or {},
             (began, (volumes or {}).get(began)),

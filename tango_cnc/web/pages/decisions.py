@@ -24,7 +24,7 @@ from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
-from .fleet import answer_of, asked_of, brief, faults_of, made_up, orders_of, rows_of, unchanged
+from .fleet import answer_of, asked_of, brief, faults_of, made_up, newer_no, orders_of, rows_of, unchanged
 from .machine import busy_for, run_of
 
 NOTE = 500  # characters
@@ -82,7 +82,7 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
         return None, []
     asked = row.standing.alarms_open or row.standing.alarms_held
     busy = busy_for(run_of(state, row.machine), state) if asked else ""
-    return unchanged(row, state, busy, lambda: (_card(row, busy, state), _past(row, state)), "alarms")
+    return unchanged(row, state, (busy, newer_no(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
 
 
 def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:

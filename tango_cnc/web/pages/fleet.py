@@ -14,10 +14,11 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, since_date, size_of, whole_sentence
-from ...report.answer import Answer, answer, date_run_off, dates_cut_off, is_moving, measuring, of_no_night, renamed
+from ...report.answer import NEWER, Answer, answer, by_newer_no, date_run_off, dates_cut_off, is_moving, measuring, of_no_night, renamed
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
+from ...report.newer import says_no
 from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
@@ -84,7 +85,7 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     ran = ran_of(state, row.machine) if row.record is None else ""
     simulated = run is not None and run.simulated and bool(busy or ran)
     reported = bool(ran) and file_of_cell(row.machine) is not None
-    told = unchanged(row, state, (busy, ran, simulated, reported), lambda: _told(row, busy, ran, simulated, state), "row")
+    told = unchanged(row, state, (busy, ran, simulated, reported, newer_no(row)), lambda: _told(row, busy, ran, simulated, state), "row")
     return told | {"age": _age(row, state.texts)}
 
 
@@ -187,6 +188,8 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return max(cut, default=row.nights[0].night)
     if told.old:
         return measured_on(row.record or {}, row.before)
+    if told.state == NEWER:
+        return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
     if found and told.state != "not_measured":
@@ -225,6 +228,9 @@ def brief(
     parts = t("may.brief_first") if parts == t("morning.parts_first") else parts
     if told.old and not parts:
         return t("may.brief_measure"), dated(told.old)
+    if told.state == NEWER:
+        why = told.why.partition(". ")[0].partition(": ")[2]
+        return parts, whole_sentence(f"{why[:1].upper()}{why[1:]}")
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
@@ -265,7 +271,13 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
         state.places.old(row.machine, measured_on(row.record, row.before)),
         all_of_probe(found),
     )
-    return renamed(told, row.machine.former, state.texts)
+    told = renamed(told, row.machine.former, state.texts)
+    return by_newer_no(told, state.texts) if newer_no(row) else told
+
+
+def newer_no(row: Row) -> bool:
+    """row → whether a report of readings that are newer than its newest night says No."""
+    return says_no(row.machine.folder, (row.record or {}).get("end_utc"))
 
 
 def asked_of(row: Row, state: PagesState) -> dict[str, Any]:

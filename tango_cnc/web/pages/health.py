@@ -15,6 +15,7 @@ from ...report.age import measured_on
 from ..app import needs, state_of
 from ..served import Row
 from ..settings import LOOPBACK
+from .fleet import newer_no
 
 VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
 
@@ -60,7 +61,7 @@ def _lines(request: Request) -> Iterator[str]:
         told = f'machine="{_escaped(row.machine.name)}"'
         return f'{told},cell="{_escaped(str(row.machine.folder or row.machine.slug))}"' if twice else told
 
-    own = (("alarms_open", _alarms), ("late", _late), ("stale_nights", stale), ("volume_um", _volume), ("nights", _nights))
+    own = (("alarms_open", _alarms), ("late", _late), ("stale_nights", stale), ("volume_um", _volume), ("nights", _nights), ("newer_no", _newer_no))
     for name, values in own:
         yield f"# TYPE tango_machine_{name} gauge"
         for row in rows:
@@ -89,6 +90,10 @@ def _volume(row: Row) -> float | None:
 
 def _nights(row: Row) -> float | None:
     return None if row.standing is None else row.standing.nights
+
+
+def _newer_no(row: Row) -> float | None:
+    return None if row.record is None else float(newer_no(row))
 
 
 def _escaped(text: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from datetime import UTC, date, datetime
 from typing import Any
 
@@ -31,11 +30,12 @@ from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortene
 from ...report.texts import Texts
 from ...report.tonight import sized
 from ...report.units import Units
+from ...report.newer import says_no
 from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
 from ..places import STRIP, measured_before, told
 from ..served import Served
-from .report import file_of_cell, says_no
+from .report import file_of_cell
 
 PAGE = 50  # nights of one page of the list
 ANOTHER = 10_000
@@ -89,11 +89,8 @@ def between(signs: Sequence[tuple[str, ...]], t: Texts, old: int = 0) -> str:
 def answer_today(request: Request, machine: Served) -> Answer:
     """request, machine → the answer of its page, for pages that show something older or narrower."""
     busy, t = busy_of(request, machine), state_of(request).texts
-    known = morning_of(request, machine, busy)
-    found = known.get("answer")
+    found = morning_of(request, machine, busy).get("answer")
     if isinstance(found, Answer):
-        if known["newer_no"]:
-            return replace(found, may="no", word=t("may.no"), why=t("web.newer_no_why", answer=found.word), numbers="", soon="")
         return found
     if not busy and (moving := of_no_night(machine.former, t)) is not None:
         return moving
@@ -134,8 +131,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
     every = [(n.night, told(n, allowed)) for n in known]
-    no = not busy and says_no(machine, str(record.get("end_utc") or ""))
-    return {"newer_no": no} | context(
+    return context(
         record,
         decisions,
         state.units,
@@ -152,6 +148,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
         events=happened_to(state, machine),
         busy=busy,
         now=datetime.now(UTC),
+        newer_no=says_no(machine.folder, record.get("end_utc")),
         signs=every,
         former=machine.former,
         old=state.places.old(machine, measured_on(record, before)),

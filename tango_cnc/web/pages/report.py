@@ -5,7 +5,6 @@ A page of the server frames it, with the way back to the machine; alone it is fo
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Route
 
+from ...report.newer import report_of
 from ..app import machine_of, needs, page, state_of
 from ..guard import POLICY
 from ..served import Served
@@ -24,8 +24,6 @@ SANDBOX = (
     "form-action 'none'; frame-ancestors 'self'; base-uri 'none'"
 )
 NAMES = ("report.html", "morning.html")
-NO_AFTER = re.compile(r'<meta name="tango-no-after" content="([0-9T:Z+.-]+)">')
-HEAD = 2000  # characters of a report in which it says so
 PAIR = 120.0  # s within which one command writes the report in both units
 
 
@@ -114,31 +112,15 @@ def file_of_cell(machine: Served, unit: str = "") -> Path | None:
     """machine, mm or inch → its report, in that unit where the same command has written it so; None when it has none, or when the
     file links to a place outside the cell.
     """
-    if machine.folder is None:
+    file = report_of(machine.folder)
+    if file is None or machine.folder is None:
         return None
-    root = machine.folder.resolve()
-    file, other = (root / "report.html").resolve(), root / f"report.{unit}.html"
-    if not (file.is_relative_to(root) and file.is_file()):
-        return None
+    other = machine.folder.resolve() / f"report.{unit}.html"
     try:
         kept = other.is_symlink() or not other.is_file() or other.stat().st_mtime < file.stat().st_mtime - PAIR
     except OSError:
         kept = True
     return file if kept else other
-
-
-def says_no(machine: Served, ended_utc: str) -> bool:
-    """machine, moment at which its newest night ended → whether its report was made of readings that are newer than that night, and
-    says No where the night does not.
-    """
-    if not ended_utc or (file := file_of_cell(machine)) is None:
-        return False
-    try:
-        with file.open(encoding="utf-8", errors="replace") as text:
-            found = NO_AFTER.search(text.read(HEAD))
-    except OSError:
-        return False
-    return found is not None and found[1] == ended_utc
 
 
 def file_of_night(machine: Served, record: Mapping[str, Any], name: str, unit: str = "") -> Path | None:
