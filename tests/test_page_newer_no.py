@@ -59,7 +59,8 @@ def test_commands_have_it_too(tmp_path: Path, after: str) -> None:
     assert (SAYS in " ".join(told.output.split())) == wanted
     every = CliRunner().invoke(tango, ["fleet", str(place)], catch_exceptions=False)
     assert ("by newer readings" in every.output) == wanted
-    machine = json.loads(CliRunner().invoke(tango, ["fleet", str(place), "--json", "-"], catch_exceptions=False).output)["machines"][0]
+    listed = CliRunner().invoke(tango, ["fleet", str(place), "--json", "-"], catch_exceptions=False)
+    machine = json.loads(listed.output)["machines"][0]
     assert machine["newer_no"] == wanted
 
 
@@ -70,9 +71,9 @@ def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> Non
     arguments = ["fleet", str(place), "--late", "10000", "--json", "-"]
 
     def waits() -> bool:
-        done = CliRunner().invoke(tango, arguments, catch_exceptions=False)
-        assert done.exit_code == json.loads(done.output)["machines"][0]["newer_no"]
-        return bool(done.exit_code)
+        done = CliRunner().invoke(tango, arguments, catch_exceptions=False, standalone_mode=False)
+        assert done.return_value == json.loads(done.output)["machines"][0]["newer_no"]
+        return bool(done.return_value)
 
     assert not waits()
     (place / "report.html").write_text(f'<html><head><meta name="tango-no-after" content="{end}"></head></html>', encoding="utf-8")

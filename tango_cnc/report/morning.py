@@ -109,8 +109,9 @@ def context(
     night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
     on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
     compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
-    nights came after this one; `newer_no`: whether a report of readings after it says No; `former`: what its cell has under other names today (None: as the record says); `old`: nights
-    since the machine was measured, where these are too many for an answer of today (None: as the record says).
+    nights came after this one; `newer_no`: whether a report of readings after it says No; `former`: what its cell has under
+    other names today (None: as the record says); `old`: nights since the machine was measured, where these are too many for an
+    answer of today (None: as the record says).
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts

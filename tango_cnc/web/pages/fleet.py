@@ -14,7 +14,18 @@ from starlette.routing import Route
 
 from ...report.age import measured_on
 from ...report.alarm import sentence, since_date, size_of, whole_sentence
-from ...report.answer import NEWER, Answer, answer, by_newer_no, date_run_off, dates_cut_off, is_moving, measuring, of_no_night, renamed
+from ...report.answer import (
+    NEWER,
+    Answer,
+    answer,
+    by_newer_no,
+    date_run_off,
+    dates_cut_off,
+    is_moving,
+    measuring,
+    of_no_night,
+    renamed,
+)
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
 from ...report.morning import strip, volumes_of, who_of
@@ -85,7 +96,9 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     ran = ran_of(state, row.machine) if row.record is None else ""
     simulated = run is not None and run.simulated and bool(busy or ran)
     reported = bool(ran) and file_of_cell(row.machine) is not None
-    told = unchanged(row, state, (busy, ran, simulated, reported, newer_no(row)), lambda: _told(row, busy, ran, simulated, state), "row")
+    told = unchanged(
+        row, state, (busy, ran, simulated, reported, newer_no(row)), lambda: _told(row, busy, ran, simulated, state), "row"
+    )
     return told | {"age": _age(row, state.texts)}
 
 

@@ -61,7 +61,14 @@ def _lines(request: Request) -> Iterator[str]:
         told = f'machine="{_escaped(row.machine.name)}"'
         return f'{told},cell="{_escaped(str(row.machine.folder or row.machine.slug))}"' if twice else told
 
-    own = (("alarms_open", _alarms), ("late", _late), ("stale_nights", stale), ("volume_um", _volume), ("nights", _nights), ("newer_no", _newer_no))
+    own = (
+        ("alarms_open", _alarms),
+        ("late", _late),
+        ("stale_nights", stale),
+        ("volume_um", _volume),
+        ("nights", _nights),
+        ("newer_no", _newer_no),
+    )
     for name, values in own:
         yield f"# TYPE tango_machine_{name} gauge"
         for row in rows:
