@@ -68,12 +68,13 @@ def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> Non
     now = datetime.now(UTC)
     began, end = ((now - timedelta(hours=hours)).strftime("%Y-%m-%dT%H:%M:%SZ") for hours in (3, 2))
     place = cell(tmp_path / "one", records=[night(M, 8, start_utc=began, end_utc=end, night=f"{now:%Y-%m-%d}")])
-    arguments = ["fleet", str(place), "--late", "10000", "--json", "-"]
+    every = ["fleet", str(place), "--late", "10000", "--json", "-"], ["nightly", "-C", str(place), "--status", "--json", "-"]
 
     def waits() -> bool:
-        done = CliRunner().invoke(tango, arguments, catch_exceptions=False, standalone_mode=False)
-        assert done.return_value == json.loads(done.output)["machines"][0]["newer_no"]
-        return bool(done.return_value)
+        done = [CliRunner().invoke(tango, words, catch_exceptions=False, standalone_mode=False) for words in every]
+        told = json.loads(done[0].output)["machines"][0]["newer_no"], json.loads(done[1].output)["newer_no"]
+        assert told == tuple(bool(one.return_value) for one in done) and told[0] == told[1]
+        return bool(told[0])
 
     assert not waits()
     (place / "report.html").write_text(f'<html><head><meta name="tango-no-after" content="{end}"></head></html>', encoding="utf-8")

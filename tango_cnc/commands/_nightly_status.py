@@ -57,6 +57,7 @@ class Status:
     broken: float | None  # when a run broke off whose program may go on, s since 1970
     ended: Mapping[str, str]  # and how those ended that did
     left: int | None = None  # minutes that a run or a night still takes which is at work
+    newer_no: bool = False  # whether a report of readings after the newest night says No
 
     @property
     def late(self) -> bool:
@@ -69,7 +70,13 @@ class Status:
         wanted = self.standing is None or self.standing.wants_somebody or self.stale > 0
         wanted |= self.future is not None and asks(self.future)
         return bool(
-            wanted or self.cut or self.broken or self.alarms or self.trouble is not None or any(f.alarms for f in self.renamed)
+            wanted
+            or self.cut
+            or self.broken
+            or self.alarms
+            or self.newer_no
+            or self.trouble is not None
+            or any(f.alarms for f in self.renamed)
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -83,6 +90,7 @@ class Status:
             "unfinished": self.unfinished,
             "cut_off": self.cut,
             "measuring_minutes_left": self.left,
+            "newer_no": self.newer_no,
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
@@ -141,7 +149,7 @@ def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
         if found is not None:
             told = found.answer(u, t, machine)
-            told = by_newer_no(told, t) if says_no(folder, found.ended_utc) else told
+            told = by_newer_no(told, t) if known.newer_no else told
             told = measuring(told, t) if busy else told
             word = ", ".join(x for x in (told.word, busy or told.old) if x)
             lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)
@@ -187,6 +195,7 @@ def _read(
         broken_off(folder),
         ended(folder, cut),
         minutes_left(folder, time.time()),
+        says_no(folder, record.get("end_utc")),
     )
 
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from ..records import InputError, Machine
 from ..texts import Said, say
-from . import svg
 from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
 from .compensated import after, held
@@ -20,25 +16,16 @@ from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
 from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
 from .orders import brief_of, orders
-from .pace import ahead
+from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
 from .repeated import as_decided, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
-from .verdict import Level
 from .words import of_its_night
 
 FORMAT = "tango-night/1"
-LEVELS: Mapping[str, Level] = {
-    "good": "good",
-    "changed": "look",
-    "partial": "look",
-    "not_measured": "look",
-    "out_of_limits": "stop",
-    "doubtful": "stop",
-}
 NIGHT: Mapping[str, Any] = {  # what a page asks of every record
     "status": "complete",
     "why": "",
@@ -49,7 +36,6 @@ NIGHT: Mapping[str, Any] = {  # what a page asks of every record
     "planned": 0,
 }
 LISTED = 3  # faults below the first one
-SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
 LIKE = 0.03  # of its size, by which the error at the tool tip may differ and still count as the same
 
 
@@ -120,17 +106,13 @@ def context(
     alarms = [alarm(a, by_alarm.get(str(a.get("id"))), u, t, machine, asked, today) for a in record.get("alarms") or ()]
     stale = int(record.get("stale_nights") or 0) if old is None else old
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events, stale)
-    waits, has = answered(found, record)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
-    closed = settled(found)
-    told = answer(record, u, t, waits, before, machine, late, has, coming, closed, stale, all_of_probe(found))
-    told = renamed(told, record.get("former") or () if former is None else former, t)
-    if closed and found[0]["id"]:
+    told = _told(record, found, before, late, coming, stale, former, u, t, machine)
+    if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
-    suspect = _suspected(record, told, found, began, (within, never), signs, t)
-    over_since = _over_since(told.may, within, never, t)
+    suspect, over_since = _suspected(record, told, found, began, (within, never), signs, t), _over_since(told.may, within, never, t)
     told = by_newer_no(told, t) if newer_no else told
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
@@ -182,6 +164,26 @@ def context(
         "held": held(record, t, events),
         "held_open": bool(after(record, events)) or not (record.get("in_control") or {"measured": True})["measured"],
     }
+
+
+def _told(
+    record: Mapping[str, Any],
+    found: Sequence[Mapping[str, Any]],
+    before: Mapping[str, Any] | None,
+    late: str,
+    coming: Ahead | None,
+    stale: int,
+    former: Sequence[str] | None,
+    u: Units,
+    t: Texts,
+    machine: Machine | None,
+) -> Answer:
+    """record, what is wrong, last night that measured, date since when a night is missing, how soon a limit is reached, nights
+    since the last measurement, what is said beside its nights, units, texts, chain of axes → whether parts may be made.
+    """
+    waits, has = answered(found, record)
+    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
+    return renamed(told, record.get("former") or () if former is None else former, t)
 
 
 def _suspected(
@@ -398,43 +400,3 @@ def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:
     """nights of a history, newest first → {date: µm at the tool tip} of those that know it."""
     return {n.night: float(n.volume_um) for n in reversed(nights) if n.volume_um is not None}
-
-
-def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts, old: int = 0) -> Markup:
-    """(date, verdict, address) of nights, oldest first, what it is, texts, nights since the last one that measured where these are
-    too many → a row of signs, one a night, by shape and color; old ones end with how long nothing was measured since.
-    """
-    wide = 14.0
-    nights = nights[-SHORT:] if old else nights
-    gap = GAP if old else 0.0
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {max(wide * len(nights), wide) + gap:g} 16" '
-        f'width="{max(wide * len(nights), wide) + gap:g}" height="16" role="img" aria-label="{svg.escape(label)}">'
-    ]
-    for i, (date, verdict, _) in enumerate(nights):
-        parts.append(f"<g>{_tip(date, verdict, t)}{_sign(verdict, wide * i + wide / 2)}</g>")
-    if old:
-        told = svg.escape(t("web.then_none", nights=old))
-        parts.append(f'<text x="{wide * len(nights) + 4:g}" y="13" font-size="13" fill="{svg.SOFT}">{told}</text>')
-    return Markup("".join([*parts, "</svg>"]))
-
-
-@lru_cache(4096)
-def _tip(date: str, verdict: str, t: Texts) -> str:
-    """date, verdict, texts → what a sign says of itself; two hundred machines have the same thirty dates."""
-    word = t(f"morning.{verdict}") if f"morning.{verdict}" in t else verdict.replace("_", " ")
-    return f"<title>{svg.escape(day(date, t))}: {svg.escape(word)}</title>"
-
-
-def _sign(verdict: str, x: float) -> str:
-    if verdict == "not_measured":
-        return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.SOFT}" stroke-width="1.6"/>'
-    if verdict == "partial":
-        half = f'<path d="M{x:g} 4a4 4 0 0 1 0 8z" fill="{svg.LOOK}"/>'
-        return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.LOOK}" stroke-width="1.6"/>{half}'
-    level = LEVELS.get(verdict, "stop")
-    if level == "good":
-        return f'<circle cx="{x:g}" cy="8" r="3.4" fill="{svg.GOOD}"/>'
-    if level == "look":
-        return f'<path d="M{x:g} 1.5l6 12h-12z" fill="{svg.LOOK}"/>'
-    return f'<path d="M{x - 5:g} 3h10v10h-10z" fill="{svg.STOP}"/>'

@@ -28,13 +28,14 @@ from ...report.answer import (
 )
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
-from ...report.morning import strip, volumes_of, who_of
+from ...report.morning import volumes_of, who_of
 from ...report.newer import says_no
 from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
 from ...report.reach import to_ask
 from ...report.repeated import of_shop
+from ...report.signs import strip
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
