@@ -36,7 +36,6 @@ LEAST_TURNED = 1.0  # deg, however near it is known to be
 FEED = 600.0  # mm/min: a search of centimetres at a measuring feed takes minutes
 CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than everybody thinks
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
-MOST_TURNED = TURNED + 0.1  # deg: what is found beyond it is no table of artefact.yaml that stands elsewhere
 STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
@@ -94,9 +93,9 @@ def _cycle(cell: Cell, count: int, within: float) -> Plan:
     for indexation in _indexations(cell):
         allowed, why = _reached(cell, indexation, approach)
         names = chosen(cell.artefact, allowed, count, off)
-        if unsized(cell.artefact, names) > KNOWN:  # a table of another size would be taken for one that is turned
+        if unsized(cell.artefact, names).beside > KNOWN:  # a table of another size would be taken for one that is turned
             by_size = chosen(cell.artefact, allowed, count, off, sized=True)
-            names = min(names, by_size, key=lambda order: max(unsized(cell.artefact, order), KNOWN))
+            names = min(names, by_size, key=lambda order: max(unsized(cell.artefact, order).beside, KNOWN))
         weight = without_one(sure(cell.artefact, names, off))
         away, facet = known_to(cell.artefact, names)
         if len(names) >= LEAST and away <= KNOWN:  # six touches always agree
@@ -158,10 +157,10 @@ def _cheaper(artefact: Artefact, ways: displaced.LocatingWays, names: Sequence[s
         return without_one(sure(artefact, order, off)) - price * ways.length(order)
 
     def allowed(order: Sequence[str]) -> bool:
-        told = known_to(artefact, order)[0] <= KNOWN and (not sized or unsized(artefact, order) <= KNOWN)
+        told = known_to(artefact, order)[0] <= KNOWN and (not sized or unsized(artefact, order).beside <= KNOWN)
         return told and int((to_edge(artefact, order) < off).sum()) <= near
 
-    sized = unsized(artefact, names) <= KNOWN
+    sized = unsized(artefact, names).beside <= KNOWN
     near = int((to_edge(artefact, names) < off).sum())
     order, better = ways.shortest(names), True
     while better:
@@ -229,11 +228,14 @@ def _reached(cell: Cell, indexation: Indexation, approach: Approach) -> tuple[tu
     return tuple(name for name in indexation.facets if name in here), why
 
 
-def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
-    """plan of the locating cycle, its readings, mm to which facets are in their places on the table → where the table stands.
+def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Located:
+    """plan of the locating cycle, its readings, mm to which somebody says that facets are in their places on the table → where the
+    table stands.
 
-    Raises InputError where they do not determine it.
+    Raises InputError where they do not determine it. Where nobody has said how exact the file is, it is taken for right to
+    `AGREES`, but its size for no better known than to 1 %.
     """
+    agrees = stated or AGREES
     met = [row for row, status in enumerate(readings.status) if status in ("ok", "early")]
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
     if weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
@@ -271,9 +273,9 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     counted = tuple(facet.id for row, facet in enumerate(facets) if row in kept)
-    if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > MOST_TURNED:
+    if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > TURNED:
         raise InputError(
-            f"the touches fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched. Is it that of artefact.yaml, "
+            f"the touches fit a table that is turned by {turn:.5g} deg, and {TURNED:g} are searched. Is it that of artefact.yaml, "
             f"and of its size? Measure one of its widths. If it is, correct in artefact.yaml how it is turned, and touch again"
         )
     artefact = moved(plan.artefact, found[:3], found[3:])
@@ -282,6 +284,12 @@ def locate(plan: Plan, readings: Readings, agrees: float = AGREES) -> Located:
         raise InputError(
             f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
+        )
+    if stated is None and (other := unsized(plan.artefact, counted)).beside > KNOWN:
+        raise InputError(
+            f"the touches agree, and yet {other.text}. These touches cannot tell. Measure one of its widths. If artefact.yaml has "
+            f"it, and its facets, to {AGREES:g} mm, 'tango locate --readings FILE --agrees {AGREES:g}' places the table from these "
+            "same touches; nothing moves. Facets on the other half of each side would tell: add them to strategy.yaml"
         )
     solids, doubtful = _both_places(artefact.obstacles, found[:3], found[3:])
     return Located(found[:3], found[3:], residual, left_out, counted, replace(artefact, obstacles=solids), doubtful)

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from . import check
 from .astray import AGREES
 from .records import Array, Artefact, Facet
 
 SAME_SIDE = 0.5  # cosine of the angle between normals of facets on one side of the table
-OTHER_SIZE = 10.0  # mm by which a table of 1 m may be larger or smaller than its file
+OTHER_SIZE = 0.01  # share by which a table may be larger or smaller than its file
+EDGE = 0.05  # mm from the plane of a facet: a corner of the table that is nearer lies on it; and the least of a square of a sine
 BESIDE = 0.95  # cosine: facets that lie more alike than this have no edge between them
 
 
@@ -24,16 +27,70 @@ def unseen(artefact: Artefact, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(key for key, facet in flat.items() if float((touched @ np.array(facet.normal)).max()) < SAME_SIDE)
 
 
-def unsized(artefact: Artefact, names: Sequence[str], agrees: float = AGREES) -> float:
-    """artefact, touched facets, mm to which they agree → mm by which the worst facet may be beside its place, on the sides that are
-    touched, where the table is larger or smaller than its file by up to 1 % and no touch shows it; inf where the place is unknown.
+@dataclass(frozen=True)
+class OtherSize:
+    """What a table of another size than its file's may do unseen: how far edges are beside, how far it is turned, by what share."""
+
+    beside: float  # mm
+    turned: float  # deg
+    share: float  # by which it is larger or smaller
+
+    @property
+    def text(self) -> str:
+        """→ what it means, half a sentence."""
+        return (
+            f"a table up to {100 * self.share:.2g} % larger or smaller than artefact.yaml says fits these touches as well, once it "
+            f"is turned by up to {self.turned:.1f} deg: its edges are then up to {self.beside:.1f} mm beside"
+        )
+
+
+def unsized(artefact: Artefact, names: Sequence[str], agrees: float | None = None) -> OtherSize:
+    """artefact, touched facets, mm to which somebody says that facets are in their places, None where nobody does → what a table
+    that is larger or smaller than its file by up to 1 % is taken for, as far as no touch shows it; inf where the place is unknown.
+
+    The six freedoms take up what they can of the growth. What is left of it shows in a touch, beyond what counts as agreement. What
+    is wrong by then: the facets of the touched sides at their points, and the table at its corners, as far as these sides bound it.
+    Where all touches of a round of sides are on the same hand of their sides nothing is left: such a table is one that is turned,
+    and only its edges and normals are elsewhere.
     """
     if weakest(artefact, names) <= 1e-3:
-        return math.inf
+        return OtherSize(math.inf, math.inf, OTHER_SIZE)
     hidden = set(unseen(artefact, names))
-    flat = [f for f in artefact.facets.values() if f.ball is None and f.surface is None and f.id not in hidden]
-    left, beside = larger([artefact.facets[name] for name in names], flat)
-    return beside * min(OTHER_SIZE, agrees / max(left, 1e-12))
+    flat = [f for f in artefact.facets.values() if f.ball is None and f.surface is None]
+    seen = [f for f in flat if f.id not in hidden]
+    middle = np.mean([f.point for f in flat], axis=0)
+    told, grows = _by_growth([artefact.facets[name] for name in names], middle)
+    place = -np.linalg.pinv(told) @ grows
+    share = min(OTHER_SIZE, (agrees or AGREES) / max(float(np.abs(told @ place + grows).max()), 1e-9))
+    rows, by = _by_growth(seen, middle)
+    if agrees is not None:  # who says that says the size, too
+        share = min(share, agrees / max(float(np.abs(_by_growth(flat, middle)[1]).max()), 1e-9))
+    beside = max(float(np.abs(rows @ place + by).max()), _at_corners(artefact, seen, middle, place))
+    return OtherSize(share * beside, share * math.degrees(float(np.linalg.norm(place[3:]))), share)
+
+
+def _by_growth(facets: Sequence[Facet], middle: Array) -> tuple[Array, Array]:
+    """facets, (3,) mm → (n, 6) what each shows of translation and rotation about it, (n,) mm that it shows of a doubled size."""
+    normal, arm = np.array([facet.normal for facet in facets]), np.array([facet.point for facet in facets]) - middle
+    return np.hstack([normal, np.cross(arm, normal)]), np.einsum("ni,ni->n", normal, arm)
+
+
+def _at_corners(artefact: Artefact, seen: Sequence[Facet], middle: Array, place: Array) -> float:
+    """artefact, facets of the touched sides, (3,) mm, the six freedoms for a doubled size → mm by which the worst corner is beside.
+
+    Only in the directions of the touched sides that meet there: along them a corner is where an untouched side cuts them off.
+    """
+    table = check.solid(artefact).table
+    if table is None:
+        return 0.0
+    corner = table.corner - middle
+    normal, offset = np.array([f.normal for f in seen]), _by_growth(seen, middle)[1]
+    meet = np.abs(corner @ normal.T - offset) < EDGE
+    across = np.einsum("vk,ki,kj->vij", meet, normal, normal)
+    size, axes = np.linalg.eigh(across)
+    off = place[:3] + np.cross(place[3:], corner) + corner
+    along = np.einsum("vij,vi->vj", axes, off) * (size > EDGE)
+    return float(np.linalg.norm(along, axis=1).max(initial=0.0))
 
 
 def told_by(artefact: Artefact, names: Sequence[str], sized: bool = False) -> Array:
@@ -122,20 +179,3 @@ def chosen(artefact: Artefact, names: Sequence[str], count: int, off: float, siz
                 if other not in found and without_one(rows[tried]) > 1.001 * without_one(rows[found]):
                     found, better = tried, True
     return tuple(names[row] for row in sorted(found))
-
-
-def larger(touched: Sequence[Facet], others: Sequence[Facet]) -> tuple[float, float]:
-    """facets that are touched, facets → mm for each mm by which a table of 1 m is larger than its file, when it is taken for one
-    that is displaced: what is left of the worst touch, by how much the worst of the facets is beside.
-
-    Nothing is left where all touches of a round of sides are on the same hand of their sides: such a table is one that is turned.
-    """
-
-    def rows(facets: Sequence[Facet]) -> tuple[Array, Array]:
-        normal, point = np.array([facet.normal for facet in facets]), np.array([facet.point for facet in facets])
-        return np.hstack([normal, np.cross(point, normal)]), 1e-3 * np.einsum("ni,ni->n", normal, point)
-
-    told, grows = rows(touched)
-    place = -np.linalg.pinv(told) @ grows
-    left, beside = (each @ place + by for each, by in ((told, grows), rows(others)))
-    return float(np.abs(left).max()), float(np.abs(beside).max())

@@ -23,13 +23,10 @@ from ._written import conducted, written
 if TYPE_CHECKING:
     from ..locate import Located
     from ..records import Plan
+    from ..telling import OtherSize
 
 PLACE = "Measure 20"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
-UNSIZED = (
-    "a table up to 1 % larger or smaller than artefact.yaml says fits these touches as well, once it is turned: its facets are "
-    "then up to {:.1f} mm beside"
-)
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
 
@@ -50,11 +47,11 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 )
 @click.option(
     "--agrees",
+    "stated",
     type=click.FloatRange(0.01, 1.0),
-    default=0.05,
-    show_default=True,
     metavar="MM",
-    help="How well artefact.yaml has the facets beside each other; a drawing is right to some 0.3 mm.",
+    help="How well artefact.yaml has the facets beside each other, and the size of the table; a drawing is right to some 0.3 mm. "
+    "Default: 0.05 for the facets; nothing is stated of the size.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
@@ -65,7 +62,7 @@ def command(
     only_program: bool,
     file: Path | None,
     within: float,
-    agrees: float,
+    stated: float | None,
     yes: bool,
     out: Path | None,
     json_file: str | None,
@@ -83,6 +80,7 @@ def command(
 
     if only_program and file is not None:
         raise InputError("--program: found --readings too; allowed: one of them, as nothing is made of readings by a program")
+    agrees = stated or AGREES
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     post = writing(cell) if file is None and controller_of(cell) else None
     made = locate.strategy(cell, within=within)
@@ -92,7 +90,7 @@ def command(
         if any(option.name == "misses" for option in post.options):
             options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
         programs = written(cell, folder / FOLDER / "program", post, made, options)
-        notice = _notice(made, within)
+        notice = _notice(made, within, stated)
         if only_program:
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
             click.echo(
@@ -115,14 +113,14 @@ def command(
     where = out or folder / FOLDER / "artefact.yaml"
     before = set_aside(where) if out is None and post is not None else None
     try:
-        found = locate.locate(made, readings, agrees)
+        found = locate.locate(made, readings, stated)
     except InputError as error:
         click.echo(f"\ntango: {str(error).rstrip('.')}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
     known, unseen = telling.known_to(made.artefact, found.counted, agrees), telling.unseen(made.artefact, found.counted)
-    unsized = telling.unsized(made.artefact, found.counted, agrees)
+    other = telling.unsized(made.artefact, found.counted, stated)
     result: dict[str, Any] = {
         "format": "tango-located/1",
         "moved_mm": [round(float(v), 4) for v in found.moved],
@@ -131,7 +129,8 @@ def command(
         "left_out": list(found.left_out),
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
-        "unsized_mm": round(unsized, 3),
+        "unsized_mm": round(other.beside, 3),
+        "unsized_deg": round(other.turned, 3),
         "obstacles": list(found.obstacles),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
@@ -141,7 +140,7 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
-    _told(found, result, agrees, known[1])
+    _told(found, result, agrees, known[1], other)
 
 
 @contextmanager
@@ -161,8 +160,8 @@ def _broken_off(where: Path, out: Path | None, cell: Cell) -> Iterator[None]:
         ) from None
 
 
-def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> None:
-    """where the table stands, the same for --json, mm of --agrees, the facet known worst → says it."""
+def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, other: OtherSize) -> None:
+    """where the table stands, the same for --json, mm of --agrees, the facet known worst, what another size may do → says it."""
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
@@ -188,8 +187,8 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> 
             f"no touch was on the side of facets {', '.join(unseen)}: these are where the size of the table in artefact.yaml has "
             "them. Measure that size before you trust a short search there"
         )
-    if (by := result["unsized_mm"]) > 1.0:
-        click.echo(f"{UNSIZED.format(by)}. Measure that size before you trust a short search")
+    if other.beside > 1.0:
+        click.echo(f"{other.text}. Measure that size before you trust a short search")
     if names := ", ".join(found.obstacles):
         click.echo(
             f"{names}: no touch says whether what stands on the table has moved with it. What is written has each in both places, "
@@ -199,8 +198,8 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str) -> 
     click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
-def _notice(made: Plan, within: float) -> str:
-    """plan of the cycle, mm by which the table may stand elsewhere → what the person at the machine has to know before it moves."""
+def _notice(made: Plan, within: float, stated: float | None) -> str:
+    """plan of the cycle, mm by which the table may stand elsewhere, mm of --agrees → what the person at the machine has to know before it moves."""
     from .. import locate, telling
 
     approach = made.strategy.approach
@@ -218,8 +217,9 @@ def _notice(made: Plan, within: float) -> str:
             f"ball something else there. Then it is refused, and nothing is hit. 'tango locate --within {max(most, 1)}' is for "
             "a table whose place is known so well."
         )
-    if (by := telling.unsized(made.artefact, [touch.facet for touch in made.touches])) > locate.KNOWN:
-        notice += f" Measure the size of the table first: {UNSIZED.format(by)}."
+    if (other := telling.unsized(made.artefact, [touch.facet for touch in made.touches], stated)).beside > locate.KNOWN:
+        later = "" if stated else " Without --agrees the table is not placed then."
+        notice += f" Measure the size of the table first: {other.text}.{later}"
     return notice
 
 
