@@ -12,7 +12,6 @@ from support.diagnosis_parts import ALONE, MARGIN, SURE, Candidate, Chosen, Fiel
 from tango_cnc.records import Array
 
 TOUCHES = 300
-NO_ROWS = cast(Rows, SimpleNamespace(seen=None))
 
 
 def told(y: Array, pattern: Array, shapes: list[Array]) -> tuple[bool, bool]:
@@ -48,21 +47,6 @@ def test_a_shape_that_a_few_touches_show_is_seen_although_these_were_set_aside()
         outcome = contest(field, y, singles, names)
         assert not outcome.named and len(outcome.shapes) == 1
         assert len(outcome.needless) >= len(singles) - 1
-
-
-@pytest.mark.parametrize(("short", "named"), [(5.0, True), (15.0, False)])
-def test_a_subset_that_hardly_shows_a_name_is_no_strong_evidence_against_it(short: float, named: bool) -> None:
-    """The price of a name is as high in a subset, so nothing at all has more evidence there before it has very much more."""
-    rng = np.random.default_rng(4)
-    pattern = rng.normal(size=TOUCHES)
-    pattern /= np.linalg.norm(pattern)
-    y = rng.normal(size=TOUCHES)
-    y += (4.0 - pattern @ y) * pattern
-    worth = TOUCHES * float(np.log(y @ y / (y @ y - 16.0)))
-    field = Field([scaled(Kernel(None, "shape", rng.normal(size=(TOUCHES, 3))))], np.eye(TOUCHES), np.ones(TOUCHES), NO_ROWS)
-    name = Chosen(Candidate("chip", {}, pattern[:, None]), pattern[:, None], worth + short)
-    assert bool(contest(field, y, [], [name], -ALONE).named) == named
-    assert not contest(field, y, [], [name]).named
 
 
 @pytest.mark.parametrize(("facets", "left"), [("12", 2), ("123", 0)])

@@ -174,6 +174,8 @@ def _known(history: Any, record: Mapping[str, Any]) -> dict[str, Any]:
             signs = [(n.night, n.verdict) for n in nights]
             before = None if last is None else history.night(last.entry).record
             known: dict[str, Any] = {"decisions": every_decision(history, machine), "before": before, "within": last_within(signs)}
+            unsure = history.unsure([n.entry for n in nights])
+            known["unsure"] = {n.night for n in nights if n.entry in unsure}
             known |= {"never": never_within(signs), "volumes": volumes_of(nights), "signs": signs}
             return known | {"events": compensations(history, machine)}
     return {}

@@ -165,9 +165,7 @@ def _without_needless(
         order = kept = list(stands.kept)
         without = [asking.of([c for c in kept if c is not old], away=[old]) for old in kept]
         margins = [0.0 if c.candidate.learned else max(margin, ALONE) if margin > 0 and len(kept) > 1 else margin for c in kept]
-        # In a subset the price of a name is as high as in all touches, and it shows less: nothing at all has to be as much better
-        # as a shape has to be.
-        above = [w.value + (m if m < 0 or _patterns(w.picked) else 0.0) for w, m in zip(without, margins, strict=True)]
+        above = [w.value + (m if _patterns(w.picked) else 0.0) for w, m in zip(without, margins, strict=True)]
         if _patterns(shapes.picked) and shapes.value + min(margins) > stands.value:
             stands = replace(stands, kept=(), picked=shapes.picked, apart=shapes.apart)
             break

@@ -123,6 +123,11 @@ SIMULATED = (  # the canonical text of a record has its members so; in a sentenc
     .join(t.night_record, t.night_record.c.entry_id == t.night.c.entry_id)
     .where(_OF_MACHINE, t.night_record.c.json.like('%,"simulated":true,%'))
 )
+UNSURE = (  # of a limit: no other member of a record has this name and may be neither
+    select(t.night_record.c.entry_id).where(
+        t.night_record.c.entry_id.in_(_OF_ENTRIES), t.night_record.c.json.like('%"passed":null%')
+    )
+)
 ADD_ENTRY = insert(t.entry).returning(t.entry.c.id)
 ADD: dict[str, Insert] = {
     table.name: insert(table) for table in (t.night, t.night_record, t.night_parameter, t.night_readings, t.night_estimate)

@@ -217,6 +217,10 @@ class History:
         rows = self._rows(asked.RECORDS_OF, {"entries": list(entries)}) if entries else ()
         return {row.entry_id: _whole.record(row.json, row.entry_id) for row in rows}
 
+    def unsure(self, entries: Sequence[int]) -> frozenset[int]:
+        """numbers of entries → those of nights of which nobody knows whether they are within a limit."""
+        return frozenset(row.entry_id for row in self._rows(asked.UNSURE, {"entries": list(entries)})) if entries else frozenset()
+
     def simulated(self, machine: str) -> frozenset[int]:
         """machine → entries of its nights whose readings come from no machine."""
         return frozenset(row.entry_id for row in self._rows(asked.SIMULATED, {"machine": self._machine(machine)}))

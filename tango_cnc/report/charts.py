@@ -305,7 +305,8 @@ def tip(
     height: float,
     events: Mapping[str, str] | None = None,
 ) -> str:
-    """(day, largest error, good | look | stop) of nights, oldest first, limit, unit → the tool tip by night; a gap stays a gap.
+    """(day, largest error, good | look | unsure | stop) of nights, oldest first, limit, unit → the tool tip by night; a gap
+    stays one.
 
     `events`: {date: words} of what was done to the control.
     """
@@ -318,6 +319,7 @@ def tip(
     signs: tuple[tuple[str, Kind, str, str, float], ...] = (
         ("good", "dots", GOOD, "kept", 3.2),
         ("look", "triangles", LOOK, "moved", 5.0),
+        ("unsure", "boxes", LOOK, "unsure", 4.2),
         ("stop", "squares", STOP, "beyond", 4.2),
     )
     for name, kind, color, word, size in signs:

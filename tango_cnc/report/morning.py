@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -50,17 +50,18 @@ def render(
     volumes: Mapping[str, float] | None = None,
     events: Sequence[Any] = (),
     signs: Sequence[tuple[str, str]] = (),
+    unsure: Container[str] = (),
 ) -> str:
     """tango-night/1, decisions, units, a shop's templates, last night that measured, date of the last one in limits,
     of the first one where none was, {date: µm at the tool tip}, what happened to compensations, (date, verdict) of
-    nights, newest first → HTML alone.
+    nights, newest first, dates of nights of which nobody knows whether they are within a limit → HTML alone.
 
     Raises InputError.
     """
     if record.get("format") != FORMAT:
         raise InputError(f"night: found format {record.get('format')!r}; allowed: {FORMAT}")
     known: dict[str, Any] = {"before": before, "within": within, "never": never, "volumes": volumes, "events": events}
-    values = context(record, decisions, units, texts_of(folder), **known, signs=signs)
+    values = context(record, decisions, units, texts_of(folder), **known, signs=signs, unsure=unsure)
     return rendered(environment(folder), "morning.html", values)
 
 
@@ -85,6 +86,7 @@ def context(
     newer: int = 0,
     newer_no: bool = False,
     signs: Sequence[tuple[str, str]] = (),
+    unsure: Container[str] = (),
     former: Sequence[str] | None = None,
     old: int | None = None,
 ) -> dict[str, Any]:
@@ -95,9 +97,9 @@ def context(
     night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
     on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
     compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
-    nights came after this one; `newer_no`: whether a report of readings after it says No; `former`: what its cell has under
-    other names today (None: as the record says); `old`: nights since the machine was measured, where these are too many for an
-    answer of today (None: as the record says).
+    nights came after this one; `newer_no`: whether a report of readings after it says No; `unsure`: dates of nights not sure to
+    be within a limit; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the
+    machine was measured, where these are too many for an answer of today (None: as the record says).
     """
     u = units or Units()
     by_alarm = {d.alarm: d for d in decisions}  # the last one counts
@@ -107,13 +109,12 @@ def context(
     stale = int(record.get("stale_nights") or 0) if old is None else old
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events, stale)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
-    told = _told(record, found, before, late, coming, stale, former, u, t, machine)
+    told = _told(record, found, before, late, coming, stale, former, newer_no, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
-    suspect, over_since = _suspected(record, told, found, began, (within, never), signs, t), _over_since(told.may, within, never, t)
-    told = by_newer_no(told, t) if newer_no else told
+    suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
     return {
@@ -127,7 +128,7 @@ def context(
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
         "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
-        "over_since": over_since,
+        "over_since": _over_since(told.may, within, never, unsure, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
             (began, (volumes or {}).get(began)),
@@ -174,16 +175,19 @@ def _told(
     coming: Ahead | None,
     stale: int,
     former: Sequence[str] | None,
+    newer_no: bool,
     u: Units,
     t: Texts,
     machine: Machine | None,
 ) -> Answer:
     """record, what is wrong, last night that measured, date since when a night is missing, how soon a limit is reached, nights
-    since the last measurement, what is said beside its nights, units, texts, chain of axes → whether parts may be made.
+    since the last measurement, what is said beside its nights, whether newer readings say No, units, texts, chain of axes →
+    whether parts may be made.
     """
     waits, has = answered(found, record)
     told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
-    return renamed(told, record.get("former") or () if former is None else former, t)
+    told = renamed(told, record.get("former") or () if former is None else former, t)
+    return by_newer_no(told, t) if newer_no else told
 
 
 def _suspected(
@@ -193,24 +197,25 @@ def _suspected(
     began: str,
     limits: tuple[str, str],
     signs: Sequence[tuple[str, str]],
+    unsure: Container[str],
     t: Texts,
 ) -> str:
     """record, answer, faults, date since when, (date of the last night within every limit, of the first on record where none was),
-    (date, verdict) of nights newest first, texts → which parts are in doubt, '' for none.
+    (date, verdict) of nights newest first, dates of nights that are not certain, texts → which parts are in doubt, '' for none.
     """
     within, never = limits
-    suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, t)
+    suspect = _suspect("but" if told.old and told.may == "unknown" else told.may, within, never, began, unsure, t)
     alone = suspect == t("morning.suspect", date=day(began, t))
     if suspect and alone and found and str(found[0]["begun"]) not in ("", began):
         suspect = t("morning.suspect_any", date=day(began, t))  # "it" would be what the page names first
     if not suspect and not began and (probed := begun(found)):
         suspect = t("morning.suspect_probe", date=day(probed, t))
     elif suspect and not (told.may == "no" and never) and (first := beyond_before(signs, min(began or within, within or began))):
-        suspect += f" {t('morning.suspect_before', date=day(first, t))}"
+        suspect += f" {t('morning.suspect_before', date=_night(first, unsure, t))}"
     if not suspect and (accepted_ := [str(a["begun"]) for a in found if a["begun"] and not a["gone"] and accepted(a)]):
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
-            suspect = t("morning.suspect_until", first=day(first, t), date=day(until, t))
+            suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
     back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in found if a["gone"] and a["begun"]), default=("", ""))
     known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
     if back and not known and not (suspect and began and began <= back):
@@ -325,15 +330,20 @@ def _grown(record: Mapping[str, Any], before: tuple[str, float | None], on: str,
     return t("morning.grown_all", told=told) if several else told
 
 
-def _suspect(may: str, within: str, never: str, began: str, t: Texts) -> str:
-    """answer, date of the last night in limits, of the first where none was, of that before the first open fault → parts in
-    question, or nothing."""
+def _night(date: str, unsure: Container[str], t: Texts) -> str:
+    """date of a night that is named for its limit, dates of those that are not certain, texts → the date, and whether it is."""
+    return t("morning.unsure", date=day(date, t)) if date in unsure else day(date, t)
+
+
+def _suspect(may: str, within: str, never: str, began: str, unsure: Container[str], t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was, of that before the first open fault, dates of nights
+    that are not certain, texts → parts in question, or nothing."""
     if may == "no" and never:
-        return t("morning.suspect_all", date=day(never, t))
+        return t("morning.suspect_all", date=_night(never, unsure, t))
     if may == "no" and within:
         if began and began < within:
-            return t("morning.suspect_both", date=day(began, t), within=day(within, t))
-        return t("morning.suspect_beyond", date=day(within, t))
+            return t("morning.suspect_both", date=day(began, t), within=_night(within, unsure, t))
+        return t("morning.suspect_beyond", date=_night(within, unsure, t))
     return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
 
 
@@ -346,13 +356,13 @@ def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Te
     return list(dict.fromkeys(x for x in told if x))
 
 
-def _over_since(may: str, within: str, never: str, t: Texts) -> str:
-    """answer, date of the last night in limits, of the first where none was → since when the limit is crossed, or nothing."""
-    if may != "no":
+def _over_since(may: str, within: str, never: str, unsure: Container[str], t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was, dates of nights that are not certain, texts → since
+    when the limit is crossed, or nothing.
+    """
+    if may != "no" or not (never or within):
         return ""
-    return (
-        t("morning.since_never", date=day(never, t)) if never else t("morning.since_within", date=day(within, t)) if within else ""
-    )
+    return t("morning.since_never" if never else "morning.since_within", date=_night(never or within, unsure, t))
 
 
 def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:

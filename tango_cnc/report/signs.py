@@ -20,7 +20,22 @@ LEVELS: Mapping[str, Level] = {
     "out_of_limits": "stop",
     "doubtful": "stop",
 }
+UNSURE = "not_certain"  # a good night of which nobody knows whether it is within a limit
+ALSO = "_not_certain"  # behind the verdict of another one of which nobody knows it
 SHORT, GAP = 10, 190.0  # signs of a strip that is old, and room for how old it is
+
+
+def of_night(verdict: str, status: str, unsure: bool) -> str:
+    """verdict of a night, status, whether nobody knows if it is within a limit → what its sign is of: its own verdict."""
+    own = "partial" if status == "partial" and verdict == "good" else verdict
+    if not unsure or own not in ("good", "changed", "partial"):
+        return own
+    return UNSURE if own == "good" else f"{own}{ALSO}"
+
+
+def level_of(sign: str) -> str:
+    """what a sign is of → good, look, stop, or unsure, as the curve of the tool tip draws it."""
+    return "unsure" if sign == UNSURE else LEVELS.get(sign.removesuffix(ALSO), "stop")
 
 
 def strip(nights: Sequence[tuple[str, str, str]], label: str, t: Texts, old: int = 0) -> Markup:
@@ -50,11 +65,14 @@ def _tip(date: str, verdict: str, t: Texts) -> str:
 
 
 def _sign(verdict: str, x: float) -> str:
+    verdict = verdict.removesuffix(ALSO)
     if verdict == "not_measured":
         return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.SOFT}" stroke-width="1.6"/>'
     if verdict == "partial":
         half = f'<path d="M{x:g} 4a4 4 0 0 1 0 8z" fill="{svg.LOOK}"/>'
         return f'<circle cx="{x:g}" cy="8" r="4" fill="none" stroke="{svg.LOOK}" stroke-width="1.6"/>{half}'
+    if verdict == UNSURE:
+        return f'<rect x="{x - 4.2:g}" y="3.8" width="8.4" height="8.4" fill="none" stroke="{svg.LOOK}" stroke-width="1.8"/>'
     level = LEVELS.get(verdict, "stop")
     if level == "good":
         return f'<circle cx="{x:g}" cy="8" r="3.4" fill="{svg.GOOD}"/>'

@@ -25,7 +25,7 @@ BLUE, RED, GREEN, ORANGE, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "
 GOOD, LOOK, STOP = "#00694c", "#9a5b00", "#b3261e"  # of a verdict: as on pages (style.css); each has a shape of its own too
 CYCLE = ((BLUE, ""), (RED, "6 3"), (GREEN, "2 2"), (PURPLE, "8 3 2 3"), (ORANGE, "1 3"), (INK, "10 4"))
 FONT = "system-ui, -apple-system, 'Segoe UI', Helvetica, Arial, sans-serif"
-Kind = Literal["line", "dots", "crosses", "rings", "squares", "triangles", "diamonds", "band", "bars", "steps"]
+Kind = Literal["line", "dots", "crosses", "rings", "squares", "boxes", "triangles", "diamonds", "band", "bars", "steps"]
 HALO = 'stroke="#fff" stroke-width="3" paint-order="stroke" stroke-linejoin="round"'  # a text above a curve stays readable
 WIDE = 6.4  # px that a sign of a label takes, at most
 STEPS = (1, 2, 7, 14, 30, 61, 91, 182, 365)  # days between dates on an axis
@@ -344,6 +344,9 @@ def _dot(x: float, y: float, s: Plotted, tip: str) -> str:
         body += f'l{-1.3 * r:.1f} {-1.3 * r:.1f}z" fill="{s.color}"'
     elif s.kind == "squares":
         body = f'<rect x="{x - r:.1f}" y="{y - r:.1f}" width="{2 * r:.1f}" height="{2 * r:.1f}" fill="{s.color}"'
+    elif s.kind == "boxes":
+        body = f'<rect x="{x - r:.1f}" y="{y - r:.1f}" width="{2 * r:.1f}" height="{2 * r:.1f}" fill="none" stroke="{s.color}" '
+        body += 'stroke-width="1.8"'
     elif s.kind == "rings":
         body = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{r:g}" fill="none" stroke="{s.color}" stroke-width="1.4"'
     else:

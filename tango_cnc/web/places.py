@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -23,6 +23,7 @@ from ..link.lock import broken_off, cut_off, ended
 from ..records import Cell, Machine, TangoError
 from ..report.age import due, nights_old
 from ..report.answer import said_broken_off, said_cut_off
+from ..report.signs import of_night
 from .newest import NewestRecords
 from .remembered import AGAIN, SELDOM, STATED, Remembered, Stamp, file_of, looks_of
 from .served import Row, Served, slug_of
@@ -45,6 +46,7 @@ class Places(Remembered):
         self._replaced: list[History] = []  # what is read of a history is kept by its id, which no other may get
         self._read: dict[int, dict[int, Mapping[str, Any]]] = {}  # records of the list of machines, by entry
         self._nights: dict[int, tuple[dict[str, Any], dict[str, list[Night]]]] = {}  # by history: entries, nights
+        self._unsure: dict[int, dict[int, bool]] = {}  # by history and entry: whether nobody knows if it is within a limit
         self._cells: dict[Path, tuple[float, Stamp, Cell | str]] = {}
         self._newest: dict[int, dict[str, tuple[object, tuple[Any, ...]]]] = {}  # by history: newest records
         self._nightlies: dict[Path, tuple[float, Nightly | TangoError]] = {}
@@ -297,6 +299,18 @@ class Places(Remembered):
         }
         return self._read[key]
 
+    def unsure(self, history: History | None, nights: Sequence[Night]) -> Container[int]:
+        """history, nights → entries of those of which nobody knows whether they are within a limit; no entry changes, so none is
+        asked about twice.
+        """
+        if history is None:
+            return ()
+        known = self._unsure.setdefault(id(history), {})
+        new = [n.entry for n in nights if n.entry not in known and n.verdict in ("good", "changed")]
+        found = history.unsure(new)
+        known |= {entry: entry in found for entry in new}
+        return frozenset(n.entry for n in nights if known.get(n.entry))
+
     def nights(self, machine: Served, last: int) -> tuple[Night, ...]:
         """machine, how many → its nights, newest first; none where it has no history."""
         if machine.history is None:
@@ -305,6 +319,11 @@ class Places(Remembered):
         return self.kept(
             f"nights {machine.slug} {last}", lambda: history.nights(name, last=last) if name in history.machines() else ()
         )
+
+
+def sign_of(night: Night, unsure: Container[int]) -> str:
+    """night, entries of nights of which nobody knows whether they are within a limit → what its sign is of: its own verdict."""
+    return of_night(night.verdict, night.status, night.entry in unsure)
 
 
 def today() -> str:

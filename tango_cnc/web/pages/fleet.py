@@ -39,7 +39,7 @@ from ...report.signs import strip
 from ...report.texts import Texts
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
-from ..places import today
+from ..places import sign_of, today
 from ..places import told as verdict_of
 from ..served import Row
 from .machine import between, busy_for, happened_to, ran_of, run_of, unmeasured
@@ -139,7 +139,7 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         "moved": max(map(size_of, found), default=0.0),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
-        "strip": _strip(row, allowed, state),
+        "strip": _strip(row, state),
     }
 
 
@@ -171,13 +171,14 @@ def _asked(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], st
     }
 
 
-def _strip(row: Row, allowed: Mapping[str, float], state: PagesState) -> str:
-    """row, limits (µm) → a sign for each of its nights."""
+def _strip(row: Row, state: PagesState) -> str:
+    """row, state → a sign for each of its nights."""
     if not row.nights:
         return ""
     t = state.texts
     cut = [(date, "partial", "") for date in dates_cut_off(row.machine.former)]
-    signs = [(n.night, verdict_of(n, allowed), "") for n in reversed(row.nights)] + cut[::-1]
+    unsure = state.places.unsure(row.machine.history, row.nights)
+    signs = [(n.night, sign_of(n, unsure), "") for n in reversed(row.nights)] + cut[::-1]
     old = 0 if row.record is None else state.places.old(row.machine, measured_on(row.record, row.before))
     label = between(signs[::-1], t, old)
     return strip(signs, label, t, old)

@@ -28,13 +28,13 @@ from ...report.newer import says_no
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
-from ...report.signs import LEVELS, SHORT, strip
+from ...report.signs import SHORT, level_of, strip
 from ...report.texts import Texts
 from ...report.tonight import sized
 from ...report.units import Units
 from ..app import PagesState, machine_of, needs, page, state_of
 from ..live import LiveRun, minutes_left, quiet, title, touched_by
-from ..places import STRIP, measured_before, told
+from ..places import STRIP, measured_before, sign_of, told
 from ..served import Served
 from .report import file_of_cell
 
@@ -65,7 +65,8 @@ def machine(request: Request) -> Response:
     if nights and found.history is not None:
         entry, allowed = nights[0].entry, limits_of(request, found)
         cut = [(date, "partial") for date in dates_cut_off(found.former)]
-        signs = (cut + [(n.night, told(n, allowed)) for n in nights])[:STRIP]
+        unsure = state.places.unsure(found.history, nights)
+        signs = (cut + [(n.night, sign_of(n, unsure)) for n in nights])[:STRIP]
         values |= morning_of(request, found, values["busy"])
         values["known"], values["judged"] = True, bool(allowed)
         values["entry"] = entry
@@ -151,9 +152,16 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
         now=datetime.now(UTC),
         newer_no=says_no(machine.folder, record.get("end_utc")),
         signs=every,
+        unsure=dates_unsure(state, machine, known),
         former=machine.former,
         old=state.places.old(machine, measured_on(record, before)),
     )
+
+
+def dates_unsure(state: PagesState, machine: Served, nights: Sequence[Night]) -> frozenset[str]:
+    """what pages share, machine, nights → dates of those of which nobody knows whether they are within a limit."""
+    unsure = state.places.unsure(machine.history, nights)
+    return frozenset(n.night for n in nights if n.entry in unsure)
 
 
 def stored(request: Request, machine: Served, entry: int) -> Any:
@@ -258,9 +266,11 @@ def curves(request: Request, machine: Served) -> tuple[Markup, Markup] | None:
     """The largest error of the tool tip night by night: of a quarter of a year, and of the last nights for a phone."""
     state = state_of(request)
     (k, unit), allowed = state.units.plain, limits_of(request, machine)
+    known = state.places.nights(machine, QUARTER)
+    unsure = state.places.unsure(machine.history, known)
     found = [
-        (date.fromisoformat(n.night), float(n.volume_um) * k, LEVELS.get(told(n, allowed), "stop"))
-        for n in reversed(state.places.nights(machine, QUARTER))
+        (date.fromisoformat(n.night), float(n.volume_um) * k, level_of(sign_of(n, unsure)))
+        for n in reversed(known)
         if n.volume_um is not None
     ]
     if len(found) < 2:

@@ -18,7 +18,7 @@ from ...report.morning import context, volumes_of
 from ..app import machine_of, needs, page, state_of
 from ..places import told
 from ..served import Served
-from .machine import ANOTHER, happened_to, limits_of, record_before
+from .machine import ANOTHER, dates_unsure, happened_to, limits_of, record_before
 from .report import NAMES, file_of_night
 
 
@@ -50,6 +50,7 @@ def night(request: Request) -> Response:
         former=None if place else found.former,
         old=None if place else state.places.old(found, measured_on(record, before)),
         signs=[(n.night, told(n, limits_of(request, found))) for n in nights],
+        unsure=dates_unsure(state, found, nights),
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]
     age = days_between(record.get("night"), now.astimezone().date())
