@@ -199,7 +199,7 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
 
 
 def _notice(made: Plan, within: float, stated: float | None) -> str:
-    """plan of the cycle, mm by which the table may stand elsewhere, mm of --agrees → what is said at the machine before it moves."""
+    """plan of the cycle, mm by which the table may stand elsewhere, mm of --agrees → what is said before it moves."""
     from .. import locate, telling
 
     approach = made.strategy.approach
