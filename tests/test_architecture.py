@@ -35,7 +35,7 @@ INTERNAL: dict[str, str | None] = {
     "gate": "records",
     "commission": "records gate plan kinematics duration locate",
     "astray": "records",
-    "telling": "records astray",
+    "telling": "records check astray",
     "locate": "records kinematics plan duration astray telling",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate nearest",
