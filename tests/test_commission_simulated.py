@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -123,6 +125,29 @@ def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
         begins = [row for row, event in enumerate(events) if event["event"] == "program" and event["state"] != "ended"]
         second = events[begins[1] : begins[2]]
         assert not any(event["event"] in ("rapid", "contact") or event.get("result") == "miss" for event in second), "it went on"
+
+
+@pytest.mark.long
+def test_whoever_ends_it_while_it_runs_is_asked_nothing_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It asked five questions, and a service that was told to end waited for their answers."""
+    cell, heard = cell_of(tmp_path / "cell", "fanuc"), []
+
+    def end(step: object) -> None:
+        heard.append(step)
+        if len(heard) == 3:
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr("tango_cnc.commands.commission._told", end)
+    typed = Terminal("y\n" * 60)
+    monkeypatch.setattr(sys, "stdin", typed)
+    with started(cell, "fanuc", "--speed", 30):
+        assert call("commission", "-C", cell) == 3
+    said = capsys.readouterr().err
+    assert "stopped by the user" in said and "The program stopped" not in said and "goes on with it: press feed hold" in said
+    assert typed.tell() < len(typed.getvalue()), "answers are left"
+    assert not read_commissioning(cell)
 
 
 def test_a_macro_that_mach3_does_not_have_is_no_silent_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

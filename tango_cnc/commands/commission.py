@@ -365,9 +365,11 @@ def _tried(
         try:
             measure(cell, made, wanted, lambda part: programs, _told, lambda part, program: None)
         except LinkError as error:
+            why = str(error)
             if not journal.exists() or journal.read_bytes() == earlier:
                 raise  # the port did not open
-            why = str(error)
+            if why.startswith("stopped by the user"):  # nobody is there who could be asked
+                raise LinkError(f"{why}; a control that has its program goes on with it: press feed hold, then reset") from None
             if made.only is None:  # else there is no record to wait for
                 click.echo(why, err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
