@@ -304,7 +304,10 @@ def test_no_plug_in_is_known_by_name_outside_its_own_file(root: Path) -> None:
     once = list(by_name(root))
     allowed = {(module, plug_in) for module, (names, _) in KNOWN_BY_NAME.items() for plug_in in names.split()}
     wrong = [f"{name}:{line}: {plug_in!r}" for name, plug_in, line in once if (name, plug_in) not in allowed]
-    assert not wrong, "state it in a field of the plug-in's record, or list it in KNOWN_BY_NAME with a reason:\n" + "\n".join(wrong)
+    assert not wrong, (
+        "state it in a field of the plug-in's record; where the word means something else there, give the plug-in's file another "
+        "name, or list it in KNOWN_BY_NAME of this test with a reason:\n" + "\n".join(wrong)
+    )
     needless = allowed - {(name, plug_in) for name, plug_in, _ in once}
     assert not needless, f"KNOWN_BY_NAME: no longer needed: {sorted(needless)}"
 

@@ -13,6 +13,7 @@ from support import blind
 
 from sim_controller.simulate import simulate
 from tango_cnc.diagnose import Diagnosis, diagnose
+from tango_cnc.diagnose.sentences import also
 
 SAMPLE = [("step", 41), ("moving_mass", 42), ("rotary_tilt", 43), ("scale_drift", 44)]
 
@@ -37,6 +38,15 @@ def test_a_small_drift_along_one_axis_is_named_although_a_scale_that_grows_is_ne
     o = blind.tried(blind.Trial(blind.SMALL, "hu40t", ("thermal_drift",), (0.0015, 0.0015), 5200053))
     assert o is not None
     assert o.found == ["thermal_drift"]
+
+
+@pytest.mark.long
+def test_a_period_is_no_other_setting_of_itself_and_seconds_are_no_millimetres(bench: tuple[blind.Bench, blind.Eyes]) -> None:
+    found = blind.trial(*bench, ["ambient_cycle"], (0.005, 0.005), 46)
+    assert found is not None
+    (cycle,) = [f for f in found[1].findings if f.cause == "ambient_cycle"]
+    assert all(abs(other["period"] - cycle.setting["period"]) > 0.01 * cycle.setting["period"] for other, _ in cycle.aliases)
+    assert also(replace(cycle, aliases=(({"period": 812.0}, 1.0),))) == "period 812 s"
 
 
 LEAST = {

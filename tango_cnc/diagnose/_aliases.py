@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..terms import causes
 from ..texts import say
 from ..touches import Touches
 from ._candidates import Candidate, candidate
@@ -25,6 +26,7 @@ TRIED = 12  # settings that are looked at closely
 GRID = 181  # places of an axis where two settings are compared
 PLACES = ("at", "until", "nodes")
 UNITS = {"period": "mm", "at": "", "span": "mm"}
+SAME = 0.01  # of a period: nearer is the same one
 COURSE = ("shape", "sensor", "values", "factors")
 
 
@@ -63,7 +65,9 @@ def apart(e: Explanation, one: Candidate, other: Candidate) -> bool:
     mine, theirs = discrete(e, one).items(), discrete(e, other).items()
     if mine != theirs:  # one component is part of all of them
         return not (mine <= theirs or theirs <= mine)
-    return "period" in one.setting and e.catalogue.compatible(one, [other])
+    if "period" not in one.setting or np.isclose(one.setting["period"], other.setting.get("period") or 0.0, rtol=SAME):
+        return False
+    return e.catalogue.compatible(one, [other])
 
 
 def discrete(e: Explanation, c: Candidate) -> dict[str, Any]:
@@ -72,13 +76,14 @@ def discrete(e: Explanation, c: Candidate) -> dict[str, Any]:
     return {k: v for k, v in c.setting.items() if k not in smooth and v is not None}
 
 
-def differing(setting: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """settings of an alias and of what is named → what is different in the alias, for a person."""
+def differing(cause: str, setting: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """cause, settings of an alias and of what is named → what is different in the alias, for a person."""
     parts = []
+    units = {**UNITS, **(causes()[cause].units if cause in causes() else {})}
     for k, v in setting.items():
-        if v is None or k in COURSE or other.get(k) == v or (isinstance(v, float) and k not in UNITS):
+        if v is None or k in COURSE or other.get(k) == v or (isinstance(v, float) and k not in units):
             continue
-        parts.append(f"{k} {v:.4g} {UNITS[k]}".strip() if isinstance(v, float) else f"{k} {v}")
+        parts.append(f"{k} {v:.4g} {units[k]}".strip() if isinstance(v, float) else f"{k} {v}")
     return ", ".join(parts) or say("diagnosis_said.another_course")
 
 
@@ -92,7 +97,11 @@ def where(e: Explanation, touches: Touches, one: Chosen, others: Sequence[Chosen
         told = _place(e, touches, one, other, str(axis))
         if told is not None:
             result.append(
-                say("diagnosis_said.alias_tells", told=told, other=differing(other.candidate.setting, one.candidate.setting))
+                say(
+                    "diagnosis_said.alias_tells",
+                    told=told,
+                    other=differing(one.candidate.cause, other.candidate.setting, one.candidate.setting),
+                )
             )
     return tuple(result)
 

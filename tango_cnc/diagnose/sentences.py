@@ -59,7 +59,7 @@ def advice(f: Finding) -> str:
 
 def also(f: Finding) -> str:
     """finding → its other settings that this plan cannot distinguish from it."""
-    return joined("; ", dict.fromkeys(differing(setting, f.setting) for setting, _ in f.aliases))
+    return joined("; ", dict.fromkeys(differing(f.cause, setting, f.setting) for setting, _ in f.aliases))
 
 
 def gain(f: Finding) -> str | None:

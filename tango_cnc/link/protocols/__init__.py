@@ -28,7 +28,7 @@ class Module(Protocol):
 
     @property
     def SCHEMES(self) -> Mapping[str, str]:
-        """→ {scheme of a URL that only this protocol has: how it travels, one of `_address.WAYS`}."""
+        """→ {scheme of a URL that only this protocol has: how it travels, one of `link.ways.ways()`}."""
 
 
 def names() -> list[str]:
