@@ -104,7 +104,7 @@ def _waiting(folder: Path) -> Iterator[tuple[Path, str]]:
 
 
 def _program(folder: Path, mark: str) -> Path | None:
-    """cell, hash of a program → its file; None where there is none."""
+    """cell, hash of a program → its file; None where the cell has no such program."""
     text = f"PROGRAM {mark} ".encode()
     files = (file for file in folder.rglob("*") if file.is_file() and file.suffix not in (".journal", ".csv", ".json"))
     return next((file for file in files if text in file.read_bytes()), None)

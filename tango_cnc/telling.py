@@ -59,19 +59,20 @@ def unsized(artefact: Artefact, names: Sequence[str], agrees: float | None = Non
     flat = [f for f in artefact.facets.values() if f.ball is None and f.surface is None]
     seen = [f for f in flat if f.id not in hidden]
     middle = np.mean([f.point for f in flat], axis=0)
-    told, grows = _by_growth([artefact.facets[name] for name in names], middle)
+    told, grows = _shown([artefact.facets[name] for name in names], middle)
     place = -np.linalg.pinv(told) @ grows
     share = min(OTHER_SIZE, (agrees or AGREES) / max(float(np.abs(told @ place + grows).max()), 1e-9))
-    rows, by = _by_growth(seen, middle)
+    rows, by = _shown(seen, middle)
     if agrees is not None:  # who says that says the size, too
-        share = min(share, agrees / max(float(np.abs(_by_growth(flat, middle)[1]).max()), 1e-9))
+        share = min(share, agrees / max(float(np.abs(_shown(flat, middle)[1]).max()), 1e-9))
     beside = max(float(np.abs(rows @ place + by).max()), _at_corners(artefact, seen, middle, place))
     return OtherSize(share * beside, share * math.degrees(float(np.linalg.norm(place[3:]))), share)
 
 
-def _by_growth(facets: Sequence[Facet], middle: Array) -> tuple[Array, Array]:
+def _shown(facets: Sequence[Facet], middle: Array) -> tuple[Array, Array]:
     """facets, (3,) mm → (n, 6) what each shows of translation and rotation about it, (n,) mm that it shows of a doubled size."""
-    normal, arm = np.array([facet.normal for facet in facets]), np.array([facet.point for facet in facets]) - middle
+    normal = np.array([facet.normal for facet in facets]).reshape(-1, 3)
+    arm = np.array([facet.point for facet in facets]).reshape(-1, 3) - middle
     return np.hstack([normal, np.cross(arm, normal)]), np.einsum("ni,ni->n", normal, arm)
 
 
@@ -84,7 +85,7 @@ def _at_corners(artefact: Artefact, seen: Sequence[Facet], middle: Array, place:
     if table is None:
         return 0.0
     corner = table.corner - middle
-    normal, offset = np.array([f.normal for f in seen]), _by_growth(seen, middle)[1]
+    normal, offset = np.array([f.normal for f in seen]), _shown(seen, middle)[1]
     meet = np.abs(corner @ normal.T - offset) < EDGE
     across = np.einsum("vk,ki,kj->vij", meet, normal, normal)
     size, axes = np.linalg.eigh(across)
@@ -98,11 +99,10 @@ def told_by(artefact: Artefact, names: Sequence[str], sized: bool = False) -> Ar
     size of the table, too.
     """
     facets = [artefact.facets[name] for name in names]
-    normal = np.array([facet.normal for facet in facets]).reshape(-1, 3)
-    point = np.array([facet.point for facet in facets]).reshape(-1, 3)
-    point = point - point.mean(axis=0) if len(point) else point
-    grows = [np.einsum("ni,ni->n", normal, point)[:, None] / 100.0] if sized else []
-    return np.hstack([normal, np.cross(point, normal) / 100.0, *grows])
+    middle = np.mean([facet.point for facet in facets], axis=0) if facets else np.zeros(3)
+    rows, grows = _shown(facets, middle)
+    lever = np.array([1.0] * 3 + [0.01] * 3)
+    return np.hstack([rows * lever, *([grows[:, None] * 0.01] if sized else [])])
 
 
 def weakest(artefact: Artefact, names: Sequence[str]) -> float:
@@ -119,9 +119,7 @@ def known_to(artefact: Artefact, names: Sequence[str], agrees: float = AGREES) -
     if weakest(artefact, names) <= 1e-3:
         return math.inf, ""
     every = list(artefact.facets)
-    normal = np.array([artefact.facets[name].normal for name in every])
-    point = np.array([artefact.facets[name].point for name in every])
-    rows = np.hstack([normal, np.cross(point, normal)])
+    rows, _ = _shown([artefact.facets[name] for name in every], np.zeros(3))
     touched = rows[[every.index(name) for name in names]]
     spread = agrees * np.linalg.norm(rows @ np.linalg.pinv(touched), axis=1)
     worst = int(np.argmax(spread))
@@ -137,7 +135,7 @@ def without_one(rows: Array) -> float:
 
 
 def to_edge(artefact: Artefact, names: Sequence[str]) -> Array:
-    """facets → (n,) mm from each facet's point to the nearest edge at which another flat facet begins; inf where there is none.
+    """facets → (n,) mm from each facet's point to the nearest edge at which another flat facet begins; inf without such an edge.
 
     Within it a displaced table still shows the same plane to the ball.
     """

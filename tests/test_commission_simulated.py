@@ -131,7 +131,7 @@ def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
 def test_whoever_ends_it_while_it_runs_is_asked_nothing_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """It asked five questions, and a service that was told to end waited for their answers."""
+    """It asked five questions, and a service never ended, as nobody answered them."""
     cell, heard = cell_of(tmp_path / "cell", "fanuc"), []
 
     def end(step: object) -> None:

@@ -353,6 +353,7 @@ def _tried(
     from ..link.journal import read_journal
     from ..link.lock import holding
     from ..link.measure import Wanted, measure, protocol_of
+    from ..link.session import Unwanted
 
     target = cell.folder / FOLDER / "readings.csv"
     journal = target.with_suffix(".journal")
@@ -368,7 +369,7 @@ def _tried(
             why = str(error)
             if not journal.exists() or journal.read_bytes() == earlier:
                 raise  # the port did not open
-            if why.startswith("stopped by the user"):  # nobody is there who could be asked
+            if isinstance(error, Unwanted):  # nobody is there who could be asked
                 raise LinkError(f"{why}; a control that has its program goes on with it: press feed hold, then reset") from None
             if made.only is None:  # else there is no record to wait for
                 click.echo(why, err=True)

@@ -84,7 +84,8 @@ def _gone_back(alarm: Mapping[str, Any]) -> str:
 def _of_both(d: Decision | None, entry: int) -> bool:
     """decision about a change, entry of the night that saw it gone back → whether it is about both.
 
-    Who answered before it went back did not know it. Only a repair is what went back, whenever it was told.
+    An answer that is older than this night is about the change alone, as its author did not know of the way back. A repair is about
+    both, whenever somebody reports it: it made the change go back.
     """
     return d is not None and (d.action == "repaired" or d.entry > entry)
 

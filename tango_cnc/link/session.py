@@ -49,6 +49,10 @@ class News:
     drift: float | None = None  # µm, positive outwards
 
 
+class Unwanted(LinkError):
+    """The person at the computer has ended it: neither the control nor the line is to blame."""
+
+
 class Moved(LinkError):
     """A repeated touch says that what is still to be measured does not go together with what was."""
 
@@ -232,7 +236,7 @@ class Session:
         if not wishes:
             return
         if wishes > 1 or not (self._leaving or self._client.stop()):
-            raise LinkError("stopped by the user")
+            raise Unwanted("stopped by the user")
         if not self._leaving:
             self._leaving = True
             self._watch(
@@ -262,7 +266,7 @@ class Session:
             elif isinstance(event, Ended):
                 self._ended = True
             elif isinstance(event, Failed) and not self._ended:
-                raise RefusedError(event.why) if event.wrong else LinkError(event.why)
+                raise (RefusedError if event.wrong else Unwanted if self._leaving else LinkError)(event.why)
 
     def _identified(self, text: str) -> None:
         """Raises LinkError where a run is resumed at a control that calls itself otherwise; nothing has been asked for yet.

@@ -82,8 +82,9 @@ def standing(
 
 
 def _as_ended(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """alarms of other nights → the same; one that went back is told as the night saw it that found it gone, and so is its way back:
-    what moved after that is another event, which is neither still there nor gone by what its own alarm says.
+    """alarms of other nights → the same; one that went back, and its way back, keep what the night saw that found it gone.
+
+    What moved after that night is another event, with an alarm of its own.
     """
     back = {str(a["undoes"]["alarm"]): a["undoes"] | {"gone_by": str(a["id"])[:10]} for a in found if a.get("undoes")}
 

@@ -132,8 +132,8 @@ def _let_be(decision: Any, today: str) -> bool:
 
 
 def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
-    """night that measured nothing, how it is told → alarms of the last one that did, which somebody says to have repaired since: a
-    night after the repair does not have them any more.
+    """night that measured nothing, how it is told → alarms of the last night that measured, as far as somebody reports a repair
+    since: the night after a repair does not list them any more.
     """
     if how.known is how.record:
         return []
@@ -142,7 +142,7 @@ def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
 
 
 def _of_tonight(a: Mapping[str, Any], how: _Today) -> dict[str, Any]:
-    """alarm of the newest night, how it is told → with its moment; where no night came after it, its temperature has its date."""
+    """alarm of the newest night, how it is told → with its moment; read on a later day, its temperature has its date."""
     night = str(how.record.get("night") or "")
     told = {**a, "utc": how.record.get("start_utc")}
     if how.today <= night:

@@ -130,7 +130,7 @@ def _of_nights(f: Facts, said: Told, t: Texts) -> list[str]:
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     """check, facts, answer, texts → what to do about it; what is wrong stands in front, where the first box does not name it."""
     if c.name == "nights" and f.nights is not None and (own := _of_nights(f, said, t)):
-        share = f.nights.share and said.by_night  # which is told with its number alone
+        share = f.nights.share and said.by_night  # a share is no change: its sentence names its number already
         cause = "" if share or f.nights.named else f.nights.brief or f.nights.cause
         return [x for x in (f"{'' if cause == said.cause else cause} {own[-1]}".strip(), c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
