@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from support.rows import added, writing
 
 from postprocessors import load, names
 from sim_controller.__main__ import run
@@ -90,18 +91,18 @@ def row(dialect: str) -> str:
 
 
 OTHER = ("{post: NAME, port: 'file:///tmp/TANGO.TXT'}", "sim_controller --cell cell")
+HEAD = "| dialect | `controller:` in tango.yaml | the simulated control |"
 WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_commission_simulated.py -k table"
 
 
 def test_the_table_has_a_line_for_every_dialect() -> None:
     page = ROOT / "docs" / "commissioning.md"
-    missing = "".join(f"{row(name)}\n" for name in names() if name not in ROWS)
-    if missing and os.environ.get("TANGO_GOLDEN") == "write":
-        head = re.search(r"(?m)^\| dialect \| `controller:` .*\n\|---\|---\|---\|\n", page.read_text("utf-8"))
-        assert head is not None
-        page.write_text(page.read_text("utf-8").replace(head[0], head[0] + missing), encoding="utf-8")
+    missing = [row(name) for name in names() if name not in ROWS]
+    if missing and writing():
+        for line in missing:
+            page.write_text(added(page.read_text("utf-8"), HEAD, line), encoding="utf-8")
         return
-    assert not missing, f"docs/commissioning.md, Try it without a machine: {WRITE} adds what is missing:\n{missing}"
+    assert not missing, f"docs/commissioning.md, Try it without a machine: {WRITE} adds what is missing:\n" + "\n".join(missing)
     gone = set(ROWS) - set(names())
     assert not gone, f"docs/commissioning.md, Try it without a machine: no dialect has the names {', '.join(sorted(gone))}"
 

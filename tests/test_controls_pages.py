@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
 import yaml
 from support.controls import golden
 from support.dialects import EVERY
+from support.rows import writing
 
 from postprocessors import companions, load, program, settings
 from tango_cnc import readback
@@ -75,7 +76,7 @@ def relative_input(language: str) -> str:
 def page(name: str) -> str:
     """dialect → the text of its page. Where a page is missing, the failure prints the command that writes a first one."""
     file = PAGES / f"{name}.md"
-    if not file.is_file() and os.environ.get("TANGO_GOLDEN") == "write":
+    if not file.is_file() and writing():
         file.write_text(draft(name), encoding="utf-8")
     assert file.is_file(), f"docs/controls/{name}.md is missing; this writes a first one, for you to correct: {WRITE} -k {name}"
     return file.read_text(encoding="utf-8")
@@ -151,9 +152,12 @@ def test_a_page_without_cable_network_destination_and_input_says_whom_to_ask(nam
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_a_page_is_linked_and_has_no_empty_table(name: str, root: Path) -> None:
     file, link = root / "docs" / "commissioning.md", f"[{name}](controls/{name}.md)"
-    links, before = file.read_text(encoding="utf-8"), "are on its own page: "
-    if link not in links and os.environ.get("TANGO_GOLDEN") == "write":
-        links = links.replace(before, f"{before}{link},\n", 1)
+    links, before = file.read_text(encoding="utf-8"), "Cables, parameters and files of each control are on its own page: "
+    if link not in links and writing():
+        begin, _, rest = links.partition(before)
+        listed, end, rest = rest.partition(".\n\n")
+        every = ", ".join(sorted([*listed.replace(",", " ").split(), link]))
+        links = begin + textwrap.fill(before + every, 100, break_on_hyphens=False) + end + rest
         file.write_text(links, encoding="utf-8")
     assert link in links, f"docs/commissioning.md: {link} is missing among the pages; {WRITE} -k {name} adds it"
     assert ("| belief |" in page(name)) == bool(load(name).remedies)
@@ -176,7 +180,7 @@ def failed(name: str) -> str:
 @pytest.mark.parametrize("name", sorted(name for name in EVERY if load(name).remedies))
 def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
     text = page(name)
-    if failed(name) not in text and os.environ.get("TANGO_GOLDEN") == "write":
+    if failed(name) not in text and writing():
         kept = re.sub(r"(?s)## When an experiment fails\n.*?(?=\n## |\Z)", "", text)
         before, _, after = kept.partition("## To the first reading")
         text = f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 import yaml
 from support.controls import GOLDEN, golden, lines_of
 from support.profiles import spoken
+from support.rows import added, writing
 from support.runs import Result
 
 from postprocessors import load, names, unverified
@@ -59,11 +59,9 @@ WITH_KEY = [name for name in names() if any(option.name == "probe_state" for opt
 
 def test_the_table_says_of_every_dialect_who_looks_and_how_the_look_is_left_out() -> None:
     for name in names():
-        if name not in rows() and os.environ.get("TANGO_GOLDEN") == "write":
-            page = (DOCS / "dialects.md").read_text(encoding="utf-8")
-            head = f"{TABLE}\n|---|---|---|\n"
-            assert head in page
-            (DOCS / "dialects.md").write_text(page.replace(head, f"{head}{row(name)}\n"), encoding="utf-8")
+        if name not in rows() and writing():
+            page = added((DOCS / "dialects.md").read_text(encoding="utf-8"), TABLE, row(name))
+            (DOCS / "dialects.md").write_text(page, encoding="utf-8")
         assert name in rows(), missing(name)
         assert (rows()[name] == NO_KEY) == (name not in WITH_KEY), f"docs/dialects.md: {name}: found {rows()[name]}; {row(name)}"
         assert (rows()[name] == "`probe_state: none`") == (name in ASKING), (

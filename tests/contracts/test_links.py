@@ -4,7 +4,6 @@
 wants an end, `=>` what it made of it. `~~` stands where the control speaks before the client has sent all of its program.
 """
 
-import os
 import random
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
+from support.rows import added, writing
 
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
@@ -153,14 +153,14 @@ def rewritten(protocol, file):
 @every_protocol
 def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(protocol):
     folder = TRANSCRIPTS / protocol
-    if os.environ.get("TANGO_GOLDEN") == "write" and not folder.is_dir():
+    if writing() and not folder.is_dir():
         folder.mkdir()
         for page in first_pages():
             first = rewritten(protocol, page).partition("\n")[2]
             title = f"# {page.stem.replace('_', ' ')}: written from another protocol; make it what this control sends"
             (folder / page.name).write_text(f"{title}\n{first}", encoding="utf-8")
     files = sorted(folder.glob("*.txt"))
-    for file in files if os.environ.get("TANGO_GOLDEN") == "write" else ():
+    for file in files if writing() else ():
         file.write_text(rewritten(protocol, file), encoding="utf-8")
     text = "".join(file.read_text(encoding="utf-8") for file in files)
     assert text, f"tests/transcripts/{protocol}/ is missing; this writes first pages, for you to correct: {WRITE} -k {protocol}"
@@ -204,7 +204,7 @@ def test_a_control_may_speak_before_all_is_sent_where_the_page_says_so_and_only_
 @pytest.mark.few(24)
 @every_conversation
 def test_the_conversation_means_what_its_page_says(protocol, file):
-    if os.environ.get("TANGO_GOLDEN") == "write":
+    if writing():
         file.write_text(rewritten(protocol, file), encoding="utf-8")
     events, expected = replay(protocol, file, lambda data: [data])
     assert len(events) == len(expected), (
@@ -309,7 +309,7 @@ def test_no_time_is_no_silence(protocol):
     assert all(not one.elapsed(0.0) for _ in range(1000))
 
 
-HEAD = "| `controller.port`, `--port` | is |\n|---|---|\n"
+HEAD = "| `controller.port`, `--port` | is |"
 PLACES_OF = {"host": "192.168.1.20:8193", "device": "/dev/ttyUSB0", "disk": "user@192.168.1.20/TANGO.TXT", "file": "/mnt/TANGO.TXT"}
 
 
@@ -331,8 +331,8 @@ def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(
     )
     for scheme in module.SCHEMES:
         page = LINKS.read_text(encoding="utf-8")
-        if f"{scheme}://" not in page and os.environ.get("TANGO_GOLDEN") == "write":
-            page = page.replace(HEAD, f"{HEAD}{row(protocol, scheme)}\n")
+        if f"{scheme}://" not in page and writing():
+            page = added(page, HEAD, row(protocol, scheme))
             LINKS.write_text(page, encoding="utf-8")
         assert f"{scheme}://" in page, (
             f"docs/link.md, Ports: the table lacks this row; {WRITE} -k {protocol} adds it, for you to correct:\n"
