@@ -78,8 +78,8 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         if not target or not re.fullmatch("[0-9]{1,3}", number) or not 0 <= int(number) <= 247:
             found = f"found device {printable(repr(number), 80)}" if target else "found no device number"
             raise InputError(
-                f"port {url!r}: {found}; allowed: 0 … 247 at its end, e.g. modbus+tcp://192.168.1.20:502/1 or "
-                "modbus+rtu:///dev/ttyUSB0/1"
+                f"port {url!r}: {found}; allowed: 0 … 247 at its end, "
+                f"e.g. {typed}://{'192.168.1.20:502' if way.needs == 'host' else '/dev/ttyUSB0'}/1"
             )
         unit = int(number)
     if way.needs == "device" and not target:

@@ -396,3 +396,10 @@ def test_a_scheme_and_a_setting_that_name_two_protocols_are_refused(scheme):
     other = next(name for name in PROTOCOLS if name != own)
     with pytest.raises(InputError, match=f"link: found '{other}'; allowed: {own}, which"):
         protocol_of(f"{scheme}://there:1?link={other}", other)
+
+
+@pytest.mark.parametrize("scheme", sorted({*schemes(), *SCHEMES}))
+def test_a_port_without_a_place_gets_an_example_of_its_own_scheme(scheme):
+    with pytest.raises(InputError) as error:
+        parse(f"{scheme}://", {})
+    assert f"e.g. {scheme}://" in str(error.value), "tango_cnc/link/address.py: its example is of another scheme"
