@@ -245,8 +245,8 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     """
     listed = still_open(found)
     unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
-    if unanswered and record.get("alarms"):
-        return "", ""
+    if unanswered and record.get("alarms"):  # that of tonight waits in no case; nobody has had time for it
+        return min((n for n in unanswered if n < str(record.get("night"))), default=""), ""
     held = (a for a in listed if a["decision"] is not None and not a["gone"])
     return min(unanswered, default=""), next((str(a["decision"].owner) for a in held), "")
 
@@ -338,8 +338,13 @@ def _whole_error(
     return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+def does_now(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does by now, at most; of one that has gone back, what is left of it."""
     own, left = float(a.get("size") or 0.0), a.get("total")
     share = abs(float(left or 0.0) / own) if a["gone"] and own else 1.0
-    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -size_of(a) * min(share, 1.0)
+    return size_of(a) * min(share, 1.0)
+
+
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
+    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -does_now(a)
