@@ -19,9 +19,11 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
+from tango_cnc.loaded import Happened
 from tango_cnc.nightly.words import headline
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
+from tango_cnc.texts import say
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -114,3 +116,13 @@ def test_machines_stand_in_one_order_in_the_list_and_on_alarms(tmp_path: Path) -
         for path in ("/", "/alarms"):
             text = client.get(path).text
             assert text.index("b middle") < text.index("a repaired"), path
+
+
+@pytest.mark.parametrize("written", [False, True])
+def test_a_compensation_that_is_written_takes_no_size_back_to_that_of_its_alarm(written: bool) -> None:
+    """The page said 20 µm, that of the alarm's night, without a date; `--status` had the 9 µm of the newest night."""
+    record = night(M, 8, "changed", standing=[alarm(6, 20.0, total=0.009, now=say("night.alarms.now", told="+9.0 ± 0.4 µm"))])
+    events = (Happened("2026-11-01T10:00:00Z", 1, "linuxcnc", "written"),) if written else ()
+    text = context(record, (), None, texts(), events=events)["first"]["text"]
+    assert "has moved along X by +9 µm since" in text and "still there" not in text
+    assert "That is the number of the night ending Sun 1 Nov 2026; in the night of the alarm" in text
