@@ -75,7 +75,13 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
     still = record["verdict"] == "changed" and not record["alarms"]
     refused = record["status"] == "refused"
     open_only = still and all(map(is_over, record.get("standing") or ()))  # all of it has gone back, and nobody has closed it
-    word = t("mail.refused") if refused else t("mail.still_open" if open_only else "mail.still") if still else t(f"mail.subject_{record['verdict']}")
+    word = (
+        t("mail.refused")
+        if refused
+        else t("mail.still_open" if open_only else "mail.still")
+        if still
+        else t(f"mail.subject_{record['verdict']}")
+    )
     if record["verdict"] == "out_of_limits" and record["alarms"]:  # the limit may have been crossed before: tonight something moved
         word = f"{word}, {t('mail.subject_changed')}"
     return f"{record['machine']}: {word} ({record['night']})"

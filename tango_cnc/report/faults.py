@@ -116,7 +116,9 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         key = str(a.get("id"))
         a = _as_it_stands(a, standing.get(key), how.known)
         a = _earlier(_as_its_night_wrote(a, former.get(key))) if before_tonight else _of_tonight(a, how)
-        if how.stale and not (is_unseen(a.get("now")) or is_gone(a.get("now") or "")):  # the last night knows its size, and not whether it is there still
+        if how.stale and not (
+            is_unseen(a.get("now")) or is_gone(a.get("now") or "")
+        ):  # the last night knows its size, and not whether it is there still
             a |= {"now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
