@@ -354,8 +354,9 @@ def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
 def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     history, name, record = row.machine.history, row.machine.name, row.record or {}
     s, known = row.standing, row.before or record
-    told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
-    if history is None or s is None or not (told or s.alarms_open or s.alarms_held):
+    told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind", "unheard"))
+    doubt = known.get("verdict") == "doubtful"  # a repair that somebody reports waits for another night
+    if history is None or s is None or not (told or doubt or s.alarms_open or s.alarms_held):
         return []
     day_ = today()
     alarms, decisions = unclosed(history, name, day_)
