@@ -15,7 +15,9 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
+from tango_cnc.history import opened
 from tango_cnc.report.answer import Answer, by_newer_no
+from tango_cnc.report.newer import answer_text, says_no
 from tango_cnc.report.texts import texts
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
@@ -34,9 +36,14 @@ def seen(place: Path, path: str) -> str:
 def reported(folder: Path, after: str) -> Path:
     place = cell(folder, records=[night(M, 7), night(M, 8, "changed", alarms=[knock(night(M, 8)["night"])])])
     ended = night(M, 8 if after == "newest" else 7)["end_utc"]
-    head = f'<meta name="tango-no-after" content="{ended}">' if after else ""
-    (place / "report.html").write_text(f"<!DOCTYPE html><html><head>{head}</head><body>No</body></html>", encoding="utf-8")
+    says(place, ended if after else "")
     return place
+
+
+def says(place: Path, no_after: str) -> None:
+    """cell, end of the night that its report is newer than and says No after ('': none) → that report, by whatever template."""
+    (place / "report.html").write_text("<!DOCTYPE html><html><body>The page of a shop</body></html>", encoding="utf-8")
+    (place / "report.json").write_text(answer_text("no", no_after), encoding="utf-8")
 
 
 @pytest.mark.parametrize("after", ["newest", "earlier", ""])
@@ -77,7 +84,7 @@ def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> Non
         return bool(told[0])
 
     assert not waits()
-    (place / "report.html").write_text(f'<html><head><meta name="tango-no-after" content="{end}"></head></html>', encoding="utf-8")
+    says(place, end)
     assert waits()
     listed = seen(place, "/")
     assert "Make no parts on it" in listed and CAPITAL in listed
@@ -89,8 +96,52 @@ def test_a_no_of_the_night_and_what_nobody_knows_stay(may: str) -> None:
     assert by_newer_no(known, texts()) is known
 
 
-def test_a_file_that_is_no_report_says_nothing(tmp_path: Path) -> None:
+def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 8)])
-    for content in (b"\xff\xfe\x00", b"", b'<meta name="tango-no-after" content="<script>">', b"x" * 3_000_000):
-        (place / "report.html").write_bytes(content)
+    end = night(M, 8)["end_utc"]
+    whole = answer_text("no", end).encode()
+    deep = b'{"format": "tango-report-answer/1", "no_after": ' + b"[" * 50_000
+    for content in (b"\xff\xfe\x00", b"", b"[]", b"null", whole[:-5], whole.replace(b"answer/1", b"answer/9"), deep, b" " * 3_000_000):
+        says(place, "")
+        (place / "report.json").write_bytes(content)
         assert "say No" not in seen(place, f"/machine/{M}") and "say No" not in seen(place, f"/machine/{M}/report")
+    (place / "report.json").write_bytes(whole)
+    assert says_no(place, end)
+    (place / "report.html").unlink()  # the report is gone, and its answer with it
+    assert not says_no(place, end)
+
+
+def test_the_answer_of_a_report_is_that_of_its_own_folder(tmp_path: Path) -> None:
+    place, end = cell(tmp_path / "one", records=[night(M, 8)]), night(M, 8)["end_utc"]
+    says(place, "")
+    (place / "report.json").unlink()
+    (tmp_path / "other.json").write_text(answer_text("no", end), encoding="utf-8")
+    try:
+        (place / "report.json").symlink_to(tmp_path / "other.json")
+    except OSError:
+        pytest.skip("this computer makes no links")
+    assert not says_no(place, end)
+
+
+def test_a_report_by_a_template_of_the_shop_has_its_no_on_the_pages(tmp_path: Path) -> None:
+    """The fact stood in a line of the program's template alone: with a template of its own the shop read Yes, but."""
+    place = tmp_path / "cell"
+    run = CliRunner()
+
+    def done(*words: str, status: int = 0) -> None:
+        told = run.invoke(tango, words, catch_exceptions=False, standalone_mode=False)
+        assert int(told.return_value or 0) == status, told.output
+
+    done("init", str(place), "--example", "trunnion")
+    done("simulate", "-C", str(place))
+    record = night("trunnion", 8, simulated=True, limits=[], volume={"worst_um": 0.1, "rms_um": 0.1, "std_um": 0.01})
+    with opened(place / "history.db") as history:
+        history.add_night(record)
+    own = tmp_path / "templates"
+    own.mkdir()
+    (own / "report.html").write_text("<html><body>{{ may.word }}</body></html>", encoding="utf-8")
+    more = ("--templates", str(own), "--limit-um", "1", "--no-diagnosis", "--no-pictures")
+    done("report", "-C", str(place), *more, "-o", str(tmp_path / "elsewhere.html"), status=1)
+    assert not (place / "report.json").exists()  # it is of the report of the cell alone
+    done("report", "-C", str(place), *more, status=1)
+    assert says_no(place, record["end_utc"]) and not says_no(place, night("trunnion", 9)["end_utc"])

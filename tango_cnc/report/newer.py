@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import re
+import json
 from pathlib import Path
 
 NAME = "report.html"
-NO_AFTER = re.compile(r'<meta name="tango-no-after" content="([0-9T:Z+.-]+)">')
-HEAD = 2000  # characters of a report in which it says so
+SAID = "report.json"  # beside it: what pages ask of it; a shop's own template of the page need not know of that
+FORMAT = "tango-report-answer/1"
+MOST = 100_000  # characters of a file that can be one
 
 
 def report_of(folder: Path | None) -> Path | None:
@@ -21,13 +22,23 @@ def report_of(folder: Path | None) -> Path | None:
 
 def says_no(folder: Path | None, ended_utc: object) -> bool:
     """folder of a cell, moment at which its newest night ended → whether its report was made of readings that are newer than that
-    night, and says No by them. A report of an earlier version says nothing of it.
+    night, and says No by them. A report of an earlier version says nothing of it, nor does a file that cannot be read.
     """
     if not ended_utc or (file := report_of(folder)) is None:
         return False
+    said = file.with_name(SAID)
     try:
-        with file.open(encoding="utf-8", errors="replace") as text:
-            found = NO_AFTER.search(text.read(HEAD))
-    except OSError:
+        if said.resolve() != said or not said.is_file():
+            return False
+        with said.open(encoding="utf-8", errors="replace") as text:
+            found = json.loads(text.read(MOST))
+    except (OSError, ValueError, RecursionError):
         return False
-    return found is not None and found[1] == str(ended_utc)
+    return isinstance(found, dict) and found.get("format") == FORMAT and found.get("no_after") == str(ended_utc)
+
+
+def answer_text(may: str, no_after: str) -> str:
+    """whether parts may be made by a report, when the newest night ended that its No is newer than ('': none) → text of its
+    report.json.
+    """
+    return json.dumps({"format": FORMAT, "may_make_parts": may, "no_after": no_after or None}, indent=1) + "\n"

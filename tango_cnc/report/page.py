@@ -69,7 +69,6 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "sentence": sentence(found, t, f.judgement.untrusted),
         "may": told,
         "state": told.short(t),
-        "says_no_after": _no_after(f, said),
         "basis": said.basis,
         "cause": said.cause,
         "run": said.run,
@@ -105,7 +104,7 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     return values if f.wishes.pictures else values | _bare(values)
 
 
-def _no_after(f: Facts, said: Told) -> str:
+def no_after(f: Facts, said: Told) -> str:
     """facts, answer → when the newest night ended, where these readings are newer and say No by themselves, of the machine that the
     night has measured; else nothing. Pages of the machine ask for it.
     """
@@ -390,7 +389,8 @@ def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
 def as_json(f: Facts) -> dict[str, Any]:
     """facts → plain data of the format tango-report/1."""
     found = verdict(f, texts())
-    told, within = may(f, texts()).answer, f.within
+    said, within = may(f, texts()), f.within
+    told = said.answer
     sheet = () if isinstance(f.sheet, str) else f.sheet.figures
     iso = [
         {
@@ -414,6 +414,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
+        "no_after": no_after(f, said) or None,
         "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,
