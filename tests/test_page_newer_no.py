@@ -101,7 +101,16 @@ def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> No
     end = night(M, 8)["end_utc"]
     whole = answer_text("no", end).encode()
     deep = b'{"format": "tango-report-answer/1", "no_after": ' + b"[" * 50_000
-    for content in (b"\xff\xfe\x00", b"", b"[]", b"null", whole[:-5], whole.replace(b"answer/1", b"answer/9"), deep, b" " * 3_000_000):
+    for content in (
+        b"\xff\xfe\x00",
+        b"",
+        b"[]",
+        b"null",
+        whole[:-5],
+        whole.replace(b"answer/1", b"answer/9"),
+        deep,
+        b" " * 3_000_000,
+    ):
         says(place, "")
         (place / "report.json").write_bytes(content)
         assert "say No" not in seen(place, f"/machine/{M}") and "say No" not in seen(place, f"/machine/{M}/report")
@@ -123,6 +132,7 @@ def test_the_answer_of_a_report_is_that_of_its_own_folder(tmp_path: Path) -> Non
     assert not says_no(place, end)
 
 
+@pytest.mark.long
 def test_a_report_by_a_template_of_the_shop_has_its_no_on_the_pages(tmp_path: Path) -> None:
     """The fact stood in a line of the program's template alone: with a template of its own the shop read Yes, but."""
     place = tmp_path / "cell"

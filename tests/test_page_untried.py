@@ -39,7 +39,12 @@ def shop(folder: Path, nights_after: list[dict[str, Any]], ignored: bool = False
     """
     fault = alarm(2, 20.0)
     records = [night(M, i) for i in (0, 1)] + [night(M, 2, "changed", alarms=[fault])]
-    silent = {"alarm": fault["id"], "owner": "Emil", "until": "2026-11-30", **{k: fault[k] for k in ("night", "text", "now", "total")}}
+    silent = {
+        "alarm": fault["id"],
+        "owner": "Emil",
+        "until": "2026-11-30",
+        **{k: fault[k] for k in ("night", "text", "now", "total")},
+    }
     records.append(night(M, 8, "good", **({"unheard": [silent]} if ignored else {"standing": [fault]})))
     place = cell(folder, records=records)
     with opened(place / "history.db") as history:
