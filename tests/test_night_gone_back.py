@@ -11,9 +11,10 @@ from support.answers import answered, decide, open_and_decided
 from support.nights import night
 from support.nights_parts import Event, Story
 
-from tango_cnc.history import History, opened
+from tango_cnc.history import Decision, History, opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.standing import standing
+from tango_cnc.nightly.words import headline
 from tango_cnc.report.faults import earlier, faults
 from tango_cnc.report.morning import context
 from tango_cnc.report.texts import texts
@@ -125,3 +126,34 @@ def test_what_went_back_and_moved_again_is_neither_still_there_nor_gone_by_the_a
     gone = page["also"][0]["on_part"]
     assert gone.startswith("Parts that were made between Mon 26 Oct 2026 and Wed 28 Oct 2026, the first night without it again")
     assert page["suspect"].endswith("Those between Sun 25 Oct 2026 and Wed 28 Oct 2026, when another fault went back, too.")
+
+
+def test_a_third_change_that_was_repaired_leaves_no_still_changed_in_the_message(tmp_path: Path) -> None:
+    """+20, −20, +20 µm, the third repaired and gone: the subject was STILL CHANGED, and the headline began with the way back,
+    "still there: −18.4 µm, confirmed", beside "−0.1 µm is left" without a date.
+    """
+    knock = _told(2, 20.0)
+    back = _told(4, -19.9, undoes={"alarm": knock["id"], "night": "2026-10-26", "size_before": 0.02, "left": 0.0001, "std": 0.0003})
+    alarms = {2: [knock], 4: [back], 6: [_told(6, 20.5)]}
+    height = {2: 0.020, 3: 0.020, 6: 0.0206, 7: 0.0011}  # mm by night
+    with opened(tmp_path / "h.db") as history:
+        for i in range(8):
+            record = night("M", i, "changed" if i in alarms else "good", alarms=alarms.get(i, []))
+            change = height.get(i, 0.0) - height.get(i - 1, 0.0)
+            record["parameters"]["EY0C"] |= {"value": 0.012 + height.get(i, 0.0), "change": change, "seen": True}
+            if i < 7:
+                history.add_night(record)
+        history.decide("M", Decision(alarms[6][0]["id"], "repaired", "Dora", "", None, "2026-10-30T09:00:00Z"))
+        stands = standing(history, "M", 20_758.2, record["parameters"], "full")
+    assert [a["id"] for a in stands] == [knock["id"], back["id"]]  # the change before its way back
+    helped = {"alarm": alarms[6][0]["id"], "text": "as before, after the repair by Dora", "since": "2026-10-29"}
+    record |= {"verdict": "changed", "standing": stands, "repaired": [helped]}
+    record["headline"] = headline(record)
+    subject, text = message(record, (), ())
+    first = text.splitlines()[0]
+    assert subject == "M: ALARM OPEN (2026-10-31)"
+    assert first.startswith("Alarm of 2026-10-26 still open: C axis has moved along Y by +20.0 ± 0.3 µm")
+    assert "(gone again: +0.1 ± 0.3 µm (night ending 2026-10-28) is left); nobody has answered" in first
+    assert "still changed" not in text.lower() and "still there" not in text and "confirmed" not in text
+    knocked = record | {"standing": [_told(6, 20.5) | {"now": "", "total": 0.0205, "night": "2026-10-30"}, *stands]}
+    assert message(knocked | {"headline": headline(knocked)}, (), ())[0] == "M: STILL CHANGED (2026-10-31)"

@@ -95,7 +95,7 @@ class Status:
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
             "open_alarms": list(self.alarms),
-            "nights": [vars(n) for n in self.nights],
+            "nights": [vars(n) | {"headline": self.said.get(n.entry) or n.headline} for n in self.nights],
             "next": self.coming or None,
             "former": [
                 {

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ..files.nightly import Nightly, read_nightly
-from ..report.repeated import as_decided
+from ..report.repeated import as_decided, as_found
 from ..report.texts import Texts, texts_of
 from ..report.tonight import sized
 
@@ -32,15 +32,19 @@ def here() -> Texts:
 
 
 def headlines(history: History, nights: Sequence[Night], by_now: bool = True) -> Mapping[int, str]:
-    """history, nights of one machine, whether an alarm of another night has the size of the night that names it → {entry: what the
-    night said, with what was decided since}, as texts that can be translated where they were recorded so.
+    """history, nights of one machine, whether an alarm of another night has the size of the night that names it, and the date of
+    the night that found it → {entry: what the night said, with what was decided since}, as texts that can be translated where they
+    were recorded so.
     """
     from ..history.answers import every_decision  # databases are slow to load
 
     records = history.records_of([n.entry for n in nights])
     decisions = every_decision(history, nights[0].machine) if nights else ()
     said = {n.entry: as_decided(records.get(n.entry, {}), decisions) or n.headline for n in nights}
-    return {entry: sized(text, records.get(entry, {})) for entry, text in said.items()} if by_now else said
+    if not by_now:
+        return said
+    whole = {entry: records.get(entry, {}) for entry in said}
+    return {entry: sized(as_found(text, {**whole[entry], "alarms": ()}), whole[entry]) for entry, text in said.items()}
 
 
 def note_simulated(history: History, machine: str, t: Texts) -> None:

@@ -37,7 +37,7 @@ ASIDE = (
 )
 HELD_START = 60.0  # s for the start mark of the program for a held stylus: the right control stops it before that
 TURN = "Turn the feed override of the panel to {:.0f} % and leave it there. Is it? (no: this is left open)"
-PLACE = "Measure 10"  # in the list of commands
+PLACE = "Measure 30"  # in the list of commands
 
 
 @click.command()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..records import Plan
     from ..telling import OtherSize
 
-PLACE = "Measure 20"  # in the list of commands
+PLACE = "Measure 40"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 

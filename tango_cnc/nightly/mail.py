@@ -13,7 +13,7 @@ from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night
 from ..report.right import by_its_whole
 from ..report.texts import Texts, code, texts
-from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, sized, with_its_size
+from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
 from ..report.words import named
 from ..state.changes import change
 from ..texts import Said, instead, say
@@ -74,7 +74,14 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
     """record, texts → subject: `hu40t: changed (2026-03-10)`."""
     still = record["verdict"] == "changed" and not record["alarms"]
     refused = record["status"] == "refused"
-    word = t("mail.refused") if refused else t("mail.still") if still else t(f"mail.subject_{record['verdict']}")
+    open_only = still and all(map(is_over, record.get("standing") or ()))  # all of it has gone back, and nobody has closed it
+    word = (
+        t("mail.refused")
+        if refused
+        else t("mail.still_open" if open_only else "mail.still")
+        if still
+        else t(f"mail.subject_{record['verdict']}")
+    )
     if record["verdict"] == "out_of_limits" and record["alarms"]:  # the limit may have been crossed before: tonight something moved
         word = f"{word}, {t('mail.subject_changed')}"
     return f"{record['machine']}: {word} ({record['night']})"

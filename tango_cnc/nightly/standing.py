@@ -11,7 +11,7 @@ import numpy as np
 from ..history.answers import of_machine
 from ..loaded import Event
 from ..report.compensated import as_loaded, dated
-from ..report.tonight import is_gone, is_unseen, shows
+from ..report.tonight import is_gone, is_over, is_unseen, shows
 from ..report.words import unforeseen
 from ..state.changes import change
 from ..terms import SCALES
@@ -93,7 +93,8 @@ def _as_ended(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
             return a | {"now": "", "total": a["size"], "confirmed": None, "ended": True}
         if (u := back.get(str(a["id"]))) is None or u.get("left") is None or u.get("std") is None:
             return a
-        left = say("night.alarms.gone_again_left", told=value(float(u["left"]), str(a["unit"]), float(u["std"])))
+        then = say("night.alarms.of_night", told=value(float(u["left"]), str(a["unit"]), float(u["std"])), night=u["gone_by"])
+        left = say("night.alarms.gone_again_left", told=then)
         return a | {
             "now": left,
             "total": float(u["left"]),
@@ -184,11 +185,14 @@ def since_full(alarm: Mapping[str, Any], full: str) -> dict[str, str]:
     return {"on_part": say("cause.unknown.on_part_full", night=full), "do": say("cause.unknown.do_full", night=full)}
 
 
-def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, float]:
-    """alarm of another night → its place: unanswered ones first, then by what they do to a part as far as they stand now."""
+def _urgency(alarm: Mapping[str, Any]) -> tuple[bool, bool, bool, bool, float]:
+    """alarm of another night → its place: unanswered ones first, then by what they do to a part as far as they stand now; what has
+    gone back after what stands, and its way back after it.
+    """
     grown = abs(alarm["total"] / alarm["size"]) if alarm["total"] is not None and alarm["size"] else 1.0
     answered = alarm["decision"] is not None
-    return answered, change(alarm["cause"]).of_the_probe, -abs(alarm["on_part_um"] or 0.0) * grown
+    over = is_over(alarm), bool(alarm.get("undoes"))
+    return answered, change(alarm["cause"]).of_the_probe, *over, -abs(alarm["on_part_um"] or 0.0) * grown
 
 
 def _now(alarm: Mapping[str, Any], record: Mapping[str, Any], parameters: Mapping[str, Any], kind: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..report.repeated import stories
 from ..report.texts import texts
-from ..report.tonight import is_gone, moved_on
+from ..report.tonight import is_gone, is_over, moved_on
 from ..report.units import shown
 from ..report.words import moved, named
 from ..texts import Said, joined, say
@@ -103,7 +103,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         now = joined("", (" (", by_now, ")")) if by_now else ""
         who = _who(first)
         waiting = say(
-            "night.words.changed_since_night",
+            f"night.words.{'gone' if is_over(first) else 'changed'}_since_night",
             night=first["night"],
             text=first["text"],
             now=now,

@@ -22,7 +22,7 @@ from .reach import instead_of
 from .right import is_right, whole_of, without_compensation
 from .texts import Texts
 from .together import SAME, closed, together
-from .tonight import LENGTHS, by_tonight, by_verdict
+from .tonight import LENGTHS, by_tonight, by_verdict, is_gone, is_unseen
 from .units import Units, shown
 from .words import of_its_night, spoken, subject, unforeseen
 
@@ -116,8 +116,10 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         key = str(a.get("id"))
         a = _as_it_stands(a, standing.get(key), how.known)
         a = _earlier(_as_its_night_wrote(a, former.get(key))) if before_tonight else _of_tonight(a, how)
-        if how.stale:  # what the last night measured was another machine
-            a |= {"total": None, "now": ""}
+        if how.stale and not (
+            is_unseen(a.get("now")) or is_gone(a.get("now") or "")
+        ):  # the last night knows its size, and not whether it is there still
+            a |= {"now": ""}
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         decision = how.decisions.get(key)
@@ -245,8 +247,8 @@ def answered(found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> t
     """
     listed = still_open(found)
     unanswered = [str(a["night"]) for a in listed if a["decision"] is None]
-    if unanswered and record.get("alarms"):
-        return "", ""
+    if unanswered and record.get("alarms"):  # that of tonight waits in no case; nobody has had time for it
+        return min((n for n in unanswered if n < str(record.get("night"))), default=""), ""
     held = (a for a in listed if a["decision"] is not None and not a["gone"])
     return min(unanswered, default=""), next((str(a["decision"].owner) for a in held), "")
 
@@ -338,8 +340,13 @@ def _whole_error(
     return told | {"todo": without_compensation(str(a["todo"]), t)} if right else told
 
 
-def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
-    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+def does_now(a: Mapping[str, Any]) -> float:
+    """fault → µm that it does by now, at most; of one that has gone back, what is left of it."""
     own, left = float(a.get("size") or 0.0), a.get("total")
     share = abs(float(left or 0.0) / own) if a["gone"] and own else 1.0
-    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -size_of(a) * min(share, 1.0)
+    return size_of(a) * min(share, 1.0)
+
+
+def _urgency(a: Mapping[str, Any]) -> tuple[bool, float]:
+    """fault → its place: what is no error of a part comes last, else by what there is of it now, whoever has it."""
+    return change(a.get("cause_key") or a.get("cause")).of_the_probe, -does_now(a)

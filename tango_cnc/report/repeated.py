@@ -7,9 +7,9 @@ from typing import Any
 
 from ..texts import Said, instead, say
 from .days import days_between
+from .tonight import OVER, STANDING
 
 LAST_NIGHT = "last night"
-STANDING = "night.words.changed_since_night"
 BEYOND = "night.words.allowed"
 BESIDES = "night.words.besides"
 OPEN = "night.words.open_alarm"
@@ -47,7 +47,7 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     if headline.key == BEYOND:
         own = _answered(_of_night(headline, _found_on(record)), more, who)
         return str(own if tonight else as_found(own, record))
-    if headline.key != STANDING:
+    if headline.key not in STANDING:
         return str(_answered(headline, more, None)) if standing and tonight else str(headline)
     headline = headline.but(more=more)
     return headline if who is None else headline.but(who=who)
@@ -126,13 +126,14 @@ def shortened(headlines: Sequence[str]) -> list[str]:
 
 def of_shop(headline: str) -> str:
     """headline → as a list of nights on a page has it: a change that still stands has one date, of the night that found it."""
-    if not isinstance(headline, Said) or headline.key != STANDING:
+    if not isinstance(headline, Said) or headline.key not in STANDING:
         return headline
     text, night = headline.values["text"], headline.values["night"]
     dated = _found(text, str(night))
     if dated is None:
         return headline
-    return say("morning.still", text=dated, **{name: headline.values[name] for name in ("now", "who", "more", "part", "gap")})
+    key = "morning.still_open" if headline.key == OVER else "morning.still"
+    return say(key, text=dated, **{name: headline.values[name] for name in ("now", "who", "more", "part", "gap")})
 
 
 def _found(text: Any, night: str) -> Said | None:
@@ -161,7 +162,7 @@ def in_a_row(text: Any) -> Any:
 def _same(text: str, newer: str) -> bool:
     if not isinstance(text, Said) or not isinstance(newer, Said) or text.key != newer.key:
         return False
-    if text.key == STANDING:
+    if text.key in STANDING:
         return all(text.values.get(name) == newer.values.get(name) for name in ("night", "text"))
     return text.key == BEYOND and text.values["what"] == newer.values["what"] and _cause(text) == _cause(newer)
 
@@ -182,4 +183,4 @@ def _short(text: str) -> str:
     if text.key == BEYOND:
         return text.but(cause="")
     own = {name: text.values[name] for name in ("night", "now", "part", "gap")}
-    return say("night.words.still_changed_since", **own)
+    return say(f"night.words.still_{'open' if text.key == OVER else 'changed'}_since", **own)

@@ -11,7 +11,8 @@ from .texts import texts
 
 LENGTHS = ("stylus", "table", "ball")  # causes whose size is a length in space
 WARMED = ("scale", "scales", "temperature")  # causes that no clamp and no bearing explains
-STANDING = "night.words.changed_since_night"
+OVER = "night.words.gone_since_night"  # of an alarm that nobody has closed, though what moved is back where it was
+STANDING = ("night.words.changed_since_night", OVER)
 ONLY = ("night.alarms.now", "night.alarms.still_there")  # which say no more than a size
 NOW = (*ONLY, "night.alarms.confirmed")
 WAS = "night.alarms.was"
@@ -26,6 +27,11 @@ SURE = 4.0  # standard deviations of its size above which it has grown although 
 def is_gone(now: str) -> bool:
     """what a night says of an older alarm by now → whether what moved is back where it was."""
     return isinstance(now, Said) and now.key == "night.alarms.gone_again_left"
+
+
+def is_over(a: Mapping[str, Any]) -> bool:
+    """alarm of another night → whether what moved is back where it was, or the alarm is that of its way back."""
+    return is_gone(a.get("now") or "") or bool(a.get("undoes"))
 
 
 def is_unseen(now: object) -> bool:
@@ -123,7 +129,7 @@ def _with(text: Any, own: str, told: str) -> Any:
     if not isinstance(text, Said):
         return told if text == own else text
     values = {name: _with(x, own, told) for name, x in text.values.items()}
-    if text.key == STANDING and values != text.values:
+    if text.key in STANDING and values != text.values:
         values["now"] = _without(text.values["now"], told)
     return text.but(**values) if values != text.values else text
 

@@ -15,7 +15,7 @@ from starlette.routing import Route
 
 from ...history import ACTIONS, Decision
 from ...records import InputError
-from ...report.alarm import decided, sentence, size_of, with_its_date
+from ...report.alarm import decided, sentence, with_its_date
 from ...report.answer import is_moving, measuring
 from ...report.days import at, day
 from ...report.faults import earlier, still_open
@@ -24,7 +24,7 @@ from ...report.plain import plain
 from ...report.reach import to_ask
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
-from .fleet import answer_of, asked_of, brief, faults_of, made_up, newer_no, orders_of, rows_of, unchanged
+from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
 from .machine import busy_for, run_of
 
 NOTE = 500  # characters
@@ -59,13 +59,12 @@ def _read(state: PagesState) -> dict[str, Any]:
     each = [_of_machine(row, state) for row in state.places.fleet()]
     waiting = [card for card, _ in each if card is not None]
     past = [one for _, decided in each for one in decided]
-    largest = {c["machine"].slug: max(map(size_of, c["faults"]), default=0.0) for c in waiting}
     waits = {c["machine"].slug: any(a["decision"] is None for a in c["open"]) for c in waiting}
     waiting.sort(
         key=lambda c: (
             not waits[c["machine"].slug],
             c["answer"] is None or c["answer"].may != "no",
-            -largest[c["machine"].slug],
+            -c["moved"],
             c["machine"].name,
         )
     )
@@ -107,6 +106,7 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
         "answer": said,
         "faults": shown,
         "open": asked,
+        "moved": moved_most(found),
         "simulated": made_up(row),
         "first": brief(said, found, moving, "", state.texts)[0].rstrip(":."),
         "call": "" if said is None else to_ask(asked_of(row, state), waits, state.texts),

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from ...report.age import measured_on
-from ...report.alarm import sentence, since_date, size_of, whole_sentence
+from ...report.alarm import sentence, since_date, whole_sentence
 from ...report.answer import (
     NEWER,
     Answer,
@@ -27,7 +27,7 @@ from ...report.answer import (
     renamed,
 )
 from ...report.days import ago, day, spoken_days
-from ...report.faults import all_of_probe, answered, earlier, faults, settled, still_open, unclosed
+from ...report.faults import all_of_probe, answered, does_now, earlier, faults, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
 from ...report.newer import says_no
 from ...report.orders import orders, parts_first
@@ -37,6 +37,7 @@ from ...report.reach import to_ask
 from ...report.repeated import of_shop
 from ...report.signs import strip
 from ...report.texts import Texts
+from ...report.together import closed
 from ...report.units import Units
 from ..app import PagesState, needs, page, state_of
 from ..places import sign_of, today
@@ -136,7 +137,7 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
             told, found, moving, said, t, since_of(row, told, found, moving, allowed), bool(date_run_off(row.machine.former))
         ),
         "open": len(still_open(found)),
-        "moved": max(map(size_of, found), default=0.0),
+        "moved": moved_most(found),
         "complete": day(complete, t),
         "late": bool(s and s.late and s.nights),
         "strip": _strip(row, state),
@@ -253,6 +254,13 @@ def brief(
     first = found[0] if found and not told.old else {}
     gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
     return parts, f"{dated(cause[:1].upper() + cause[1:])} {gone}".rstrip()
+
+
+def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
+    """what is wrong → µm that the largest of it does to a part by now, of what nobody has closed and what stands behind a limit:
+    the order of machines in the list and on Alarms.
+    """
+    return max((does_now(a) for a in found if not (a["id"] and closed(a))), default=0.0)
 
 
 def _age(row: Row, t: Texts) -> str:

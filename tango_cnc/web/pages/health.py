@@ -12,10 +12,11 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from ...report.age import measured_on
+from ...report.faults import still_open
 from ..app import needs, state_of
 from ..served import Row
 from ..settings import LOOPBACK
-from .fleet import newer_no
+from .fleet import faults_of, newer_no
 
 VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
 
@@ -62,7 +63,8 @@ def _lines(request: Request) -> Iterator[str]:
         return f'{told},cell="{_escaped(str(row.machine.folder or row.machine.slug))}"' if twice else told
 
     own = (
-        ("alarms_open", _alarms),
+        ("alarms_open", lambda row: None if row.standing is None else len(still_open(faults_of(row, state)))),
+        ("alarms_unanswered", _unanswered),
         ("late", _late),
         ("stale_nights", stale),
         ("volume_um", _volume),
@@ -83,7 +85,7 @@ def _lines(request: Request) -> Iterator[str]:
                 yield f'tango_machine_verdict{{{labels(row)},verdict="{verdict}"}} {told}'
 
 
-def _alarms(row: Row) -> float | None:
+def _unanswered(row: Row) -> float | None:
     return None if row.standing is None else row.standing.alarms_open
 
 
