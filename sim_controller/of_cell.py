@@ -59,10 +59,10 @@ def kind(cell: Cell, stated: str | None, settings: Mapping[str, str]) -> tuple[s
     if stated is not None:
         return stated, dict(settings), ()
     for family in families():
-        spoken = language(family).SPOKEN
-        if post in spoken.controls:
-            stand_in = spoken.controls[post]
-            wired = {name: str(options[key]) for key, name in spoken.wired.items() if type(options.get(key)) is int}
+        controls = language(family).CONTROLS
+        if post in controls.named:
+            stand_in = controls.named[post]
+            wired = {name: str(options[key]) for key, name in controls.wired.items() if type(options.get(key)) is int}
             return family, {**stand_in.settings, **wired, **settings}, stand_in.stored
     usual = Setup().family
     if post:

@@ -111,7 +111,7 @@ class Session:
         """
         text, found = program.read_text(encoding="ascii", errors="replace"), list[str]()
         for file in sorted(program.parent.iterdir()):
-            if self._language.SPOKEN.beside.fullmatch(file.name):
+            if self._language.CONTROLS.beside.fullmatch(file.name):
                 asked = re.search(rf"\S*\\{re.escape(file.name)}", text)  # with the folder of the control, where it names one
                 name = asked[0] if asked else file.name
                 found += [] if name in self._setup.library else [name, *file.read_text(encoding="utf-8").splitlines()]

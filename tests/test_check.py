@@ -11,6 +11,7 @@ import pytest
 import yaml
 from support.profiles import spoken
 
+from postprocessors import names
 from tango_cnc.cli import guarded, tango
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
@@ -229,7 +230,7 @@ def test_protected_moves_take_the_positioning_feed_of_the_post(short: Path, caps
 @pytest.mark.parametrize(
     ("controller", "words"),
     [
-        ("post: fanucc", "tango.yaml:8: controller.post: found 'fanucc'; allowed: brother, .* Did you mean 'fanuc'"),
+        ("post: fanucc", f"tango.yaml:8: controller.post: found 'fanucc'; allowed: {names()[0]}, .* Did you mean 'fanuc'"),
         ("post: fanuc\n  reste: G17", "tango.yaml:9: controller: found the unknown key 'reste'; .* Did you mean 'reset'"),
         ("post: fanuc\n  decimals: 5", "tango.yaml:9: controller.decimals: found 5; allowed: 3, 4"),
         (

@@ -132,7 +132,7 @@ def test_init_never_overwrites(name: str, tmp_path: Path) -> None:
 
 def test_every_command_has_its_place_in_the_list_and_says_what_it_is_for(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("--help") == 0
-    shown = capsys.readouterr().out
+    shown, places = capsys.readouterr().out, dict[str, list[str]]()
     for name in COMMANDS:
         file = Path(commands.__path__[0], f"{name.replace('-', '_')}.py")
         text = file.read_text(encoding="utf-8")
@@ -141,6 +141,9 @@ def test_every_command_has_its_place_in_the_list_and_says_what_it_is_for(capsys:
         found = PLACE.search(text)
         assert found and found[1] in commands.GROUPS, f'{file.name}: state PLACE = "GROUP 50" with one of {commands.GROUPS}'
         assert re.search(rf"^  {name}\b", shown, re.MULTILINE), f"{name} is missing in tango --help"
+        places.setdefault(found[0], []).append(file.name)
+    twice = {place: files for place, files in places.items() if len(files) > 1}
+    assert not twice, f"tango_cnc/commands/: two commands state the same place in the list; change one number: {twice}"
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
+import textwrap
 from pathlib import Path
 
 import pytest
 import yaml
 from support.controls import golden
 from support.dialects import EVERY
+from support.rows import writing
 
 from postprocessors import companions, load, program, settings
 from tango_cnc import readback
@@ -28,6 +29,9 @@ def draft(name: str) -> str:
     before, _, last = (PAGES / "brother.md").read_text(encoding="utf-8").partition("## To the first reading")
     first, title = before.partition("## In the cabinet")[0], f"# {post.title}: from the cabinet to the first reading"
     rows = [f"| {number} | {doubt} | unconfirmed |" for number, doubt in enumerate(post.doubts or ("nothing yet",), 1)]
+    asks = any(option.must and option.name == "probe_state" for option in post.options)
+    looking = "`probe_state`: which variable shows the probe; push the stylus aside and watch the page of the variables"
+    input_ = relative_input(post.language)
     travels = "The program: say\n   how it comes to the control, and start it there. Records: say how they leave it."
     return "\n".join(
         [
@@ -43,6 +47,7 @@ def draft(name: str) -> str:
             "| matter | fact | source |",
             "|---|---|---|",
             *rows,
+            *([f"| probe variable | {looking} | unconfirmed |"] if asks else []),
             "",
             "## In tango.yaml",
             "",
@@ -51,6 +56,7 @@ def draft(name: str) -> str:
             "    controller:",
             f"      post: {name}",
             "      port: socket://192.168.1.20:4001",
+            *([f"      probe_state: {input_}  # example: the variable of your probe input, or the word none"] if asks else []),
             "",
             *([failed(name), ""] if post.remedies else []),
             "## To the first reading" + re.sub(r"(?s)The program: .*?(?=\n6\.)", travels, last),
@@ -58,10 +64,19 @@ def draft(name: str) -> str:
     )
 
 
+def relative_input(language: str) -> str:
+    """language → the input of a probe that a page of a dialect of it has as its example."""
+    for file in sorted(PAGES.glob("*.md")):
+        found = re.search(r"(?m)^      probe_state: (\S+)", file.read_text(encoding="utf-8"))
+        if found and file.stem in EVERY and load(file.stem).language == language:
+            return found[1]
+    return "none"
+
+
 def page(name: str) -> str:
     """dialect → the text of its page. Where a page is missing, the failure prints the command that writes a first one."""
     file = PAGES / f"{name}.md"
-    if not file.is_file() and os.environ.get("TANGO_GOLDEN") == "write":
+    if not file.is_file() and writing():
         file.write_text(draft(name), encoding="utf-8")
     assert file.is_file(), f"docs/controls/{name}.md is missing; this writes a first one, for you to correct: {WRITE} -k {name}"
     return file.read_text(encoding="utf-8")
@@ -92,8 +107,11 @@ def test_the_example_of_a_page_is_accepted(name: str) -> None:
 def test_every_dialect_has_its_page_and_every_row_its_source() -> None:
     for name in EVERY:
         rows = re.findall(r"(?m)^\| (.*) \|$", page(name))
-        assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), name
-    assert {file.stem for file in PAGES.glob("*.md")} == set(EVERY)
+        assert rows and all(len(re.split(r" \| ", row)) == 3 and re.split(r" \| ", row)[2].strip() for row in rows), (
+            f"docs/controls/{name}.md: every row has three cells, the last one its source"
+        )
+    gone = {file.stem for file in PAGES.glob("*.md")} - set(EVERY)
+    assert not gone, f"docs/controls/: pages of dialects that do not exist: {', '.join(gone)}"
 
 
 NOBODY_CAN_LOOK_UP = re.compile(r"\bown\b|\d+ %|not noted|remembered|\blists?\b|of users|inferred|memory|^sources$")
@@ -109,7 +127,8 @@ def test_a_row_whose_source_nobody_can_look_up_says_that_it_is_unconfirmed(name:
     rows = [row for row in rows_of(page(name)) if row[2] != "source"]
     told = [row for row in rows if NOBODY_CAN_LOOK_UP.search(row[2]) and "unconfirmed" not in row[2]]
     assert not told, f"docs/controls/{name}.md: name a source that others can look up, or say unconfirmed on the row itself: {told}"
-    assert all(re.search(r"[a-zA-Z]{4}|\d", row[2]) for row in rows), name
+    unnamed = [row for row in rows if not re.search(r"[a-zA-Z]{4}|\d", row[2])]
+    assert not unnamed, f"docs/controls/{name}.md: no source, name one or say unconfirmed: {unnamed}"
 
 
 NEEDED = {  # what a person has to know before the first record arrives
@@ -132,8 +151,15 @@ def test_a_page_without_cable_network_destination_and_input_says_whom_to_ask(nam
 
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_a_page_is_linked_and_has_no_empty_table(name: str, root: Path) -> None:
-    links = (root / "docs" / "commissioning.md").read_text(encoding="utf-8")
-    assert f"[{name}](controls/{name}.md)" in links, f"docs/commissioning.md: add [{name}](controls/{name}.md) to the pages"
+    file, link = root / "docs" / "commissioning.md", f"[{name}](controls/{name}.md)"
+    links, before = file.read_text(encoding="utf-8"), "Cables, parameters and files of each control are on its own page: "
+    if link not in links and writing():
+        begin, _, rest = links.partition(before)
+        listed, end, rest = rest.partition(".\n\n")
+        every = ", ".join(sorted([*listed.replace(",", " ").split(), link]))
+        links = begin + textwrap.fill(before + every, 100, break_on_hyphens=False) + end + rest
+        file.write_text(links, encoding="utf-8")
+    assert link in links, f"docs/commissioning.md: {link} is missing among the pages; {WRITE} -k {name} adds it"
     assert ("| belief |" in page(name)) == bool(load(name).remedies)
 
 
@@ -154,7 +180,7 @@ def failed(name: str) -> str:
 @pytest.mark.parametrize("name", sorted(name for name in EVERY if load(name).remedies))
 def test_a_page_says_what_of_the_control_mends_an_experiment(name: str) -> None:
     text = page(name)
-    if failed(name) not in text and os.environ.get("TANGO_GOLDEN") == "write":
+    if failed(name) not in text and writing():
         kept = re.sub(r"(?s)## When an experiment fails\n.*?(?=\n## |\Z)", "", text)
         before, _, after = kept.partition("## To the first reading")
         text = f"{before.rstrip()}\n\n{failed(name)}\n\n## To the first reading{after}"

@@ -10,7 +10,7 @@ import click
 import pytest
 from support.imports import modules
 
-from tango_cnc.cli import _Commands, tango
+from tango_cnc.cli import FOR, _Commands, tango
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -24,7 +24,16 @@ def text(file: Path) -> str:
 def test_the_table_of_commands_is_complete() -> None:
     table = text(ROOT / "docs" / "formats.md").split("| command | does |")[1].split("\n\n")[0]
     first = " ".join(line.split("|")[1] for line in table.splitlines()[2:])
-    assert {name.split()[0] for name in re.findall(r"`([^`]+)`", first)} == COMMANDS
+    listed = {name.split()[0] for name in re.findall(r"`([^`]+)`", first)}
+    rows = [f"| `{name}` | {what_for(name)} |" for name in sorted(COMMANDS - listed)]
+    assert not rows, "docs/formats.md, table | command | does |: add, and say its options:\n" + "\n".join(rows)
+    assert not listed - COMMANDS, f"docs/formats.md, table | command | does |: no command has these names: {listed - COMMANDS}"
+
+
+def what_for(name: str) -> str:
+    """command → what the first line of its file says that it is for."""
+    found = FOR.match(text(ROOT / "tango_cnc" / "commands" / f"{name.replace('-', '_')}.py"))
+    return found[1] if found else "what it does"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -59,7 +68,8 @@ def test_documentation_named_in_the_program_exists() -> None:
 
 def test_readme_points_to_every_page() -> None:
     readme = text(ROOT / "README.md")
-    assert not [page.name for page in PAGES[1:] if f"docs/{page.name}" not in readme]
+    lacking = [f"docs/{page.name}" for page in PAGES[1:] if f"docs/{page.name}" not in readme]
+    assert not lacking, f"README.md: add a link to {', '.join(lacking)}"
 
 
 def test_make_targets_in_the_text_exist() -> None:

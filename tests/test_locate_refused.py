@@ -373,3 +373,26 @@ def test_an_option_that_would_do_nothing_is_refused(words: tuple[str, ...], cell
 
 def test_a_program_is_written_without_a_terminal_whoever_holds_the_stylus(cell: Path) -> None:
     assert call("commission", "-C", cell, "--held", "--program") == 0
+
+
+def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """ "Add them to strategy.yaml", it said, and the facet that would tell was there: it had met nothing."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    file = tmp_path / "my touches.csv"
+    silent = 0
+    for touch in made.touches:
+        file.write_text(readings_text(touched(made, touch.facet)))
+        refused = call(
+            "locate", "-C", cell, "--readings", file, "-o", tmp_path / f"{touch.facet}.yaml", "--json", tmp_path / "it.json"
+        )
+        out, err = capsys.readouterr()
+        if refused:
+            silent += 1
+            assert f"Facet {touch.facet} would tell, but nothing was met there" in err and "strategy.yaml" not in err
+            assert f"'tango locate -C {cell} --readings '{file}' --agrees 0.05'" in err
+        else:
+            assert f"nothing was met at facet {touch.facet}: see why" in out
+            assert json.loads((tmp_path / "it.json").read_text())["missed"] == [touch.facet]
+    assert silent == 1

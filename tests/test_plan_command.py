@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.controls import golden, lines_of
 
-from postprocessors import mark_of
+from postprocessors import mark_of, names
 from tango_cnc.cli import guarded, tango
 from tango_cnc.files import read_artefact, read_cell, read_strategy
 from tango_cnc.files.plan import plan_lines, read_plan, write_together
@@ -131,7 +131,7 @@ def test_dry_run_prints_the_moves_and_writes_nothing(cell: Path, capsys: pytest.
             "tango.yaml",
             "post: fanuc",
             "post: fanoc",
-            ["tango.yaml:5: controller.post: found 'fanoc'; allowed: brother, ", "Did you mean 'fanuc'?"],
+            [f"tango.yaml:5: controller.post: found 'fanoc'; allowed: {names()[0]}, ", "Did you mean 'fanuc'?"],
         ),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimal: 3", ["unknown key 'decimal'", "Did you mean 'decimals'?"]),
         ("tango.yaml", "post: fanuc", "post: fanuc, decimals: 5", ["tango.yaml:5: controller.decimals: found 5; allowed: 3, 4"]),
@@ -209,7 +209,7 @@ def test_a_folder_in_the_place_of_one_file_keeps_the_others_as_they_were(tmp_pat
         (["--out", "cell/tango.yaml"], "cell/tango.yaml is a file; allowed: a file in a folder"),
         (["--post", "fanuk", "--picture", "a.png"], "--post: found 'fanuk'"),
         (["--post", "./bad.py", "--picture", "a.png", "--json", "a.json"], "bad.py:5: ZeroDivisionError: division by zero"),
-        (["--post", "cell/tango.yaml"], "--post: found 'cell/tango.yaml', which does not end in .py; allowed: brother, "),
+        (["--post", "cell/tango.yaml"], f"--post: found 'cell/tango.yaml', which does not end in .py; allowed: {names()[0]}, "),
     ],
 )
 def test_a_refused_run_leaves_every_file_as_it_was(
@@ -327,7 +327,7 @@ def test_a_post_of_ones_own_works_by_path(cell: Path) -> None:
         ("from postprocessors._base import Post\nPOST = Post(title='x', extension='y')\n", "TypeError: .*missing .*'probe'"),
         ("POST = 3\n", "defines no POST"),
         ("POST = (\n", "SyntaxError"),
-        (None, "--post: found '.*mypost.py', which is no file; allowed: brother, "),
+        (None, f"--post: found '.*mypost.py', which is no file; allowed: {names()[0]}, "),
     ],
 )
 def test_a_post_of_ones_own_that_is_none_is_refused(

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from support.controls import GOLDEN, golden, lines_of
 from support.profiles import spoken
+from support.rows import added, writing
 from support.runs import Result
 
 from postprocessors import load, names, unverified
@@ -15,16 +18,57 @@ from tango_cnc.commission import experiments
 
 REMARK = "PROBE STATE NONE - THE PROGRAM DOES NOT SEE A STYLUS THAT IS DEFLECTED BEFORE A MOVE"
 DOUBT = "the program does not look at the input of the probe (probe_state)"
+DOCS = Path(__file__).parent.parent / "docs"
+TABLE = "| dialect | what looks | leaving it out |"
+NO_KEY = "cannot be left out"
+WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_probe_state.py -k dialect"
+
+
+def rows() -> dict[str, str]:
+    """→ {dialect: how its program is written without the look}, of docs/dialects.md: the fact that the posts are compared with."""
+    table = (DOCS / "dialects.md").read_text(encoding="utf-8").split(TABLE)[1].split("\n\n")[0]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    return {name: out for names_, _, out in cells for name in names_.split(", ")}
+
+
+def row(name: str) -> str:
+    """dialect → the row of the table, as its post has it."""
+    option = next((option for option in load(name).options if option.name == "probe_state"), None)
+    if option is None:
+        return f"| {name} | the control itself refuses to probe (unconfirmed) | {NO_KEY} |"
+    flag = isinstance(option.default, bool)
+    looks = "the input that you name" if option.must else "the program" if flag else f"`{option.default}`"
+    out = "none" if option.must else "false" if flag else "''"
+    return f"| {name} | {looks}, before every guarded move | `probe_state: {out}` |"
+
+
+def missing(name: str) -> str:
+    """dialect → what to do where the table has no row of it."""
+    return f"docs/dialects.md, {TABLE}: this row is missing; correct what looks:\n{row(name)}\n{WRITE} adds it"
+
+
+def out(name: str) -> object:
+    """dialect → the value of `probe_state` with which its program need not look. Fails, with the row, where the table lacks it."""
+    assert name in rows(), missing(name)
+    return yaml.safe_load(rows()[name].strip("`"))["probe_state"]
+
+
 ASKING = [name for name in names() if any(option.must for option in load(name).options)]
-OUT = {  # dialect → how its profile says that the program need not look
-    **dict.fromkeys(("brother", "fanuc", "haas", "mazak", "mitsubishi", "okuma"), "none"),
-    **{"siemens": False, "mach4": False, "fagor": ""},
-}
-LOOKING = {"fanuc": 1004, "haas": 1004, "okuma": "VDIN[11]", "siemens": True, "mach4": True, "fagor": "V.G.PRBST1"}
+WITH_KEY = [name for name in names() if any(option.name == "probe_state" for option in load(name).options)]
 
 
-def test_the_dialects_whose_variable_is_the_builders_ask_for_it() -> None:
-    assert ASKING == ["brother", "fanuc", "haas", "mazak", "mitsubishi", "okuma"]
+def test_the_table_says_of_every_dialect_who_looks_and_how_the_look_is_left_out() -> None:
+    for name in names():
+        if name not in rows() and writing():
+            page = added((DOCS / "dialects.md").read_text(encoding="utf-8"), TABLE, row(name))
+            (DOCS / "dialects.md").write_text(page, encoding="utf-8")
+        assert name in rows(), missing(name)
+        assert (rows()[name] == NO_KEY) == (name not in WITH_KEY), f"docs/dialects.md: {name}: found {rows()[name]}; {row(name)}"
+        assert (rows()[name] == "`probe_state: none`") == (name in ASKING), (
+            f"docs/dialects.md: {name}: found {rows()[name]}. Only a post whose `probe_state` has must=True is written "
+            f"without a look by the word none: {row(name)}"
+        )
+    assert not set(rows()) - set(names()), f"docs/dialects.md, {TABLE}: dialects that do not exist: {set(rows()) - set(names())}"
 
 
 @pytest.fixture
@@ -50,29 +94,46 @@ def test_no_program_is_written_before_the_profile_says_it(cell: Path, name: str,
     assert sorted(cell.rglob("*")) == before
 
 
-@pytest.mark.parametrize("name", OUT)
+@pytest.mark.parametrize("name", WITH_KEY)
 def test_a_profile_that_says_no_is_repeated_in_the_header_and_as_a_doubt_of_danger_one(name: str) -> None:
-    text = "\n".join(lines_of(name, golden(), probe_state=OUT[name]))
-    doubts = [doubt for doubt in unverified(load(name), {"probe_state": OUT[name]}) if doubt.startswith(DOUBT)]
-    assert REMARK in text and len(doubts) == 1
+    text = "\n".join(lines_of(name, golden(), probe_state=out(name)))
+    doubts = [doubt for doubt in unverified(load(name), {"probe_state": out(name)}) if doubt.startswith(DOUBT)]
+    assert REMARK in text and len(doubts) == 1, f"postprocessors/{name}.py: its program has to say that it does not look"
     assert {e.belief for e in experiments() if e.settles.search(doubts[0])} == {"deflected"}
     assert DOUBT.upper().split(" (")[0] in text, "the doubt stands in the header, too"
 
 
-@pytest.mark.parametrize("name", LOOKING)
+def example(name: str) -> object:
+    """dialect → the value of `probe_state` that the example of its page states, or else the default of its post."""
+    page = DOCS / "controls" / f"{name}.md"
+    stated = re.search(r"(?m)^      probe_state: ([^#\n]+)", page.read_text(encoding="utf-8") if page.is_file() else "")
+    if stated:
+        return yaml.safe_load(stated[1])
+    assert name not in ASKING, f"docs/controls/{name}.md: {PAGE} writes a first page, with an example of probe_state"
+    return next(option.default for option in load(name).options if option.name == "probe_state")
+
+
+PAGE = "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py"
+
+
+@pytest.mark.parametrize("name", WITH_KEY)
 def test_a_program_that_looks_says_nothing_of_it(name: str) -> None:
-    text = "\n".join(lines_of(name, golden(), probe_state=LOOKING[name]))
-    assert REMARK not in text
-    assert not any(DOUBT in doubt for doubt in unverified(load(name), {"probe_state": LOOKING[name]}))
+    stated = example(name)
+    text = "\n".join(lines_of(name, golden(), probe_state=stated))
+    assert REMARK not in text, f"docs/controls/{name}.md: state an input under probe_state:, and not the word none"
+    assert not any(DOUBT in doubt for doubt in unverified(load(name), {"probe_state": stated}))
 
 
-@pytest.mark.parametrize("name", sorted(set(names()) - set(OUT)))
-def test_where_the_program_or_the_control_looks_in_any_case_there_is_no_such_key(name: str) -> None:
-    assert not any(option.name == "probe_state" for option in load(name).options)
+@pytest.mark.parametrize("name", sorted(set(names()) - set(WITH_KEY)))
+def test_where_the_program_or_the_control_looks_in_any_case_nothing_is_said_of_it(name: str) -> None:
     assert REMARK not in "\n".join(lines_of(name, golden()))
 
 
 @pytest.mark.parametrize("name", ASKING)
 def test_the_page_of_each_control_that_is_asked_shows_the_key(name: str) -> None:
-    page = (Path(__file__).parent.parent / "docs" / "controls" / f"{name}.md").read_text(encoding="utf-8")
-    assert ("      probe_state: " in page and "| probe variable |" in page) or (name == "okuma" and "| inputs |" in page)
+    file = DOCS / "controls" / f"{name}.md"
+    page = file.read_text(encoding="utf-8") if file.is_file() else ""
+    assert "      probe_state: " in page and re.search(r"(?m)^\| .*`probe_state`.* \|$", page), (
+        f"docs/controls/{name}.md: the example lacks probe_state:, or no row says how its variable is found (| probe variable | "
+        f"`probe_state`: … | unconfirmed |). Where there is no page, {PAGE} -k {name} writes a first one"
+    )

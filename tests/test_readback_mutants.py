@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 import pytest
-from support.dialects import SPOKEN
+from support.dialects import ALONE
 from support.programmutants import mutant
 from support.readback import GOLDEN, MACRO_B, bare, counted, read_back, refused
 from support.rehearsed import Endless, Trace, carried_out, compared, short, worlds
@@ -43,7 +43,7 @@ class Case:
 
 
 # The relatives of Fanuc write its text; what the driver of grbl does is decided by the plan, not by the text.
-CASES = [Case(name) for name in names() if name in SPOKEN and name not in MACRO_B[1:]] + [Case("fanuc", (("macros", "called"),))]
+CASES = [Case(name) for name in names() if name in ALONE and name not in MACRO_B[1:]] + [Case("fanuc", (("macros", "called"),))]
 CASES += [Case("heidenhain", (("cycle", 444),), Find(feed=800.0, retreat=8.5))]
 
 

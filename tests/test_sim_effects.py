@@ -14,12 +14,14 @@ import pytest
 from click.testing import CliRunner
 from support.effect_parts import names
 from support.effectparts import CELL, EXAMPLES, MACHINE, PLAIN, STYLUS, TOUCHES, early, uses_chance, world
+from support.rows import writing
 
 from sim_controller import effects
 from sim_controller.effects import Disturbance, History, lever
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.simulate import simulate
+from tango_cnc import terms
 from tango_cnc.cli import tango
 from tango_cnc.files import read_cell
 from tango_cnc.records import Approach, Artefact, Facet, Indexation, InputError, Strategy, World
@@ -36,7 +38,10 @@ def rows(known: History, count: int) -> History:
 
 @pytest.mark.parametrize("cause", EVERY)
 def test_every_effect_states_an_example_of_its_keys(cause: str) -> None:
-    effects.checked(world(cause).effects)
+    try:
+        effects.checked(world(cause).effects)
+    except InputError as error:
+        pytest.fail(f"sim_controller/effects/{cause}.py: EXAMPLE has to state the keys that have no default: {error}")
 
 
 def documented(root: Path) -> dict[str, set[str]]:
@@ -49,17 +54,39 @@ def documented(root: Path) -> dict[str, set[str]]:
     return found
 
 
-@pytest.mark.parametrize(("cause", "keys", "what"), effects.described(), ids=[cause for cause, _, _ in effects.described()])
-def test_every_key_is_documented(cause: str, keys: str, what: str, root: Path) -> None:
-    found = set(re.findall(r"\w+", keys))
+WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_sim_effects.py -k documented"
+DESCRIBED = {cause: (keys, what) for cause, keys, what in effects.described()}
+HEAD = "| cause | keys | what happens |"
+
+
+def with_row(page: str, cause: str, row: str) -> str:
+    """docs/effects.md, effect, its row → with that row at the end of the table that has most effects of the frame of its cause."""
+    frames = {name: known.frame for name, known in terms.causes().items()}
+    first, *tables = page.split(HEAD)
+    same = [sum(frames.get(other) == frames.get(cause) for other in re.findall(r"(?m)^\| `(\w+)`", table)) for table in tables]
+    kept, gap, after = tables[(at := same.index(max(same)))].partition("\n\n")
+    tables[at] = f"{kept}\n{row}{gap}{after}"
+    return HEAD.join([first, *tables])
+
+
+@pytest.mark.parametrize("cause", DESCRIBED)
+def test_every_key_is_documented(cause: str, root: Path) -> None:
+    keys, what = DESCRIBED[cause]
+    page, found = root / "docs" / "effects.md", set(re.findall(r"\w+", keys))
     row = f"| `{cause}` | {', '.join(f'`{key}`' for key in sorted(found))} | {what} |"
+    if cause not in documented(root) and writing():
+        page.write_text(with_row(page.read_text(encoding="utf-8"), cause, row), encoding="utf-8")
     assert documented(root).get(cause) == found, (
-        f"docs/effects.md: put this row into the table of its kind, with units and formula:\n{row}"
+        f"docs/effects.md: this row belongs into the table of its kind, with units and formula; where there is none of {cause}, "
+        f"{WRITE} adds it:\n{row}"
     )
 
 
 def test_no_row_is_of_an_effect_that_is_gone(root: Path) -> None:
-    assert set(documented(root)) == {cause for cause, _, _ in effects.described()}
+    gone = set(documented(root)) - set(DESCRIBED)
+    assert not gone, (
+        f"docs/effects.md: take away the rows of {', '.join(sorted(gone))}: no file of sim_controller/effects/ has them"
+    )
 
 
 @pytest.mark.few(4)
@@ -68,7 +95,10 @@ def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
     beside = World({"EX0C": -0.4}, STYLUS)  # a touch that misses its point, a stylus that is off its axis
     effect = replace(world(cause), errors=beside.errors, stylus=beside.stylus)
     plain, changed = (simulate(MACHINE, CELL.artefact, CELL.strategy, w).position for w in (beside, effect))
-    assert 0.0003 < np.abs(early(changed, plain)).max() < 0.06
+    found = np.abs(early(changed, plain)).max()
+    assert 0.0003 < found < 0.06, (
+        f"sim_controller/effects/{cause}.py: its EXAMPLE moves the touches by {1000 * found:.2f} µm at most; allowed: 0.3 … 60 µm"
+    )
 
 
 @pytest.mark.few(12)

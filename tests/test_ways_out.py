@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from support.controls import Ran, golden
-from support.dialects import EVERY, klartext
+from support.dialects import DRIVEN, EVERY, klartext
 from support.gates import ran
 
 from postprocessors import companions, load, names, program, settings
@@ -155,7 +155,7 @@ def test_a_drip_fed_program_cannot_jump_and_says_what_it_leaves_on() -> None:
 
 
 def test_every_dialect_is_one_or_the_other() -> None:
-    left = set(EVERY) - {*TIDY, *ALARMED, "grbl"}
+    left = set(EVERY) - {*TIDY, *ALARMED, *DRIVEN}
     assert not left, f"{sorted(left)}: put the language into TIDY if its programs end tidily after a stop, or into ALARMED, above"
     assert "SWITCH IT BY HAND" in "\n".join(lines_of("grbl")[:25])
 

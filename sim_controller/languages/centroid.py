@@ -17,11 +17,11 @@ from tango_cnc.records import Array, Machine
 
 from ..motion import Motion, MotionStop, Note
 from ._shared.alarm import Alarm, Silence
-from ._shared.known import Spoken, StandIn
+from ._shared.known import Controls, StandIn
 from ._shared.scales import commanded, shown
 from .rs274.expressions import POWERS, PRODUCTS, SUMS, Key, Levels, Operator, Reader
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
 RELATIONS: Mapping[str, Operator] = {
     "==": lambda a, b: float(a == b),
@@ -55,7 +55,7 @@ class Profile:
     old_contact: bool = False  # #24301 … are not written: those of the touch before remain
 
 
-SPOKEN = Spoken({"centroid": StandIn()})
+CONTROLS = Controls({"centroid": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:

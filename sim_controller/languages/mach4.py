@@ -18,14 +18,14 @@ from tango_cnc.records import InputError, Machine
 from ..motion import Motion, Note
 from . import macro_b
 from ._shared.alarm import Alarm
-from ._shared.known import Spoken, StandIn
+from ._shared.known import Controls, StandIn
 from .macro_b.alarms import alarm
 from .macro_b.blocks import Block, Word, block
 from .macro_b.profile import Profile
 from .macro_b.profile import default_profile as family_profile
 from .macro_b.program import Program
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
 LETTERS = "XYZABC"
 PLACES = (5001, 5021, 5041, 5061)  # first variables of six, one an axis
@@ -49,7 +49,7 @@ end
 """
 
 
-SPOKEN = Spoken({"mach4": StandIn()}, beside=re.compile(r"m\d+\.mcs"))
+CONTROLS = Controls({"mach4": StandIn()}, beside=re.compile(r"m\d+\.mcs"))
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -20,7 +20,7 @@ from ..records import Cell, Readings
 from ._common import cell_option, json_option, table, write_json
 from ._trust import NoFit, despite_option, judged, members, status, told
 
-PLACE = "Measure 50"  # in the list of commands
+PLACE = "Measure 70"  # in the list of commands
 
 
 @click.command()

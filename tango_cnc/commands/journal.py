@@ -18,7 +18,7 @@ from ._plan import obstructed_option
 if TYPE_CHECKING:
     from ..link.journal import Found
 
-PLACE = "Keep 10"  # in the list of commands
+PLACE = "Keep 40"  # in the list of commands
 LAST = "readings.journal"
 file_argument = click.argument("file", type=click.Path(path_type=Path), required=False)
 

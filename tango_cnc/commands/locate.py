@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from ..records import Plan
     from ..telling import OtherSize
 
-PLACE = "Measure 20"  # in the list of commands
+PLACE = "Measure 40"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
@@ -115,7 +116,12 @@ def command(
     try:
         found = locate.locate(made, readings, stated)
     except InputError as error:
-        click.echo(f"\ntango: {str(error).rstrip('.')}{_before(where, before)}", err=True)
+        said = (
+            str(error)
+            .rstrip(".")
+            .replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file or target))}")
+        )
+        click.echo(f"\ntango: {said}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -127,6 +133,7 @@ def command(
         "turned_deg": [round(float(v), 5) for v in np.degrees(found.turned)],
         "residual_mm": [round(float(v), 4) for v in found.residual],
         "left_out": list(found.left_out),
+        "missed": list(found.missed),
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
         "unsized_mm": round(other.beside, 3),
@@ -172,6 +179,11 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
         click.echo(
             f"facet {found.left_out[0]} does not count: its touch is {off:+.2f} mm from where the others place the "
             "table. Something else was met there: see what it is before you go on"
+        )
+    if found.missed:
+        click.echo(
+            f"nothing was met at facet{'s' if len(found.missed) > 1 else ''} {', '.join(found.missed)}: see why before you go on. "
+            f"The other {len(found.residual)} touches place the table"
         )
     click.echo(
         f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"

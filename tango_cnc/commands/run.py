@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from ..link.measure import Wanted
     from ..program import Program
 
-PLACE = "Measure 30"  # in the list of commands
+PLACE = "Measure 50"  # in the list of commands
 
 PAUSE = 0.3  # s between two looks at the journal of another program
 

@@ -18,7 +18,7 @@ from ..plan import by_stylus, last_moves, plan, reachable
 from ..records import Array, Cell, InputError, Readings, Strategy
 from ._common import Output, cell_option, json_option, write_json
 
-PLACE = "Measure 40"  # in the list of commands
+PLACE = "Measure 60"  # in the list of commands
 
 
 def _list_effects(context: click.Context, _parameter: click.Parameter, wanted: bool) -> None:

@@ -14,7 +14,7 @@ NOT_KNOWN = re.compile(  # alarms of controls that cannot read a block, or have 
 )
 WORD = re.compile(r"[$#]?[A-Z][A-Z0-9_.]*[A-Z0-9_]|#\d+")
 AXIS = re.compile(r"[.]?[XYZABC]\d?")  # what a post adds to the name of a variable
-SPOKEN = re.compile(  # words of programs that stand in sentences too: one of them alone says nothing
+ORDINARY = re.compile(  # words of programs that stand in sentences too: one of them alone says nothing
     r"AXIS|BLOCK|CALL|CODE|CYCLE|ERROR|FORMAT|FORM|FUNCTION|LINE|MOVE|NAME|NUMBER|PLANE|POSITION|PROBE|PROGRAM|REFERENCE|RESET|"
     r"SKIP|SPINDLE|STOP|SYNC|SYSTEM|TABLE|TEST|TOOL|TOUCH|TRACK|WAIT|WITH|WORD"
 )
@@ -62,9 +62,9 @@ def mentioned(said: str, doubts: Iterable[str], program: str) -> str:
     from, a sentence that blames none; empty where it names no word of it.
     """
     text = re.sub(r"\b([GM])[- ]?(?:FUNCTION|CODE)?[- ]+(\d+)\b", r"\1\2", said.upper())
-    single = [w for w in WORD.findall(text) if not SPOKEN.fullmatch(w) and (re.search(r"\d", w) or len(w) >= 4)]
+    single = [w for w in WORD.findall(text) if not ORDINARY.fullmatch(w) and (re.search(r"\d", w) or len(w) >= 4)]
     spoken = re.findall(r"[A-Z]+", text)
-    pairs = [f"{one} {two}" for one, two in pairwise(spoken) if SPOKEN.fullmatch(one) and SPOKEN.fullmatch(two)]
+    pairs = [f"{one} {two}" for one, two in pairwise(spoken) if ORDINARY.fullmatch(one) and ORDINARY.fullmatch(two)]
     blocks = ASIDE.sub(" ", program)
     stated = [d.partition(", e.g.")[0] for d in doubts if KEYED.match(d)]
     by_key: dict[str, list[str]] = {}

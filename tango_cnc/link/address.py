@@ -72,28 +72,29 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
         raise InputError(f"port {shown(url)!r}: found #; allowed: %23 where a name has one")
     scheme, target, query = _parts(url)
     url = shown(url)
-    unit, way = 1, ways()[scheme]
+    unit, way, typed = 1, ways()[scheme], url.partition("://")[0].lower() if "://" in url else "serial"
     if way.unit:
         target, _, number = target.rpartition("/")
         if not target or not re.fullmatch("[0-9]{1,3}", number) or not 0 <= int(number) <= 247:
             found = f"found device {printable(repr(number), 80)}" if target else "found no device number"
             raise InputError(
-                f"port {url!r}: {found}; allowed: 0 … 247 at its end, e.g. modbus+tcp://192.168.1.20:502/1 or "
-                "modbus+rtu:///dev/ttyUSB0/1"
+                f"port {url!r}: {found}; allowed: 0 … 247 at its end, "
+                f"e.g. {typed}://{'192.168.1.20:502' if way.needs == 'host' else '/dev/ttyUSB0'}/1"
             )
         unit = int(number)
     if way.needs == "device" and not target:
-        raise InputError(f"port {url!r}: no device; e.g. serial:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
+        raise InputError(f"port {url!r}: no device; e.g. {typed}:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
     if way.needs == "host" and not _host(target):
         raise InputError(
-            f"port {url!r}: found {printable(repr(target), 80)}; allowed: host:port, port 1 … {LAST_PORT}, e.g. socket://192.168.1.20:8193"
+            f"port {url!r}: found {printable(repr(target), 80)}; allowed: host:port, port 1 … {LAST_PORT}, "
+            f"e.g. {typed}://192.168.1.20:8193{'/1' * way.unit}"
         )
     if way.needs == "disk":
         place, _, path = target.rpartition("@")[2].partition("/")
         if not _host(place if re.search(r":[0-9]+$", place) else f"{place}:1") or not path or path.endswith("/"):
             raise InputError(f"port {url!r}: found no host, or no file on it; allowed: e.g. {way.example}")
     if way.needs == "file" and not target:
-        raise InputError(f"port {url!r}: no file; e.g. file:///mnt/control/TANGO.TXT, on Windows file://Z:/TANGO.TXT")
+        raise InputError(f"port {url!r}: no file; e.g. {typed}:///mnt/control/TANGO.TXT, on Windows {typed}://Z:/TANGO.TXT")
     if way.needs == "file" and target.lower().endswith(OWN):
         raise InputError(
             f"port {url!r}: found {target!r}, a name of tango's own files, into which no control may write; allowed: another name, "

@@ -4,7 +4,6 @@
 wants an end, `=>` what it made of it. `~~` stands where the control speaks before the client has sent all of its program.
 """
 
-import os
 import random
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
+from support.rows import added, writing
 
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
@@ -28,14 +28,19 @@ from tango_cnc.records import InputError
 
 FLOW = {"DC1": 0x11, "DC2": 0x12, "DC3": 0x13, "DC4": 0x14}  # ISO/IEC 646 and ISO 6983: send, print, stop sending, end of print
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
-FIRST = (
-    "three_touches",
-    "stops_in_the_middle",
-    "the_share_is_gone",
-)  # of the protocol `file`: pages that a new protocol begins with
+NEEDED = ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. ")  # what the pages of a protocol have to show together
 WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_links.py"
 PROTOCOLS = names()
 CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
+
+LINKS = Path(__file__).parents[2] / "docs" / "link.md"
+
+
+def first_pages():
+    """→ the pages that a new protocol begins with: of those of `file`, the shortest one with each mark that is needed."""
+    pages = {file: file.read_text(encoding="utf-8") for file in sorted((TRANSCRIPTS / "file").glob("*.txt"))}
+    return sorted({min((f for f in pages if mark in pages[f]), key=lambda f: len(pages[f])) for mark in NEEDED})
+
 
 every_protocol = pytest.mark.parametrize("protocol", PROTOCOLS)
 every_conversation = pytest.mark.parametrize(("protocol", "file"), CONVERSATIONS, ids=[f"{p}-{f.stem}" for p, f in CONVERSATIONS])
@@ -148,18 +153,18 @@ def rewritten(protocol, file):
 @every_protocol
 def test_every_protocol_has_conversations_with_touches_silence_and_a_lost_line(protocol):
     folder = TRANSCRIPTS / protocol
-    if os.environ.get("TANGO_GOLDEN") == "write" and not folder.is_dir():
+    if writing() and not folder.is_dir():
         folder.mkdir()
-        for name in FIRST:
-            first = rewritten(protocol, TRANSCRIPTS / "file" / f"{name}.txt").partition("\n")[2]
-            title = f"# {name.replace('_', ' ')}: written from another protocol; make it what this control sends"
-            (folder / f"{name}.txt").write_text(f"{title}\n{first}", encoding="utf-8")
+        for page in first_pages():
+            first = rewritten(protocol, page).partition("\n")[2]
+            title = f"# {page.stem.replace('_', ' ')}: written from another protocol; make it what this control sends"
+            (folder / page.name).write_text(f"{title}\n{first}", encoding="utf-8")
     files = sorted(folder.glob("*.txt"))
-    for file in files if os.environ.get("TANGO_GOLDEN") == "write" else ():
+    for file in files if writing() else ():
         file.write_text(rewritten(protocol, file), encoding="utf-8")
     text = "".join(file.read_text(encoding="utf-8") for file in files)
     assert text, f"tests/transcripts/{protocol}/ is missing; this writes first pages, for you to correct: {WRITE} -k {protocol}"
-    for mark in ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. "):
+    for mark in NEEDED:
         assert mark in text, (
             f"tests/transcripts/{protocol}/: no page has {mark!r}. Write what is sent (->), received (<-), waited (..), lost (!!); "
             f"{WRITE} -k {protocol} adds what the client makes of it (=>). Where the client speaks first, begin each page with "
@@ -199,14 +204,17 @@ def test_a_control_may_speak_before_all_is_sent_where_the_page_says_so_and_only_
 @pytest.mark.few(24)
 @every_conversation
 def test_the_conversation_means_what_its_page_says(protocol, file):
-    if os.environ.get("TANGO_GOLDEN") == "write":
+    if writing():
         file.write_text(rewritten(protocol, file), encoding="utf-8")
     events, expected = replay(protocol, file, lambda data: [data])
-    assert len(events) == len(expected), [shown(event) for event in events]
+    assert len(events) == len(expected), (
+        f"{file}: found {[shown(event) for event in events]}; if this is meant: {WRITE} -k {protocol}"
+    )
     for event, text in zip(events, expected, strict=True):
         name, _, rest = text.partition(" ")
-        assert shown(event).startswith(name + " ")
-        assert rest in shown(event)
+        assert shown(event).startswith(name + " ") and rest in shown(event), (
+            f"{file}: found {shown(event)!r}; if this is meant: {WRITE} -k {protocol}"
+        )
 
 
 @pytest.mark.few(24)
@@ -301,6 +309,19 @@ def test_no_time_is_no_silence(protocol):
     assert all(not one.elapsed(0.0) for _ in range(1000))
 
 
+HEAD = "| `controller.port`, `--port` | is |"
+PLACES_OF = {"host": "192.168.1.20:8193", "device": "/dev/ttyUSB0", "disk": "user@192.168.1.20/TANGO.TXT", "file": "/mnt/TANGO.TXT"}
+
+
+def row(protocol, scheme):
+    """protocol, scheme of its URLs → the row of the table of ports: an example, what it is, its settings with their values."""
+    module = load(protocol)
+    what = (module.__doc__ or "what it is").strip().partition("\n")[0].rstrip(".")
+    values = [f"`{name}` ({', '.join(allowed) or 'any text'})" for name, allowed in module.OPTIONS.items()]
+    place = PLACES_OF[ways()[module.SCHEMES[scheme]].needs]
+    return f"| `{scheme}://{place}` | {what}{'; settings: ' if values else ''}{', '.join(values)} |"
+
+
 @every_protocol
 def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(protocol):
     module = load(protocol)
@@ -308,9 +329,15 @@ def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(
         f"{protocol}.py: SCHEMES: allowed: {', '.join(ways())}. A new way is one file: tango_cnc/link/transport/_<way>.py "
         "with its WAYS (docs/link.md, Another protocol)"
     )
-    page = (Path(__file__).parents[2] / "docs" / "link.md").read_text(encoding="utf-8")
     for scheme in module.SCHEMES:
-        assert f"{scheme}://" in page, f"docs/link.md, Ports: the table lacks | `{scheme}://…` | …: see `{protocol}` |"
+        page = LINKS.read_text(encoding="utf-8")
+        if f"{scheme}://" not in page and writing():
+            page = added(page, HEAD, row(protocol, scheme))
+            LINKS.write_text(page, encoding="utf-8")
+        assert f"{scheme}://" in page, (
+            f"docs/link.md, Ports: the table lacks this row; {WRITE} -k {protocol} adds it, for you to correct:\n"
+            f"{row(protocol, scheme)}"
+        )
     assert not set(module.SCHEMES) & set(SCHEMES), f"{protocol}.py: SCHEMES names one that every protocol may have"
     assert {spoken(f"{scheme.upper()}://somewhere") for scheme in module.SCHEMES} <= {protocol}
     assert sum(name == protocol for name, _ in schemes().values()) == len(module.SCHEMES), f"{protocol}.py shares a scheme"
@@ -326,9 +353,9 @@ def test_a_protocol_with_a_scheme_is_one_file(monkeypatch):
 
 @every_protocol
 def test_every_setting_of_a_port_is_documented(protocol):
-    page = (Path(__file__).parents[2] / "docs" / "link.md").read_text(encoding="utf-8")
+    page = LINKS.read_text(encoding="utf-8")
     missing = [key for key in load(protocol).OPTIONS if f"`{key}`" not in page and f"{key}=" not in page]
-    assert not missing, f"docs/link.md: say what the settings {', '.join(missing)} of {protocol}:// mean, each as `key`"
+    assert not missing, f"docs/link.md: say what the settings {', '.join(missing)} of the protocol {protocol} mean, each as `key`"
 
 
 def test_every_way_is_opened_by_a_test():
@@ -369,3 +396,10 @@ def test_a_scheme_and_a_setting_that_name_two_protocols_are_refused(scheme):
     other = next(name for name in PROTOCOLS if name != own)
     with pytest.raises(InputError, match=f"link: found '{other}'; allowed: {own}, which"):
         protocol_of(f"{scheme}://there:1?link={other}", other)
+
+
+@pytest.mark.parametrize("scheme", sorted({*schemes(), *SCHEMES}))
+def test_a_port_without_a_place_gets_an_example_of_its_own_scheme(scheme):
+    with pytest.raises(InputError) as error:
+        parse(f"{scheme}://", {})
+    assert f"e.g. {scheme}://" in str(error.value), "tango_cnc/link/address.py: its example is of another scheme"

@@ -212,7 +212,7 @@ def test_a_rotary_axis_turns_between_the_words_that_free_and_hold_it(name: str, 
     assert len(turns) == said.count("M710") == sum(move.kind == "index" and "C" in move.target for move in made.moves)
     plain = [text for line in code_of(text_of(post, made)) if (text := re.sub(r"^\d+ |^#114=.*", "", line))]
     assert {said[i + 2] for i in turns} == {"M710"}
-    together = [f"G0 {line.split()[-1]}" for line in plain if name == "grbl" and line.startswith("G0 ")]  # all axes in a line
+    together = [f"G0 {line.split()[-1]}" for line in plain if post.link == "grbl" and line.startswith("G0 ")]  # all axes in a line
     assert {said[i + 1] for i in turns} <= {*plain, *together}
     read = text_of(post, made, stated).splitlines()
     assert not readback.check(

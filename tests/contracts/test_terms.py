@@ -17,6 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
 from support.diagnosis_parts import candidate, pattern
+from support.rows import added, writing
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
@@ -45,17 +46,21 @@ def touches(bench: blind.Bench) -> Touches:
 @pytest.mark.parametrize("name", sorted(terms.families()))
 def test_every_family_says_what_it_is_and_where_that_is_written(name: str) -> None:
     module = terms.families()[name]
-    assert module.text and module.source
+    assert module.text and module.source, f"tango_cnc/terms/{name}.py: state text and source"
 
 
 @pytest.mark.parametrize("name", CAUSES)
 def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name: str) -> None:
     module = terms.causes()[name]
-    assert module.frame and module.advice and module.meaning and module.says
-    assert set(module.mistaken) <= set(CAUSES), "mistaken for something that is not in the catalogue"
-    assert set(module.plainer) <= set(module.mistaken), "plainer than it, and not mistaken for it"
-    assert set(module.parted) <= set(module.mistaken), "to be parted from it, and not mistaken for it"
-    assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), "variants or a spread, never both"
+    assert module.frame and module.advice and module.meaning and module.says, f"tango_cnc/terms/{name}.py: one of them is empty"
+    file = f"tango_cnc/terms/{name}.py"
+    for field in ("mistaken", "plainer", "parted"):
+        assert not isinstance(getattr(module, field), str), f'{file}: {field}: a comma is missing: ("cause",)'
+    unknown = set(module.mistaken) - set(CAUSES)
+    assert not unknown, f"{file}: mistaken: found {', '.join(sorted(unknown))}; allowed: names of files in tango_cnc/terms/"
+    assert set(module.plainer) <= set(module.mistaken), f"{file}: plainer: names a cause that `mistaken` does not"
+    assert set(module.parted) <= set(module.mistaken), f"{file}: parted: names a cause that `mistaken` does not"
+    assert (name in PATTERNS) == (module.variants is not terms.Cause.variants), f"{file}: variants or a spread, never both"
 
 
 @pytest.mark.parametrize("name", CAUSES)
@@ -90,8 +95,8 @@ def test_every_variant_makes_coefficients_with_finite_regressors_and_names_of_th
         assert coefficients
         for c in coefficients:
             regressor = c.regressor(touches)
-            assert regressor.shape == (len(touches),) and np.isfinite(regressor).all()
-            assert UNIT.fullmatch(c.unit), c.unit
+            assert regressor.shape == (len(touches),) and np.isfinite(regressor).all(), f"{name}: {c.name}: {setting}"
+            assert UNIT.fullmatch(c.unit), f"tango_cnc/terms/{name}.py: found the unit {c.unit!r}; allowed: such as mm, rad, mm/mm"
             assert seen.setdefault(c.name, setting) == setting or name == "compensation_kink", "one name for two settings"
 
 
@@ -157,7 +162,9 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
 def test_the_campaign_of_hidden_effects_draws_every_cause_or_says_why_not(bench: blind.Bench) -> None:
     """A new one is drawn as its EXAMPLE says; more settings by chance go into `draw` of tests/support/blind.py."""
     known = {*blind.DRAWN, *blind.RARE, *blind.NOT_DRAWN}
-    assert {*PATTERNS} & {*effects.names()} <= known <= {*CAUSES}
+    left = {*PATTERNS} & {*effects.names()} - known
+    assert not left, f"tests/support/blind.py: neither DRAWN nor RARE nor NOT_DRAWN has {', '.join(sorted(left))}"
+    assert known <= {*CAUSES}, f"tests/support/blind.py: causes that do not exist: {', '.join(sorted(known - {*CAUSES}))}"
     for name in blind.DRAWN:
         assert blind.expected(name)
         effects.checked([blind.draw(bench, name, np.random.default_rng(5))], bench.cell.machine, bench.cell.artefact)
@@ -176,10 +183,21 @@ def row(name: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
+WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_terms.py -k catalogue"
+HEAD = "| name | what it is | what it means | frame | mistaken for | settings | what to do |"
+
+
 def test_the_catalogue_in_the_documentation_is_complete() -> None:
-    text = (Path(__file__).parent.parent.parent / "docs" / "causes.md").read_text(encoding="utf-8")
+    page = Path(__file__).parent.parent.parent / "docs" / "causes.md"
+    text = page.read_text(encoding="utf-8")
     missing = [row(name) for name in CAUSES if row(name) not in text]
-    assert not missing, "docs/causes.md lacks, in alphabetical order:\n" + "\n".join(missing)
+    if missing and writing():
+        for line in missing:
+            old = re.search(rf"(?m)^{re.escape(line[: line.index('|', 1) + 1])}.*\n", text)  # the row of this cause as it was
+            text = added(text.replace(old[0], "") if old else text, HEAD, line)
+        page.write_text(text, encoding="utf-8")
+        return
+    assert not missing, f"docs/causes.md lacks these rows; {WRITE} writes them:\n" + "\n".join(missing)
     assert re.findall(r"^\| `(\w+)` \|", text, re.M) == CAUSES, "docs/causes.md: rows in alphabetical order, one a cause"
 
 

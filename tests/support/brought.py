@@ -23,7 +23,7 @@ from sim_controller.languages import Alarm, Silence
 from sim_controller.probing import Rig, rig
 from sim_controller.session import Session, Setup, tape
 from support.databases import MIGRATE, REFUSES, _engine, damaged, good, migrated, rewritten
-from support.dialects import OWN, usual
+from support.dialects import control_of
 from support.linkparts import MARK, job
 from support.mutants import Reader
 from support.nights import knock, night
@@ -148,7 +148,7 @@ def _rig(folder: Path) -> Rig:
 
 def _run(post: str) -> Reader:
     """→ the program of a post, as the simulated control of its language takes it."""
-    spoken = OWN.get(post, usual(post))
+    spoken = control_of(post)
 
     def program(folder: Path) -> bytes:
         made = whole(folder)[1]

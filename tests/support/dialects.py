@@ -17,7 +17,7 @@ from postprocessors import companions, load, names, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
-from sim_controller.session import language
+from sim_controller.session import language, profile
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link.client import Begun, Ended, Failed, Identified, Task, Touched
@@ -35,7 +35,7 @@ OFFSETS = {"X": 11.5, "Y": -3.25, "Z": 100.25}
 
 
 @dataclass(frozen=True)
-class Spoken:
+class ControlOf:
     """The control of a dialect: language, settings, what is stored in it, how many lines at either end are for the line."""
 
     family: str
@@ -51,13 +51,17 @@ def beside(name: str) -> tuple[str, ...]:
     return tuple(line for file, lines in files.items() for line in (file, *lines))
 
 
-G31 = Spoken("macro_b", frame=1)
-
-
-def usual(name: str) -> Spoken:
-    """dialect → the control of its language, with nothing of its own."""
-    spoken = LANGUAGES[load(name).language] if load(name).language in LANGUAGES else Spoken(load(name).language)
-    return replace(spoken, library=beside(name)) if spoken.family in ("mach3", "mach4") else spoken
+def control_of(name: str) -> ControlOf:
+    """dialect → the control of its language, with what the simulated control of that name has of its own (`CONTROLS`)."""
+    family = load(name).language
+    spoken, made = language(family), LANGUAGES.get(family, ControlOf(family))
+    library = beside(name) if family in BESIDE else made.library
+    own = spoken.CONTROLS.named.get(name)
+    if own is None:
+        return replace(made, library=library)
+    settled = profile(spoken, read_cell(EXAMPLE).machine, own.settings)
+    settings = {**made.settings, **{key: getattr(settled, key) for key in own.settings}}
+    return replace(made, settings=settings, library=own.stored or library)
 
 
 @cache
@@ -68,31 +72,19 @@ def klartext(name: str) -> bool:
 
 LENGTH = {"tool_lengths": {1: 326.674}}
 LANGUAGES = {  # what all controls of a language have: a relative under another name has it, too
-    "macro_b": G31,
-    "klartext": Spoken("klartext", LENGTH, ("TNC:\\TANGO.A", *mask())),
-    "fagor": Spoken("fagor", LENGTH),
-    "osp": Spoken("osp", LENGTH),
-    "siemens": Spoken("siemens", LENGTH),
+    "macro_b": ControlOf("macro_b", frame=1),
+    "klartext": ControlOf("klartext", LENGTH, ("TNC:\\TANGO.A", *mask())),
+    "fagor": ControlOf("fagor", LENGTH),
+    "osp": ControlOf("osp", LENGTH),
+    "siemens": ControlOf("siemens", LENGTH),
 }
-OWN = {  # where a control is more than its language
-    "mitsubishi": replace(G31, settings={"skip_feed": "own"}),
-    "haas": replace(
-        G31,
-        settings={
-            "macros_ahead": True,
-            "lettered": True,
-            "padding": "bare",
-            "overflow": "expanded",
-            "line_end": "cr",
-            "fastest_skip": 2500.0,
-        },
-    ),
-    "brother": replace(G31, library=("O8832", "M99", "O8833", "M99")),
+BESIDE = ("mach3", "mach4")  # languages whose programs do not run without the files that come with them
+DRIVEN = {  # no logic of its own: its driver decides and records
+    name: ControlOf("grbl", resolution=1e-3) for name in names() if load(name).language == "grbl"
 }
-DRIVEN = {"grbl": Spoken("grbl", resolution=1e-3)}  # no logic of its own: its driver decides and records
 QUICK = ("fanuc", "grbl", "heidenhain", "linuxcnc", "siemens")  # one of each way to speak; the others are many seconds together
-SPOKEN = {name: OWN.get(name) or usual(name) for name in names() if name not in DRIVEN}
-EVERY = {**SPOKEN, **DRIVEN}
+ALONE = {name: control_of(name) for name in names() if name not in DRIVEN}  # who carry a program out by themselves
+EVERY = {**ALONE, **DRIVEN}
 
 
 def alike(name: str, other: str) -> bool:
@@ -139,14 +131,14 @@ def driven(made: Plan, control: Any) -> list[Any]:
 
 def measured(made: Plan, name: str, world: World, options: Mapping[str, Any] = MappingProxyType({})) -> Readings:
     """plan, dialect, true machine, options of its profile → what its records say."""
-    control_of = EVERY[name]
-    spoken = language(control_of.family)
+    known = EVERY[name]
+    spoken = language(known.family)
     lines = list(program(load(name), made, options, plan_hash(made))[2]())
-    lines = lines[control_of.frame : len(lines) - control_of.frame]
+    lines = lines[known.frame : len(lines) - known.frame]
     punched: list[bytes] = []
-    profile = replace(spoken.default_profile(made.machine), g54=OFFSETS, **control_of.settings)
+    settled = replace(spoken.default_profile(made.machine), g54=OFFSETS, **known.settings)
     motion = Motion(rig(made.machine, made.artefact, world))
-    control = spoken.Control(motion, profile, punched.append, lambda event, **data: None, control_of.library)
+    control = spoken.Control(motion, settled, punched.append, lambda event, **data: None, known.library)
     if name in DRIVEN:
         begun, *touched, ended = driven(made, control)
     else:

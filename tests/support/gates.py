@@ -84,10 +84,10 @@ def ran(
         profile,
         punched,
         note,
-        spoken.library if name == "brother" or klartext(name) else library,
+        spoken.library if klartext(name) or not library else library,
     )
     found.clock = lambda: motion.time
-    if name == "grbl":
+    if spoken.family == "grbl":
         numbers = tuple(touch.number for touch in made.touches)
         wait = (99.0,) * (len(numbers) + 1)
         misses = len(numbers) + 1 if made.touches[0].facet == "air" else 3  # as 'tango commission' asks for

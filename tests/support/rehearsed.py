@@ -14,7 +14,7 @@ from sim_controller.languages import Alarm, Silence
 from sim_controller.motion import Motion
 from sim_controller.probing import Rig, rig
 from sim_controller.session import language
-from support.dialects import OFFSETS, SPOKEN
+from support.dialects import ALONE, OFFSETS
 from support.readback import golden
 from support.stored import stored
 from tango_cnc.plan import part
@@ -108,7 +108,7 @@ class Traced(Motion):
 
 def carried_out(post: str, lines: list[str], world: World, library: tuple[str, ...] | None = None) -> tuple[Trace, list[str]]:
     """program, true machine, what its control has in store → every place it moves to, every line it prints."""
-    spoken = SPOKEN[post]
+    spoken = ALONE[post]
     family = language(spoken.family)
     printed: list[bytes] = []
     motion = Traced(world)

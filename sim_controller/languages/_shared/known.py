@@ -16,9 +16,9 @@ class StandIn:
 
 
 @dataclass(frozen=True)
-class Spoken:
+class Controls:
     """What a language file says of the controls that speak it."""
 
-    controls: Mapping[str, StandIn]
+    named: Mapping[str, StandIn]
     wired: Mapping[str, str] = field(default_factory=dict)  # key of a profile that says how the probe is wired → field of `Profile`
     beside: re.Pattern[str] = re.compile(r"(?!)")  # names of files that have to be on the control besides the program

@@ -18,11 +18,11 @@ from tango_cnc.records import Array, Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Spoken, StandIn
+from .._shared.known import Controls, StandIn
 from .._shared.scales import shown
 from .numbers import Parameters, Refusal, code
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile", "switched_on"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile", "switched_on"]
 
 LETTERS = "XYZABC"
 WORDS = "FGMNPRST" + LETTERS
@@ -77,7 +77,7 @@ class Profile:
     scaled: Mapping[str, float] = field(default_factory=dict)  # G51 of grblHAL, left on; -1 is a mirror image
 
 
-SPOKEN = Spoken({"grbl": StandIn()})
+CONTROLS = Controls({"grbl": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:

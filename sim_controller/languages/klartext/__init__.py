@@ -1,5 +1,5 @@
 """HEIDENHAIN Klartext, as a control executes it."""
 
-from .control import SPOKEN, Control, Profile, default_profile
+from .control import CONTROLS, Control, Profile, default_profile
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]

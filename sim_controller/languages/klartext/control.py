@@ -15,7 +15,7 @@ from tango_cnc.records import InputError, Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Silence
-from .._shared.known import Spoken, StandIn
+from .._shared.known import Controls, StandIn
 from .._shared.scales import TURN, commanded, endless, nearer, roll, shown
 from . import cycle_444
 from .expressions import error, formula, number, text_of
@@ -23,7 +23,7 @@ from .frame import Frame
 from .printing import printed
 from .program import bare, blocks_of, labels_of, place_of
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
 DEEPEST = 8  # subprograms in each other
 COMPARE: dict[str, Callable[[float, float], bool]] = {
@@ -74,7 +74,7 @@ class Profile:
             raise InputError(f"--set probe_table: found {', '.join(unknown)}; allowed: {', '.join(cycle_444.TABLE)}")
 
 
-SPOKEN = Spoken({"heidenhain": StandIn()}, beside=re.compile(r"[^\\/]+\.A"))
+CONTROLS = Controls({"heidenhain": StandIn()}, beside=re.compile(r"[^\\/]+\.A"))
 
 
 def default_profile(machine: Machine) -> Profile:

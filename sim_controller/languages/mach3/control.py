@@ -18,13 +18,13 @@ from tango_cnc.records import Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Spoken, StandIn
+from .._shared.known import Controls, StandIn
 from ..rs274.axes import INCH, Frames
 from ..rs274.expressions import NIST, Key, Reader
 from ..rs274.program import line as read_line
 from .basic import LIBRARY, Host, Script
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
 G_CODES = (0, 1, 4, 15, 17, 20, 21, 31, 40, 43, 49, 50, 53, 54, 61, 64, 69, 80, 90, 91, 94)
 BUILT_IN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 30, 47, 48, 49)
@@ -49,7 +49,7 @@ class Profile:
     one_axis: bool = False  # a motion board whose G31 moves the first axis only
 
 
-SPOKEN = Spoken({"mach3": StandIn()}, beside=re.compile(r"m\d+\.m1s"))
+CONTROLS = Controls({"mach3": StandIn()}, beside=re.compile(r"m\d+\.m1s"))
 
 
 def default_profile(machine: Machine) -> Profile:

@@ -1,6 +1,6 @@
 """Fanuc custom macro B and its relatives, as a control executes it."""
 
 from .control import Control, Profile, default_profile
-from .profile import SPOKEN
+from .profile import CONTROLS
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]

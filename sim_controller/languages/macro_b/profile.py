@@ -10,7 +10,7 @@ from typing import Literal
 
 from tango_cnc.records import Machine
 
-from .._shared.known import Spoken, StandIn
+from .._shared.known import Controls, StandIn
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ HAAS = {
     "line_end": "cr",
     "fastest_skip": "2500",
 }
-SPOKEN = Spoken(
+CONTROLS = Controls(
     {
         "fanuc": StandIn(),
         "mazak": StandIn(),

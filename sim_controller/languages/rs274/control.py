@@ -16,12 +16,12 @@ from tango_cnc.records import Machine
 
 from ...motion import Motion, MotionStop, Note
 from .._shared.alarm import Alarm, Silence
-from .._shared.known import Spoken, StandIn
+from .._shared.known import Controls, StandIn
 from .axes import Frames
 from .expressions import LINUXCNC, Key, Reader
 from .program import Line, Program
 
-__all__ = ["SPOKEN", "Control", "Profile", "default_profile"]
+__all__ = ["CONTROLS", "Control", "Profile", "default_profile"]
 
 GROUPS: Mapping[str, tuple[float, ...]] = {
     "motion": (0, 1, 38.2, 38.3, 80),
@@ -54,7 +54,7 @@ class Profile:
     preview: bool = False  # nothing moves: #<_task> is 0, as for the interpreter that draws the path
 
 
-SPOKEN = Spoken({"linuxcnc": StandIn()})
+CONTROLS = Controls({"linuxcnc": StandIn()})
 
 
 def default_profile(machine: Machine) -> Profile:
