@@ -208,7 +208,7 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
-    if found and told.state != "not_measured":
+    if found and told.state not in ("not_measured", "doubtful"):
         return since_date(found[0])
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
@@ -247,6 +247,7 @@ def brief(
     if told.state == NEWER:
         why = told.why.partition(". ")[0].partition(": ")[2]
         return parts, whole_sentence(f"{why[:1].upper()}{why[1:]}")
+    found = () if told.state == "doubtful" else found  # the readings are the reason, whatever was found before them
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
