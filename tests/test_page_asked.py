@@ -46,10 +46,9 @@ def test_somebody_is_called_about_what_nobody_has_answered_beside_what_somebody_
 @pytest.mark.parametrize("action", ["acknowledge", "repaired"])
 def test_somebody_is_called_about_a_night_in_doubt_though_somebody_has_what_was_found_before(action: str) -> None:
     fault = alarm(2, 20.0)
-    assert "Call Ann, 4711." in todo(night(M, 8, **DOUBT, standing=[fault], owner="Ann, 4711"), decided(fault, action))
-    assert not any(
-        "Call" in line for line in todo(night(M, 8, "changed", standing=[fault], owner="Ann, 4711"), decided(fault, action))
-    )
+    own = {"standing": [fault], "owner": "Ann, 4711"}
+    assert "Call Ann, 4711." in todo(night(M, 8, **DOUBT, **own), decided(fault, action))
+    assert not any("Call" in line for line in todo(night(M, 8, "changed", **own), decided(fault, action)))
 
 
 def test_the_list_names_the_doubt_of_a_night_in_doubt_and_not_what_was_found_before(tmp_path: Path) -> None:
