@@ -52,8 +52,8 @@ def test_somebody_is_called_about_a_night_in_doubt_though_somebody_has_what_was_
 
 
 def test_the_list_names_the_doubt_of_a_night_in_doubt_and_not_what_was_found_before(tmp_path: Path) -> None:
-    """Make no parts on it, it said: C axis has moved. The next line of thought was to wait for a repair, not to look at the probe."""
     """It said: Make no parts on it, C axis has moved. Whoever read that waited for a repair and left the probe alone."""
+    fault = alarm(2, 20.0)
     doubt = night(M, 8, **DOUBT, standing=[fault])
     records = [night(M, 2, "changed", alarms=[fault]), doubt | {"headline": headline(doubt)}]
     place = cell(tmp_path / "one", records=records)
