@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from support.nights import knock, night
 from support.server import cell
+from test_page_order import warm
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
@@ -17,6 +18,7 @@ from starlette.testclient import TestClient
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
 from tango_cnc.report.answer import Answer, by_newer_no
+from tango_cnc.report.morning import context
 from tango_cnc.report.newer import answer_text, says_no
 from tango_cnc.report.texts import texts
 from tango_cnc.web.app import create
@@ -155,3 +157,12 @@ def test_a_report_by_a_template_of_the_shop_has_its_no_on_the_pages(tmp_path: Pa
     assert not (place / "report.json").exists()  # it is of the report of the cell alone
     done("report", "-C", str(place), *more, status=1)
     assert says_no(place, record["end_utc"]) and not says_no(place, night("trunnion", 9)["end_utc"])
+
+
+@pytest.mark.parametrize("newer_no", [False, True])
+def test_below_the_no_of_newer_readings_nobody_reads_make_parts(newer_no: bool) -> None:
+    """1. Make no parts on it. 3. Make parts while the machine is at its usual temperature."""
+    told = context(night(M, 8, "changed", alarms=[warm(8, 15.0)]), (), None, texts(), newer_no=newer_no)
+    text = " ".join(told["todo"])
+    assert ("Make parts while the machine" in text) == (not newer_no) and ("Make no parts on it." in text) == newer_no
+    assert "temperature" in text
