@@ -24,6 +24,15 @@ M = "HU40T-like"
 UTC = "2026-11-01T10:00:00Z"
 DOUBT = {"verdict": "doubtful", "carried": False, "plausible": {"verdict": "implausible", "reasons": ["touches do not repeat"]}}
 
+MISSED: dict[str, Any] = {
+    "verdict": "not_measured",
+    "status": "missed",
+    "kind": "none",
+    "limits": [],
+    "volume": {},
+    "parameters": {},
+}
+
 
 def todo(record: dict[str, Any], *decisions: Decision) -> list[str]:
     return list(context(record, decisions, None, texts())["todo"])
@@ -64,3 +73,18 @@ def test_the_list_names_the_doubt_of_a_night_in_doubt_and_not_what_was_found_bef
     assert (
         "Make no parts on it" in summary and "Touches do not repeat, since Sun 1 Nov 2026." in summary and "C axis" not in summary
     )
+
+
+@pytest.mark.parametrize(("more", "unfolded"), [({"verdict": "changed"}, False), (DOUBT, True), (MISSED, True)])
+def test_trend_and_nights_show_what_to_do_about_the_last_night_and_fold_what_is_of_an_earlier_alarm(
+    tmp_path: Path, more: dict[str, Any], unfolded: bool
+) -> None:
+    """Under a night in doubt it was folded as well: an alarm of an earlier night was open."""
+    fault = alarm(2, 20.0, decision=None)
+    records = [night(M, 2, "changed", alarms=[fault]), night(M, 7, "changed", standing=[fault])]
+    place = cell(tmp_path / "one", records=[*records, night(M, 8, **more, standing=[fault])])
+    with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+        for page in ("trend", "nights"):
+            text = client.get(f"/machine/{M}/{page}").text
+            assert ("<details open><summary><b>What to do:" in text) == unfolded, page
+            assert "<summary><b>What to do:" in text

@@ -158,7 +158,7 @@ def command(
         _in_the_other_unit(folder, found, templates, allowed)
     write_text(target, page.render(found, templates, values))
     if own:
-        write_text(folder / newer.SAID, newer.answer_text(data["may_make_parts"], data["no_after"]))
+        write_text(folder / newer.SAID, newer.answer_text(data["may_make_parts"], data["no_after"], page.newer_no(found)))
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
     source_of = None if allowed is None else "--limit-um" if limit_um is not None else "nightly.yaml"

@@ -293,7 +293,9 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     nights = {stored.night.entry: stored.record for stored in history.alarmed(machine)}
     known = answers([(entry, record["alarms"]) for entry, record in nights.items()], history.decisions(machine), today)
-    tried = {key: d for key, d in known.decided.items() if d.action == "repaired" and key in known.newest}
+    back = {_undone_by(a): key for key, (_, a) in known.newest.items() if _undone_by(a)}
+    over = {*back, *back.values()}  # the night of the way back has measured it
+    tried = {key: d for key, d in known.decided.items() if d.action == "repaired" and key in known.newest.keys() - over}
     waits = tried.keys() - _measured(history, machine, tried) if tried else set()
     listed = [(key, entry, a) for key, (entry, a) in known.newest.items() if not known.closed(key) or key in waits]
     return [dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) for key, entry, a in listed], dict(known.decided)

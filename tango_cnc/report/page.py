@@ -22,6 +22,7 @@ from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, not_seen, uncertainty, withheld
 from .may import Told, grown, may, parts_first
+from .newer import NewerNo
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -111,6 +112,16 @@ def no_after(f: Facts, said: Told) -> str:
     if f.nights is None or said.by_night or said.answer.may != "no":
         return ""
     return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
+
+
+def newer_no(f: Facts) -> NewerNo:
+    """facts → what pages of the machine say of the answer of these readings; no number of readings that are in doubt."""
+    measured = str(f.paper.measured)
+    if f.tip is None or f.wishes.limit is None or may(f, texts()).answer.state != "out_of_limits":
+        return NewerNo(measured)
+    name = next(iter(effects(f.result)), "")
+    tip, limit, of = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters.get(name)
+    return NewerNo(measured, tip, limit) if of is None else NewerNo(measured, tip, limit, name, float(of.value), of.unit)
 
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:

@@ -29,7 +29,7 @@ from ...report.answer import (
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, does_now, earlier, faults, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
-from ...report.newer import says_no
+from ...report.newer import NewerNo, says_no
 from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
@@ -296,11 +296,12 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
         all_of_probe(found),
     )
     told = renamed(told, row.machine.former, state.texts)
-    return by_newer_no(told, state.texts) if newer_no(row) else told
+    no = newer_no(row)
+    return told if no is None else by_newer_no(told, no, state.units, state.texts, axes)
 
 
-def newer_no(row: Row) -> bool:
-    """row → whether a report of readings that are newer than its newest night says No."""
+def newer_no(row: Row) -> NewerNo | None:
+    """row → the No of a report of readings that are newer than its newest night; None where none says it."""
     return says_no(row.machine.folder, (row.record or {}).get("end_utc"))
 
 
