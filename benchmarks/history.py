@@ -22,6 +22,8 @@ import numpy as np
 from tango_cnc.history import History, Knowledge, opened
 
 MACHINES, PARAMETERS, UNKNOWNS = 20, 17, 60
+LISTED, SIGNS, QUARTER = 200, 30, 90  # machines of a list of machines, nights of each in it, nights of a machine's curve
+LONG = 80  # points of a preflight, with which a record is as long as that of a real night (10 kB)
 
 
 def fill(history: History, runs: int) -> None:
@@ -39,6 +41,8 @@ def fill(history: History, runs: int) -> None:
             **{"start_utc": f"{date}T02:00:00Z", "end_utc": f"{date}T02:06:00Z", "duration_s": 360.0, "kind": "check"},
             **{"status": "complete", "verdict": "good", "headline": "nothing has changed", "touches": 70},
             "alarms": [{"id": f"{date}-{run}"}] if run % 500 == 0 else [],
+            "limits": [{"what": "volume", "passed": None if run % 3 == 0 else True}],
+            "preflight": [{"check": "disk", "passed": True, "found": "100000 MB free" * 4, "do": ""}] * LONG,
             "parameters": {n: {"value": float(rng.normal()), "std": 1e-3, "unit": "mm"} for n in names},
         }
         history.add_night(record, csv, knowledge)
@@ -86,6 +90,13 @@ def measured(place: str | Path, runs: int) -> bool:
                 *("fleet", lambda: history.fleet("2026-11-23T06:00:00+00:00")),
                 *("SELECT max(start_utc) FROM night GROUP BY machine_id", np.inf),
             ),
+        ]
+        entries = [n.entry for n in history.nights()]
+        listed = [entries[SIGNS * i : SIGNS * (i + 1)] for i in range(min(LISTED, len(entries) // SIGNS))]
+        like = "SELECT entry_id FROM night_record WHERE entry_id <= {} AND json LIKE '%\"passed\":null%'"
+        rows += [  # whether a night is certain to be within its limit, by its record; pages ask about no night twice
+            ("signs of a list", lambda: [history.unsure(own) for own in listed], like.format(SIGNS * len(listed)), 0.3),
+            ("signs of one machine", lambda: history.unsure(entries[:QUARTER]), like.format(QUARTER), 0.5),
         ]
         kind = "SQLite" if isinstance(place, Path) else "PostgreSQL"
         print(f"{runs} runs of {MACHINES} machines, {kind}; adding one takes {added * 1e3:.1f} ms")

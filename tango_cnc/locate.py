@@ -24,7 +24,7 @@ from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
 from .records import Approach, Array, Artefact, Cell, Facet, Indexation, InputError, Obstacle, Plan, Readings, Vector
-from .telling import chosen, known_to, sure, to_edge, unsized, weakest, without_one
+from .telling import OtherSize, chosen, known_to, sure, to_edge, unsized, weakest, without_one
 
 TOUCHES = 9
 MOST = 11  # where several facets have an edge near, and the time allows
@@ -39,6 +39,7 @@ LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose fi
 STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
 NEAR = 5.0  # mm
+FILE = "FILE"  # in messages: that of the readings; who knows its name says it instead
 NEARER = (
     "Measure the place of the table with a rule to 5 mm, correct it in artefact.yaml, then 'tango locate --within 5': its searches "
     "are shorter, and the stem of the stylus meets less"
@@ -57,6 +58,7 @@ class Located:
     turned: Array
     residual: Array  # (n,) mm of every touch
     left_out: tuple[str, ...]  # facets beside which something else was met
+    missed: tuple[str, ...]  # facets at which nothing was met
     counted: tuple[str, ...]  # facets whose touches the place rests on
     artefact: Artefact  # in its new place
     obstacles: tuple[str, ...]  # on the table, that the artefact has in both places: nobody has touched them
@@ -293,19 +295,41 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
     if stated is None and (other := unsized(plan.artefact, counted)).beside > KNOWN:
-        raise InputError(
-            f"the touches agree, and yet {other.text}. These touches cannot tell. Measure one of its widths. If artefact.yaml has "
-            f"it, and its facets, to {AGREES:g} mm, 'tango locate --readings FILE --agrees {AGREES:g}' places the table from these "
-            "same touches; nothing moves. Facets on the other half of each side would tell: add them to strategy.yaml"
-        )
+        raise InputError(_of_no_size(plan, counted, other))
     solids, doubtful = _both_places(artefact.obstacles, found[:3], found[3:])
-    return Located(found[:3], found[3:], residual, left_out, counted, replace(artefact, obstacles=solids), doubtful)
+    missed, placed = _without(readings), replace(artefact, obstacles=solids)
+    return Located(found[:3], found[3:], residual, left_out, missed, counted, placed, doubtful)
+
+
+def _of_no_size(plan: Plan, counted: tuple[str, ...], other: OtherSize) -> str:
+    """plan of the cycle, facets whose touches count, what another size may do unseen → why the table is not placed, and what to do.
+
+    A touch that does not count may be the one that would tell: then it is made again, and nobody has to measure.
+    """
+    gone = tuple(touch.facet for touch in plan.touches if touch.facet not in counted)
+    would = unsized(plan.artefact, (*counted, *gone)).beside <= KNOWN
+    again = (
+        f"Facet {', '.join(gone)} would tell, but nothing was met there, or something else: see what is in the way, then touch "
+        "again. Or measure one width of the table."
+        if would
+        else "Measure one width of the table."
+    )
+    more = "" if would else ". Facets on the other half of each side would tell: add them to artefact.yaml and strategy.yaml"
+    return (
+        f"the touches agree, and yet {other.text}. These touches cannot tell. {again} If artefact.yaml has it, and its facets, to "
+        f"{AGREES:g} mm, 'tango locate --readings {FILE} --agrees {AGREES:g}' places the table from these same touches; nothing "
+        f"moves{more}"
+    )
+
+
+def _without(readings: Readings) -> tuple[str, ...]:
+    """readings of the cycle → facets at which nothing was met."""
+    return tuple(name for name, status in zip(readings.facet, readings.status, strict=True) if status not in ("ok", "early"))
 
 
 def _missed(readings: Readings) -> str:
-    """readings of the cycle → at which facets nothing was met."""
-    names = [name for name, status in zip(readings.facet, readings.status, strict=True) if status not in ("ok", "early")]
-    return f"nothing was met at {', '.join(names)}"
+    """readings of the cycle → the words for it: at which facets nothing was met."""
+    return f"nothing was met at {', '.join(_without(readings))}"
 
 
 def _hidden(readings: Readings) -> str:
@@ -335,7 +359,7 @@ def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agre
         return ""
     return (
         f" Only if you know that the facets are in their places on the table to {enough:g} mm and no better: 'tango locate "
-        f"--readings FILE --agrees {enough:g}' places it from these same touches; nothing moves"
+        f"--readings {FILE} --agrees {enough:g}' places it from these same touches; nothing moves"
     )
 
 

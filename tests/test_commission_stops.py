@@ -252,7 +252,7 @@ def test_a_control_that_goes_on_beside_a_hand_makes_one_small_move_and_has_faile
         assert call("commission", "-C", cell, "--port", port, "--timeout", "4", "--no-dial") == 1
     said = capsys.readouterr()
     assert {p.belief: p.verdict for p in read_commissioning(cell)}["deflected"] == "FAIL", said
-    assert "at most 1 mm" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
+    assert "ends 0.5 mm above" in said.err and "let go if it moves more than 1 mm" in said.err and "not received" not in said.err
     text = next((cell / "commissioning" / "program").glob("O7700*")).read_text()
     assert "G0" not in text.partition("POPEN")[2] and "F3000" not in text, "no turn, and nothing fast"
 

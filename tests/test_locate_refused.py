@@ -11,18 +11,17 @@ import numpy as np
 import pytest
 import yaml
 from scipy.spatial.transform import Rotation
+from support.located import touched
 
-from tango_cnc import kinematics, locate, telling
+from tango_cnc import locate, telling
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands import locate as command
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell, readings_text
 from tango_cnc.files.artefact import read_artefact
-from tango_cnc.plan import last_motion
-from tango_cnc.records import Artefact, Cell, Facet, InputError, LinkError, NothingSentError, Plan, Readings
+from tango_cnc.records import Artefact, Cell, Facet, InputError, LinkError, NothingSentError, Readings
 
 CELL = read_cell(Path(__file__).parent.parent / "examples" / "hu40t")
-MOVED = np.array([4.0, -3.0, 2.0])
 
 
 def call(*words: object) -> int:
@@ -35,45 +34,6 @@ def call(*words: object) -> int:
 def cell(tmp_path: Path) -> Path:
     write_example(tmp_path / "cell", "trunnion")
     return tmp_path / "cell"
-
-
-def touched(made: Plan, *missed: str, true: Artefact | None = None) -> Readings:
-    """plan, facets at which nothing was met, the true table → its readings; without it of one that was moved."""
-    true = true or locate.moved(made.artefact, MOVED, np.zeros(3))
-    tip = np.array(
-        [
-            np.add(true.facets[t.facet].point, made.machine.probe.tip_radius * np.array(true.facets[t.facet].normal))
-            for t in made.touches
-        ]
-    )
-    chain, count = kinematics.chain(made.machine), len(made.touches)
-    position = np.array([touch.contact for touch in made.touches])
-    linear = [made.machine.column(name) for name in made.machine.linear]
-    for row in range(count):
-        for _ in range(5):  # axes of a chain that is nearly linear in them
-            off_by = tip[row] - kinematics.tip(chain, position[row][None])[0]
-            step = np.array(
-                [
-                    (kinematics.tip(chain, (position[row] + one)[None])[0] - kinematics.tip(chain, position[row][None])[0])
-                    for one in np.eye(position.shape[1])[linear]
-                ]
-            )
-            position[row, linear] += np.linalg.solve(step.T, off_by)
-    status = tuple("miss" if t.facet in missed else "ok" for t in made.touches)
-    one = np.ones(count, dtype=np.int64)
-    facets = tuple(t.facet for t in made.touches)
-    return Readings(
-        made.machine.names,
-        np.arange(1, count + 1),
-        np.zeros(count),
-        facets,
-        position,
-        last_motion(made),
-        status,
-        one,
-        one,
-        np.full(count, 600.0),
-    )
 
 
 def measured(monkeypatch: pytest.MonkeyPatch, readings: Readings) -> None:
@@ -311,7 +271,8 @@ def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
     by, turn = np.array([12.0, -9.0, 4.0]), np.radians([0.4, -0.5, 2.0])
     readings = tmp_path / "touches.csv"
     readings.write_text(readings_text(touched(made, true=locate.moved(made.artefact, by, turn))))
-    assert call("locate", "-C", tmp_path / "cell", "--readings", readings, "--json", tmp_path / "found.json") == 0
+    placed = ("locate", "-C", tmp_path / "cell", "--readings", readings, "--length", made.machine.probe.length)
+    assert call(*placed, "--json", tmp_path / "found.json") == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "clamp, obstacle 2 (cylinder): no touch says whether what stands on the table has moved with it" in said
     assert json.loads((tmp_path / "found.json").read_text())["obstacles"] == ["clamp", "obstacle 2 (cylinder)"]
@@ -373,3 +334,26 @@ def test_an_option_that_would_do_nothing_is_refused(words: tuple[str, ...], cell
 
 def test_a_program_is_written_without_a_terminal_whoever_holds_the_stylus(cell: Path) -> None:
     assert call("commission", "-C", cell, "--held", "--program") == 0
+
+
+def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """ "Add them to strategy.yaml", it said, and the facet that would tell was there: it had met nothing."""
+    cell = tmp_path / "cell"
+    write_example(cell, "hu40t")
+    made = locate.strategy(read_cell(cell))
+    file = tmp_path / "my touches.csv"
+    silent = 0
+    for touch in made.touches:
+        file.write_text(readings_text(touched(made, touch.facet)))
+        refused = call(
+            "locate", "-C", cell, "--readings", file, "-o", tmp_path / f"{touch.facet}.yaml", "--json", tmp_path / "it.json"
+        )
+        out, err = capsys.readouterr()
+        if refused:
+            silent += 1
+            assert f"Facet {touch.facet} would tell, but nothing was met there" in err and "strategy.yaml" not in err
+            assert f"'tango locate -C {cell} --readings '{file}' --agrees 0.05'" in err
+        else:
+            assert f"nothing was met at facet {touch.facet}: see why" in out
+            assert json.loads((tmp_path / "it.json").read_text())["missed"] == [touch.facet]
+    assert silent == 1

@@ -10,13 +10,18 @@ import pytest
 from click.testing import CliRunner
 from support.nights import knock, night
 from support.server import cell
+from test_page_order import warm
 
 pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
+from tango_cnc.history import opened
 from tango_cnc.report.answer import Answer, by_newer_no
+from tango_cnc.report.morning import context
+from tango_cnc.report.newer import NewerNo, answer_text, says_no
 from tango_cnc.report.texts import texts
+from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -24,6 +29,7 @@ M = "HU40T-like"
 PATHS = (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights", "/", "/alarms")
 SAYS = "the readings of the report are newer than the newest night, and say No"
 CAPITAL = f"T{SAYS[1:]}"
+TOLD = NewerNo("2026-11-01T09:00:00Z", 50.1, 45.0, "EY0C", -0.0182, "mm")
 
 
 def seen(place: Path, path: str) -> str:
@@ -34,9 +40,14 @@ def seen(place: Path, path: str) -> str:
 def reported(folder: Path, after: str) -> Path:
     place = cell(folder, records=[night(M, 7), night(M, 8, "changed", alarms=[knock(night(M, 8)["night"])])])
     ended = night(M, 8 if after == "newest" else 7)["end_utc"]
-    head = f'<meta name="tango-no-after" content="{ended}">' if after else ""
-    (place / "report.html").write_text(f"<!DOCTYPE html><html><head>{head}</head><body>No</body></html>", encoding="utf-8")
+    says(place, ended if after else "")
     return place
+
+
+def says(place: Path, no_after: str) -> None:
+    """cell, end of the night that its report is newer than and says No after ('': none) → that report, by whatever template."""
+    (place / "report.html").write_text("<!DOCTYPE html><html><body>The page of a shop</body></html>", encoding="utf-8")
+    (place / "report.json").write_text(answer_text("no", no_after, TOLD), encoding="utf-8")
 
 
 @pytest.mark.parametrize("after", ["newest", "earlier", ""])
@@ -77,7 +88,7 @@ def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> Non
         return bool(told[0])
 
     assert not waits()
-    (place / "report.html").write_text(f'<html><head><meta name="tango-no-after" content="{end}"></head></html>', encoding="utf-8")
+    says(place, end)
     assert waits()
     listed = seen(place, "/")
     assert "Make no parts on it" in listed and CAPITAL in listed
@@ -86,11 +97,103 @@ def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> Non
 @pytest.mark.parametrize("may", ["no", "unknown"])
 def test_a_no_of_the_night_and_what_nobody_knows_stay(may: str) -> None:
     known = Answer(may, "…", "out_of_limits", "50 µm", "")  # type: ignore[arg-type]
-    assert by_newer_no(known, texts()) is known
+    assert by_newer_no(known, TOLD, Units(), texts()) is known
 
 
-def test_a_file_that_is_no_report_says_nothing(tmp_path: Path) -> None:
+def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 8)])
-    for content in (b"\xff\xfe\x00", b"", b'<meta name="tango-no-after" content="<script>">', b"x" * 3_000_000):
-        (place / "report.html").write_bytes(content)
+    end = night(M, 8)["end_utc"]
+    whole = answer_text("no", end, TOLD).encode()
+    deep = b'{"format": "tango-report-answer/1", "no_after": ' + b"[" * 50_000
+    for content in (
+        b"\xff\xfe\x00",
+        b"",
+        b"[]",
+        b"null",
+        whole[:-5],
+        whole.replace(b"answer/1", b"answer/9"),
+        deep,
+        b" " * 3_000_000,
+    ):
+        says(place, "")
+        (place / "report.json").write_bytes(content)
         assert "say No" not in seen(place, f"/machine/{M}") and "say No" not in seen(place, f"/machine/{M}/report")
+    (place / "report.json").write_bytes(whole)
+    assert says_no(place, end)
+    (place / "report.html").unlink()  # the report is gone, and its answer with it
+    assert not says_no(place, end)
+
+
+def test_the_answer_of_a_report_is_that_of_its_own_folder(tmp_path: Path) -> None:
+    place, end = cell(tmp_path / "one", records=[night(M, 8)]), night(M, 8)["end_utc"]
+    says(place, "")
+    (place / "report.json").unlink()
+    (tmp_path / "other.json").write_text(answer_text("no", end, TOLD), encoding="utf-8")
+    try:
+        (place / "report.json").symlink_to(tmp_path / "other.json")
+    except OSError:
+        pytest.skip("this computer makes no links")
+    assert not says_no(place, end)
+
+
+@pytest.mark.long
+def test_a_report_by_a_template_of_the_shop_has_its_no_on_the_pages(tmp_path: Path) -> None:
+    """The fact stood in a line of the program's template alone: with a template of its own the shop read Yes, but."""
+    place = tmp_path / "cell"
+    run = CliRunner()
+
+    def done(*words: str, status: int = 0) -> None:
+        told = run.invoke(tango, words, catch_exceptions=False, standalone_mode=False)
+        assert int(told.return_value or 0) == status, told.output
+
+    done("init", str(place), "--example", "trunnion")
+    done("simulate", "-C", str(place))
+    record = night("trunnion", 8, simulated=True, limits=[], volume={"worst_um": 0.1, "rms_um": 0.1, "std_um": 0.01})
+    with opened(place / "history.db") as history:
+        history.add_night(record)
+    own = tmp_path / "templates"
+    own.mkdir()
+    (own / "report.html").write_text("<html><body>{{ may.word }}</body></html>", encoding="utf-8")
+    more = ("--templates", str(own), "--limit-um", "1", "--no-diagnosis", "--no-pictures")
+    done("report", "-C", str(place), *more, "-o", str(tmp_path / "elsewhere.html"), status=1)
+    assert not (place / "report.json").exists()  # it is of the report of the cell alone
+    done("report", "-C", str(place), *more, status=1)
+    told = says_no(place, record["end_utc"])
+    assert (
+        told is not None
+        and told.limit_um == 1.0
+        and (told.tip_um or 0.0) > 1.0
+        and told.parameter
+        and not says_no(place, night("trunnion", 9)["end_utc"])
+    )
+
+
+@pytest.mark.parametrize("newer_no", [False, True])
+def test_below_the_no_of_newer_readings_nobody_reads_make_parts(newer_no: bool) -> None:
+    """1. Make no parts on it. 3. Make parts while the machine is at its usual temperature."""
+    told = context(night(M, 8, "changed", alarms=[warm(8, 15.0)]), (), None, texts(), newer_no=TOLD if newer_no else None)
+    text = " ".join(told["todo"])
+    assert ("Make parts while the machine" in text) == (not newer_no) and ("Make no parts on it." in text) == newer_no
+    assert "temperature" in text
+
+
+def test_the_no_has_its_number_and_its_cause_on_every_first_screen(tmp_path: Path) -> None:
+    """It had neither: below the No of the readings stood what the night had found, which was another thing."""
+    place = reported(tmp_path / "one", "newest")
+    for path in PATHS[:3]:
+        text = " ".join(seen(place, path).split())
+        assert "50 µm, 45 µm allowed (readings of Sun 1 Nov 2026)" in text, path
+        assert "Most of it comes from C axis off in Y: −18 µm." in text, path
+    told = CliRunner().invoke(tango, ["nightly", "-C", str(place), "--status"], catch_exceptions=False).output
+    assert "50 µm, 45 µm allowed (readings of Sun 1 Nov 2026)" in " ".join(told.split())
+
+
+@pytest.mark.parametrize(
+    "own", [{"most": {"parameter": "<b>", "value": 1e400, "unit": "mm"}}, {"most": 7, "tip_um": "50"}, {"most": None}]
+)
+def test_numbers_that_are_none_leave_the_no_alone(tmp_path: Path, own: dict[str, object]) -> None:
+    place = reported(tmp_path / "one", "newest")
+    end = night(M, 8)["end_utc"]
+    (place / "report.json").write_text(json.dumps(json.loads(answer_text("no", end, TOLD)) | own), encoding="utf-8")
+    page = seen(place, f"/machine/{M}")
+    assert SAYS in page and "Most of it comes from" not in page and "<b>:" not in page

@@ -26,7 +26,7 @@ from ..report.age import due, measured_on, night_of_stamp, nights_old
 from ..report.answer import by_newer_no, measuring, of_no_night, said_broken_off, said_cut_off
 from ..report.days import at
 from ..report.morning import next_night
-from ..report.newer import says_no
+from ..report.newer import NewerNo, says_no
 from ..report.repeated import as_found, shortened
 from ..report.texts import Texts, code
 from ..report.tonight import by_now, by_tonight
@@ -57,7 +57,7 @@ class Status:
     broken: float | None  # when a run broke off whose program may go on, s since 1970
     ended: Mapping[str, str]  # and how those ended that did
     left: int | None = None  # minutes that a run or a night still takes which is at work
-    newer_no: bool = False  # whether a report of readings after the newest night says No
+    newer_no: NewerNo | None = None  # the No of a report of readings after the newest night
 
     @property
     def late(self) -> bool:
@@ -74,7 +74,7 @@ class Status:
             or self.cut
             or self.broken
             or self.alarms
-            or self.newer_no
+            or self.newer_no is not None
             or self.trouble is not None
             or any(f.alarms for f in self.renamed)
         )
@@ -90,7 +90,7 @@ class Status:
             "unfinished": self.unfinished,
             "cut_off": self.cut,
             "measuring_minutes_left": self.left,
-            "newer_no": self.newer_no,
+            "newer_no": self.newer_no is not None,
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
@@ -149,7 +149,7 @@ def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
         if found is not None:
             told = found.answer(u, t, machine)
-            told = by_newer_no(told, t) if known.newer_no else told
+            told = told if known.newer_no is None else by_newer_no(told, known.newer_no, u, t, machine)
             told = measuring(told, t) if busy else told
             word = ", ".join(x for x in (told.word, busy or told.old) if x)
             lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)

@@ -17,9 +17,9 @@ DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lea
 
 
 def in_spindle(part: Plan) -> str:
-    """plan → which probe has to be in the spindle: with which stylus, where the machine has several."""
+    """plan → which probe has to be in the spindle: how long it is, and with which stylus, where the machine has several."""
     machine = part.machine
-    return f"Probe with stylus {machine.stylus} ({machine.probe.length:g} mm)" if machine.styli else "Probe"
+    return f"Probe{f' with stylus {machine.stylus}' if machine.styli else ''} ({machine.probe.length:g} mm)"
 
 
 def unproven_of(cell: Cell, post: Post) -> list[str]:

@@ -30,10 +30,10 @@ UNHEARD = (
     "have not seen it)"
 )
 ASIDE = (
-    "Now a program of its own, for a stylus that is held aside. It makes one guarded move, of at most 1 mm from where the moves in "
-    "the air have ended, at 60 mm/min, and ends. Leave the axes where they stand. Hand on feed hold. Hold the stylus aside with "
-    "the other one and start the program; let go if it moves more than 1 mm. What comes of it, you are asked a minute later, as a "
-    "program that stops at once sends nothing. Do you hold it? (no: this is left open)"
+    "Now a program of its own, for a stylus that is held aside. It makes one guarded move at 60 mm/min, which ends 0.5 mm above "
+    "where the moves in the air have ended, and no axis goes farther from there. Leave the axes where they stand. Hand on feed "
+    "hold. Hold the stylus aside with the other one and start the program; let go if it moves more than 1 mm. What comes of it, "
+    "you are asked a minute later, as a program that stops at once sends nothing. Do you hold it? (no: this is left open)"
 )
 HELD_START = 60.0  # s for the start mark of the program for a held stylus: the right control stops it before that
 TURN = "Turn the feed override of the panel to {:.0f} % and leave it there. Is it? (no: this is left open)"

@@ -190,7 +190,7 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     said = sized(said, record)
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
-    no = says_no(folder, record.get("end_utc"))
+    no = says_no(folder, record.get("end_utc")) is not None
     yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale, newer_no=no)
     if (future := in_future(history, s.machine)) is not None:
         yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)

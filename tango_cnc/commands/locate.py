@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,7 +23,8 @@ from ._written import conducted, written
 
 if TYPE_CHECKING:
     from ..locate import Located
-    from ..records import Plan
+    from ..reach import OtherLength
+    from ..records import Plan, Readings
     from ..telling import OtherSize
 
 PLACE = "Measure 40"  # in the list of commands
@@ -53,6 +55,13 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
     help="How well artefact.yaml has the facets beside each other, and the size of the table; a drawing is right to some 0.3 mm. "
     "Default: 0.05 for the facets; nothing is stated of the size.",
 )
+@click.option(
+    "--length",
+    type=click.FloatRange(0, 1000, min_open=True),
+    metavar="MM",
+    help="Length of the probe as you have measured it today, from the reference point of the spindle to the centre of the ball. "
+    "It has to be that of machine.yaml. Needed where the table is found higher or lower by more than 1 mm.",
+)
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
 @json_option
@@ -63,6 +72,7 @@ def command(
     file: Path | None,
     within: float,
     stated: float | None,
+    length: float | None,
     yes: bool,
     out: Path | None,
     json_file: str | None,
@@ -72,7 +82,7 @@ def command(
     Eight to eleven slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
     cell's own file stays as it is: look at the numbers, then copy it.
     """
-    from .. import locate, telling
+    from .. import locate, reach, telling
     from ..duration import duration, spoken
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
@@ -82,6 +92,8 @@ def command(
         raise InputError("--program: found --readings too; allowed: one of them, as nothing is made of readings by a program")
     agrees = stated or AGREES
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
+    if length is not None:
+        reach.agrees(cell.machine, length)
     post = writing(cell) if file is None and controller_of(cell) else None
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
@@ -114,8 +126,14 @@ def command(
     before = set_aside(where) if out is None and post is not None else None
     try:
         found = locate.locate(made, readings, stated)
+        placed = _by_length(cell, made, readings, found, length is not None)
     except InputError as error:
-        click.echo(f"\ntango: {str(error).rstrip('.')}{_before(where, before)}", err=True)
+        said = (
+            str(error)
+            .rstrip(".")
+            .replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file or target))}")
+        )
+        click.echo(f"\ntango: {said}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -127,10 +145,13 @@ def command(
         "turned_deg": [round(float(v), 5) for v in np.degrees(found.turned)],
         "residual_mm": [round(float(v), 4) for v in found.residual],
         "left_out": list(found.left_out),
+        "missed": list(found.missed),
         "known_mm": round(known[0], 3),
         "unseen": list(unseen),
         "unsized_mm": round(other.beside, 3),
         "unsized_deg": round(other.turned, 3),
+        "longer_mm": round(placed.longer, 4),
+        "longer_beside_mm": round(placed.beside, 3),
         "obstacles": list(found.obstacles),
         "plan_hash": plan_hash(made),
         "artefact": str(where),
@@ -141,6 +162,25 @@ def command(
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
     _told(found, result, agrees, known[1], other)
+
+
+def _by_length(cell: Cell, made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
+    """cell, plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
+    another length explains as well. Raises InputError where that is more than a short search finds, and nobody has measured.
+    """
+    from .. import locate, reach
+
+    names = list(found.counted)
+    here, there = (np.array([table.facets[name].point for name in names]) for table in (made.artefact, found.artefact))
+    other = reach.of_length(cell, readings.position, here, there)
+    if not measured and other.beside > locate.KNOWN:
+        length = made.machine.probe.length
+        raise InputError(
+            f"the touches agree, and yet {other.text(length)}. Measure the probe in the spindle, {reach.WORDS}. If it is "
+            f"{length:g} mm, 'tango locate --readings {locate.FILE} --length {length:g}' places the table from these same touches; "
+            "nothing moves. If it is not, correct machine.yaml first (probe: length)"
+        )
+    return other
 
 
 @contextmanager
@@ -173,6 +213,11 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
             f"facet {found.left_out[0]} does not count: its touch is {off:+.2f} mm from where the others place the "
             "table. Something else was met there: see what it is before you go on"
         )
+    if found.missed:
+        click.echo(
+            f"nothing was met at facet{'s' if len(found.missed) > 1 else ''} {', '.join(found.missed)}: see why before you go on. "
+            f"The other {len(found.residual)} touches place the table"
+        )
     click.echo(
         f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
     )
@@ -204,7 +249,7 @@ def _notice(made: Plan, within: float, stated: float | None) -> str:
 
     approach = made.strategy.approach
     notice = (
-        f"{in_spindle(made)} in the spindle and on. "
+        f"{in_spindle(made)} in the spindle and on. Measure its length: these touches take a longer stylus for a higher table. "
         f"The table may stand {within:g} mm and {locate.turned(within):g} deg elsewhere than its file says: each touch is "
         f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared"
     )

@@ -25,7 +25,7 @@ from ..judgement import Judgement
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
-from ..report import page, pdf, template, terminal
+from ..report import newer, page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import drift_told, jumps_of
@@ -150,15 +150,19 @@ def command(
         if isinstance(error, InputError) or judgement.verdict != "implausible":
             raise
         raise NoFit("\n".join([f"no page was written: {error}", *told(judgement)]), judgement) from None
-    target = output or folder / "report.html"
+    target = output or folder / newer.NAME
     values = page.context(found, texts_of(templates))
-    if target.resolve() == (folder / "report.html").resolve():
+    data = page.as_json(found)
+    own = target.resolve() == (folder / newer.NAME).resolve()
+    if own:
         _in_the_other_unit(folder, found, templates, allowed)
     write_text(target, page.render(found, templates, values))
+    if own:
+        write_text(folder / newer.SAID, newer.answer_text(data["may_make_parts"], data["no_after"], page.newer_no(found)))
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
     source_of = None if allowed is None else "--limit-um" if limit_um is not None else "nightly.yaml"
-    data = page.as_json(found) | {"limit_um": allowed, "limit_from": source_of, "limit_nightly_um": stated}
+    data |= {"limit_um": allowed, "limit_from": source_of, "limit_nightly_um": stated}
     data |= {"report": str(target)} | ({} if pdf_file is None else {"pdf": str(pdf_file)})
     if not write_json(json_file, data | members(overall(judgement, found))):
         click.echo("".join(f"{line}\n" for line in told(judgement)), nl=False)

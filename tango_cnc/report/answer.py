@@ -10,11 +10,12 @@ from typing import Any, Literal
 from ..records import Machine
 from ..texts import Said, say
 from .age import night_of_stamp
-from .days import clock, day
+from .days import clock, day, local_day
+from .newer import NewerNo
 from .pace import SOON, Ahead
-from .plain import amount, length, plain, shop
+from .plain import amount, length, plain, shop, signed
 from .texts import Texts
-from .units import Units
+from .units import Units, shown
 from .verdict import Level
 from .words import spoken
 
@@ -277,14 +278,21 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
     return t(f"may.soon_{key}", **words)
 
 
-def by_newer_no(known: Answer, t: Texts) -> Answer:
-    """answer of the newest night, texts → the No of readings that came after it (`newer.says_no`); what is No already, or unknown
-    because the machine may still move, stays.
+def by_newer_no(known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine | None = None) -> Answer:
+    """answer of the newest night, the No of readings that came after it, units, texts, chain of axes → that No, with its number and
+    what most of it comes from; what is No already, or unknown because the machine may still move, stays.
     """
     if known.may not in ("yes", "but") or known.state in ("cut_off", "moved"):
         return known
-    why = t("may.newer_no", answer=known.word)
-    return replace(known, may="no", word=t("may.no"), state=NEWER, numbers="", why=why, soon="", old="")
+    why, date = t("may.newer_no", answer=known.word), day(local_day(no.measured), t)
+    if no.parameter:
+        factor, unit = shown(no.unit)
+        size = signed(no.value * factor, unit, u, t)
+        why += f" {t('may.most', what=spoken(no.parameter, machine, t), size=size)}"
+    numbers = ""
+    if no.tip_um is not None and no.limit_um is not None:
+        numbers = t("may.of_readings", text=_pair(t("may.tip"), no.tip_um, no.limit_um, "µm", u, t), date=date)
+    return replace(known, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why, soon="", old="")
 
 
 def measuring(known: Answer, t: Texts) -> Answer:
@@ -317,6 +325,16 @@ def _measured(record: Mapping[str, Any], t: Texts, waiting: str, has: str, close
     return "yes", "good" if any(x.get("limit") for x in record.get("limits") or ()) else "unchanged", ""
 
 
+def _pair(name: str, value: float, limit: float, unit: str, u: Units, t: Texts) -> str:
+    """what it is, its value and limit in a unit, units, texts → both side by side; 60.4 µm beside 60 µm must not look alike."""
+    found, allowed = amount(value, unit, u, t), amount(limit, unit, u, t)
+    if found == allowed:
+        factor, short = u.plain if unit == "µm" else u.of(unit)
+        size = abs(value) * factor
+        found = f"{size:.5f} in" if short == "in" else f"{size:.1f} {short}"
+    return t("may.numbers", what=f"{name[:1].upper()}{name[1:]}", found=found, allowed=allowed)
+
+
 def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Machine | None, date: str) -> str:
     if record is None or str(record.get("verdict")) == "doubtful":
         return ""
@@ -326,12 +344,7 @@ def _numbers(record: Mapping[str, Any] | None, u: Units, t: Texts, machine: Mach
         what = str(worst.get("what"))
         name = t("may.tip") if what == "volume" else spoken(what, machine, t)
         unit = str(worst.get("unit") or "µm")
-        found, allowed = amount(float(worst["value"]), unit, u, t), amount(float(worst["limit"]), unit, u, t)
-        if found == allowed:  # 60.4 µm beside 60 µm must not look alike, nor 59.7 µm
-            factor, shown = u.plain if unit == "µm" else u.of(unit)
-            size = abs(float(worst["value"])) * factor
-            found = f"{size:.5f} in" if shown == "in" else f"{size:.1f} {shown}"
-        text = t("may.numbers", what=f"{name[:1].upper()}{name[1:]}", found=found, allowed=allowed)
+        text = _pair(name, float(worst["value"]), float(worst["limit"]), unit, u, t)
     elif (record.get("volume") or {}).get("worst_um") is not None:
         text = t("may.no_limit", what=t("may.tip"), found=amount(float(record["volume"]["worst_um"]), "µm", u, t))
     else:

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from ..history import History
 
 
+LATELY = 60  # nights among which one that has measured a repair is looked for
+BELIEVED = ("good", "changed", "out_of_limits")  # verdicts of nights that have measured the machine
+
+
 def earlier(alarms: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """alarms of earlier nights → the same, read today: "since last night" names the night instead, and a forecast is over."""
     return [_earlier(a) for a in alarms]
@@ -91,7 +95,8 @@ def faults(
     other = instead_of(record, found)
     whom = {"who": t("morning.nobody_but", other=other), "nobody": False} if other else {}
     found = [x | (whom if x["nobody"] else {}) for x in found]
-    found = [x | ({"todo": t("may.repaired_todo"), "office": ""} if _to_be_seen(x["decision"], known) else {}) for x in found]
+    todo = {"todo": t("may.repaired_todo"), "office": ""}
+    found = [x | (todo if (closed(x) and x["unmeasured"]) or _to_be_seen(x["decision"], known) else {}) for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 
@@ -123,7 +128,8 @@ def _told(how: _Today, waiting: Sequence[Mapping[str, Any]]) -> list[dict[str, A
         a = by_verdict(a, how.known.get("verdict"))
         a |= by_tonight(a) if a.get("cause") in LENGTHS and a.get("now") else {}
         decision = how.decisions.get(key)
-        beside = {"older": before_tonight, "unmeasured": _to_be_seen(decision, how.known), "let_be": _let_be(decision, how.today)}
+        waits = bool(former.get(key, {}).get("untried")) or _to_be_seen(decision, how.known)
+        beside = {"older": before_tonight, "unmeasured": waits, "let_be": _let_be(decision, how.today)}
         told.setdefault(str(a.get("id") or len(told)), how.alarm(a, decision) | beside)
     return list(told.values())
 
@@ -278,8 +284,8 @@ def still_open(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
 
 
 def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """history, machine, date → its alarms that nobody has closed, newest first, each as the last night that told it, and the last
-    decision about each alarm.
+    """history, machine, date → its alarms that nobody has closed, and those that somebody says to have repaired and no night has
+    measured since (`untried`), newest first, each as the last night that told it; the last decision about each alarm.
 
     What was ignored until a date counts as unanswered after that day.
     """
@@ -287,8 +293,26 @@ def unclosed(history: History, machine: str, today: str) -> tuple[list[dict[str,
 
     nights = {stored.night.entry: stored.record for stored in history.alarmed(machine)}
     known = answers([(entry, record["alarms"]) for entry, record in nights.items()], history.decisions(machine), today)
-    open_ = [dated(a, nights[entry]) for key, (entry, a) in known.newest.items() if not known.closed(key)]
-    return open_, dict(known.decided)
+    back = {_undone_by(a): key for key, (_, a) in known.newest.items() if _undone_by(a)}
+    over = {*back, *back.values()}  # the night of the way back has measured it
+    tried = {key: d for key, d in known.decided.items() if d.action == "repaired" and key in known.newest.keys() - over}
+    waits = tried.keys() - _measured(history, machine, tried) if tried else set()
+    listed = [(key, entry, a) for key, (entry, a) in known.newest.items() if not known.closed(key) or key in waits]
+    return [dated(a, nights[entry]) | ({"untried": True} if key in waits else {}) for key, entry, a in listed], dict(known.decided)
+
+
+def _measured(history: History, machine: str, repairs: Mapping[str, Any]) -> set[str]:
+    """history, machine, {id: repair of that alarm} → those that a night has measured since: one that is believed, and began after
+    it or says what became of it. A night in doubt has measured none.
+    """
+    later = [n for n in history.nights(machine, last=LATELY) if n.verdict in BELIEVED]
+    found = {key for key, d in repairs.items() if any(n.entry > d.entry and n.start_utc[:19] >= str(d.utc)[:19] for n in later)}
+    open_ = repairs.keys() - found
+    meanwhile = [n.entry for n in later if any(n.entry > repairs[key].entry for key in open_)]
+    for record in history.records_of(meanwhile).values():
+        found |= {str(x["alarm"]) for x in record.get("repaired") or ()}
+        found |= {str(a["repair"]["alarm"]) for a in record["alarms"] if a.get("repair")}
+    return found
 
 
 def _entered(a: Mapping[str, Any]) -> bool:

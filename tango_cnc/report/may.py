@@ -14,7 +14,8 @@ from .answer import Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts, effects
-from .plain import length, shop, signed
+from .orders import is_stopped, under_a_no
+from .plain import length, signed
 from .texts import Texts
 from .units import shown
 from .verdict import worst_of
@@ -199,10 +200,8 @@ def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
     To look at a machine that may still move stays before that.
     """
     none, some, moving = t("may.brief_no"), (t("morning.parts_first"), t("may.brief_probe")), {t("morning.cut_off_todo")}
-    stopped = told.may == "no" and told.word != t("may.not_yet")
-    if stopped:  # the night may have let parts be made, of which these readings say otherwise
-        usual, beyond = (shop(t(f"cause.temperature.{key}"), t) for key in ("do", "do_beyond"))
-        do = [x.replace(usual, beyond) for x in do]
+    stopped = is_stopped(told, t)
+    do = under_a_no(do, t) if stopped else do
     first = [none] if stopped else [x for x in some if x in do]
     rest = [x for x in do if x not in (none, *some)]
     return [*(x for x in rest if x in moving), *first, *(x for x in rest if x not in moving)]

@@ -15,6 +15,7 @@ from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
 from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .newer import NewerNo
 from .orders import brief_of, orders
 from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
@@ -84,7 +85,7 @@ def context(
     busy: str = "",
     now: datetime | None = None,
     newer: int = 0,
-    newer_no: bool = False,
+    newer_no: NewerNo | None = None,
     signs: Sequence[tuple[str, str]] = (),
     unsure: Container[str] = (),
     former: Sequence[str] | None = None,
@@ -97,7 +98,7 @@ def context(
     night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
     on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
     compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
-    nights came after this one; `newer_no`: whether a report of readings after it says No; `unsure`: dates of nights not sure to
+    nights came after this one; `newer_no`: the No of a report of readings after it; `unsure`: dates of nights not sure to
     be within a limit; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the
     machine was measured, where these are too many for an answer of today (None: as the record says).
     """
@@ -175,19 +176,19 @@ def _told(
     coming: Ahead | None,
     stale: int,
     former: Sequence[str] | None,
-    newer_no: bool,
+    newer_no: NewerNo | None,
     u: Units,
     t: Texts,
     machine: Machine | None,
 ) -> Answer:
     """record, what is wrong, last night that measured, date since when a night is missing, how soon a limit is reached, nights
-    since the last measurement, what is said beside its nights, whether newer readings say No, units, texts, chain of axes →
+    since the last measurement, what is said beside its nights, the No of newer readings, units, texts, chain of axes →
     whether parts may be made.
     """
     waits, has = answered(found, record)
     told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    return by_newer_no(told, t) if newer_no else told
+    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine)
 
 
 def _suspected(

@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 NAME = "report.html"
-NO_AFTER = re.compile(r'<meta name="tango-no-after" content="([0-9T:Z+.-]+)">')
-HEAD = 2000  # characters of a report in which it says so
+SAID = "report.json"  # beside it: what pages ask of it; a shop's own template of the page need not know of that
+FORMAT = "tango-report-answer/1"
+MOST = 100_000  # characters of a file that can be one
+LONG = 80  # characters of a name
+UNIT = re.compile(r"(mm|rad)(/(mm|rad)[²³]?)?")
+
+
+@dataclass(frozen=True)
+class NewerNo:
+    """What a report says No by: when its readings were made (UTC), largest error at the tool tip and its limit (µm), which error
+    most of it comes from ('': not said), its value and unit (mm, rad, mm/mm).
+    """
+
+    measured: str
+    tip_um: float | None = None
+    limit_um: float | None = None
+    parameter: str = ""
+    value: float = 0.0
+    unit: str = ""
 
 
 def report_of(folder: Path | None) -> Path | None:
@@ -19,15 +41,42 @@ def report_of(folder: Path | None) -> Path | None:
     return file if file.is_relative_to(root) and file.is_file() else None
 
 
-def says_no(folder: Path | None, ended_utc: object) -> bool:
-    """folder of a cell, moment at which its newest night ended → whether its report was made of readings that are newer than that
-    night, and says No by them. A report of an earlier version says nothing of it.
+def says_no(folder: Path | None, ended_utc: object) -> NewerNo | None:
+    """folder of a cell, moment at which its newest night ended → what its report says No by, where that was made of readings that
+    are newer than that night; else None. A report of an earlier version says nothing of it, nor does a file that cannot be read.
     """
     if not ended_utc or (file := report_of(folder)) is None:
-        return False
+        return None
+    said = file.with_name(SAID)
     try:
-        with file.open(encoding="utf-8", errors="replace") as text:
-            found = NO_AFTER.search(text.read(HEAD))
-    except OSError:
-        return False
-    return found is not None and found[1] == str(ended_utc)
+        if said.resolve() != said or not said.is_file():
+            return None
+        with said.open(encoding="utf-8", errors="replace") as text:
+            found = json.loads(text.read(MOST))
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(found, dict) or found.get("format") != FORMAT or found.get("no_after") != str(ended_utc):
+        return None
+    most = found.get("most")
+    known = most if isinstance(most, dict) else {}
+    name, unit, value = (known.get(key) for key in ("parameter", "unit", "value"))
+    measured, tip, limit = str(found.get("measured") or "")[:LONG], _number(found.get("tip_um")), _number(found.get("limit_um"))
+    size = _number(value)
+    if not (isinstance(name, str) and len(name) <= LONG and isinstance(unit, str) and UNIT.fullmatch(unit)) or size is None:
+        return NewerNo(measured, tip, limit)
+    return NewerNo(measured, tip, limit, name, size, unit)
+
+
+def _number(x: Any) -> float | None:
+    """what a file has → the same where it is a finite number, else None."""
+    return float(x) if isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) else None
+
+
+def answer_text(may: str, no_after: str | None, told: NewerNo) -> str:
+    """whether parts may be made by a report, when the newest night ended that its No is newer than (None: none), what that rests on
+    → text of its report.json.
+    """
+    kept: Mapping[str, Any] = asdict(told)
+    most = {key: kept[key] for key in ("parameter", "value", "unit")} if told.parameter else None
+    own = {key: kept[key] for key in ("measured", "tip_um", "limit_um")} | {"most": most}
+    return json.dumps({"format": FORMAT, "may_make_parts": may, "no_after": no_after or None} | own, indent=1) + "\n"

@@ -72,7 +72,20 @@ def orders(
     if first:
         lines = [x for x in lines if x != t("morning.todo_nothing")]
     asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
+    if is_stopped(told, t):  # the night may have let parts be made, of which newer readings say otherwise
+        lines = under_a_no(lines, t)
     return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def is_stopped(told: Answer, t: Texts) -> bool:
+    """answer, texts → whether no part is made before something was put right."""
+    return told.may == "no" and told.word != t("may.not_yet")
+
+
+def under_a_no(do: Sequence[str], t: Texts) -> list[str]:
+    """what to do, texts → the same, of which nothing lets parts be made meanwhile."""
+    usual, beyond = (shop(t(f"cause.temperature.{key}"), t) for key in ("do", "do_beyond"))
+    return [x.replace(usual, beyond) for x in do]
 
 
 def _see_to(point: Mapping[str, Any], t: Texts) -> str:
@@ -83,7 +96,7 @@ def _see_to(point: Mapping[str, Any], t: Texts) -> str:
 
 def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
-    if told.may == "no" and told.word != t("may.not_yet"):
+    if is_stopped(told, t):
         return t("may.brief_no")
     return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may in ("no", "but") else ""
 

@@ -22,6 +22,7 @@ from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, not_seen, uncertainty, withheld
 from .may import Told, grown, may, parts_first
+from .newer import NewerNo
 from .plain import digits, office, shop, tilt, value_text
 from .states import of_night, since_then
 from .template import environment, rendered
@@ -69,7 +70,6 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
         "sentence": sentence(found, t, f.judgement.untrusted),
         "may": told,
         "state": told.short(t),
-        "says_no_after": _no_after(f, said),
         "basis": said.basis,
         "cause": said.cause,
         "run": said.run,
@@ -105,13 +105,23 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     return values if f.wishes.pictures else values | _bare(values)
 
 
-def _no_after(f: Facts, said: Told) -> str:
+def no_after(f: Facts, said: Told) -> str:
     """facts, answer → when the newest night ended, where these readings are newer and say No by themselves, of the machine that the
     night has measured; else nothing. Pages of the machine ask for it.
     """
     if f.nights is None or said.by_night or said.answer.may != "no":
         return ""
     return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
+
+
+def newer_no(f: Facts) -> NewerNo:
+    """facts → what pages of the machine say of the answer of these readings; no number of readings that are in doubt."""
+    measured = str(f.paper.measured)
+    if f.tip is None or f.wishes.limit is None or may(f, texts()).answer.state != "out_of_limits":
+        return NewerNo(measured)
+    name = next(iter(effects(f.result)), "")
+    tip, limit, of = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters.get(name)
+    return NewerNo(measured, tip, limit) if of is None else NewerNo(measured, tip, limit, name, float(of.value), of.unit)
 
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:
@@ -390,7 +400,8 @@ def _compensation(c: Mapping[str, Any], u: Units, t: Texts) -> dict[str, Any]:
 def as_json(f: Facts) -> dict[str, Any]:
     """facts → plain data of the format tango-report/1."""
     found = verdict(f, texts())
-    told, within = may(f, texts()).answer, f.within
+    said, within = may(f, texts()), f.within
+    told = said.answer
     sheet = () if isinstance(f.sheet, str) else f.sheet.figures
     iso = [
         {
@@ -414,6 +425,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "iso230": iso,
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
+        "no_after": no_after(f, said) or None,
         "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,

@@ -35,12 +35,15 @@ def instead_of(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]] = (
 
 
 def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
-    """record with owner and deputy, what is wrong, texts → whom to call about the first of it that nobody ignores, as an order; ''
-    where somebody has it already.
+    """record with owner and deputy, what is wrong, texts → whom to call about the first of it that nobody ignores, as an order;
+    where somebody has that, about the first that nobody has answered, or about a night in doubt, which nobody has; '' where
+    somebody has all of it.
     """
     first = next((a for a in found if not a.get("let_be")), found[0]) if found else {}
     if first.get("decision") is not None:
-        return ""
+        first = next((a for a in found if a.get("id") and a.get("decision") is None), {})
+        if not first and record.get("verdict") != "doubtful":
+            return ""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")
     silent, asked = int(first.get("silent") or 0), str(first.get("night") or "")
     if not owner:

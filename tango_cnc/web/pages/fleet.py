@@ -29,7 +29,7 @@ from ...report.answer import (
 from ...report.days import ago, day, spoken_days
 from ...report.faults import all_of_probe, answered, does_now, earlier, faults, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
-from ...report.newer import says_no
+from ...report.newer import NewerNo, says_no
 from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
@@ -208,7 +208,7 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
-    if found and told.state != "not_measured":
+    if found and told.state not in ("not_measured", "doubtful"):
         return since_date(found[0])
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
@@ -247,6 +247,7 @@ def brief(
     if told.state == NEWER:
         why = told.why.partition(". ")[0].partition(": ")[2]
         return parts, whole_sentence(f"{why[:1].upper()}{why[1:]}")
+    found = () if told.state == "doubtful" else found  # the readings are the reason, whatever was found before them
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
@@ -295,11 +296,12 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
         all_of_probe(found),
     )
     told = renamed(told, row.machine.former, state.texts)
-    return by_newer_no(told, state.texts) if newer_no(row) else told
+    no = newer_no(row)
+    return told if no is None else by_newer_no(told, no, state.units, state.texts, axes)
 
 
-def newer_no(row: Row) -> bool:
-    """row → whether a report of readings that are newer than its newest night says No."""
+def newer_no(row: Row) -> NewerNo | None:
+    """row → the No of a report of readings that are newer than its newest night; None where none says it."""
     return says_no(row.machine.folder, (row.record or {}).get("end_utc"))
 
 
@@ -354,8 +356,9 @@ def faults_of(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
 def _faults(row: Row, state: PagesState) -> Sequence[Mapping[str, Any]]:
     history, name, record = row.machine.history, row.machine.name, row.record or {}
     s, known = row.standing, row.before or record
-    told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind"))
-    if history is None or s is None or not (told or s.alarms_open or s.alarms_held):
+    told = any(x.get(key) for x in (record, known) for key in ("alarms", "standing", "behind", "unheard"))
+    doubt = known.get("verdict") == "doubtful"  # a repair that somebody reports waits for another night
+    if history is None or s is None or not (told or doubt or s.alarms_open or s.alarms_held):
         return []
     day_ = today()
     alarms, decisions = unclosed(history, name, day_)

@@ -102,7 +102,7 @@ def _nights(row: Row) -> float | None:
 
 
 def _newer_no(row: Row) -> float | None:
-    return None if row.record is None else float(newer_no(row))
+    return None if row.record is None else float(newer_no(row) is not None)
 
 
 def _escaped(text: str) -> str:

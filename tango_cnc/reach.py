@@ -1,0 +1,70 @@
+"""A stylus of another length, or a table that is higher? Touches at one indexation see the sum of both.
+
+Theory. A stylus that is e longer than machine.yaml says ends e farther along the spindle at every touch. At one indexation the
+direction d of the spindle is the same in the table frame for all of them, so that the table seems moved by −e d: exactly, whatever
+the facets. Where rotary axes stand elsewhere d is another one, and a table that is placed with the wrong length is beside by
+e |d' − d| there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from . import kinematics
+from .records import Array, Cell, InputError, Machine
+
+KNOWN = 0.5  # mm to which the length of a stylus is measured in a shop
+WORDS = "from the reference point of the spindle to the centre of the ball"
+
+
+@dataclass(frozen=True)
+class OtherLength:
+    """What a stylus of another length explains as well: by how much it would be longer, and how far the table is beside then."""
+
+    longer: float  # mm; below 0: shorter
+    beside: float  # mm, at the worst indexation of the strategy
+
+    def text(self, length: float) -> str:
+        """mm that machine.yaml has → what it means, in a sentence."""
+        way, other = ("nearer to", "longer") if self.longer > 0 else ("farther from", "shorter")
+        size = f"{abs(self.longer):.2f} mm"
+        return (
+            f"they fit a table that is {size} {way} the spindle than its file says, and as well a stylus that is {size} {other} "
+            f"than the {length:g} mm of machine.yaml. If it is the stylus, a table placed so is up to {self.beside:.1f} mm beside "
+            "where the rotary axes stand elsewhere"
+        )
+
+
+def outward(machine: Machine, position: Array) -> Array:
+    """machine, (n, axes) mm and rad → (n, 3) unit vectors in the table frame from the spindle to the tip."""
+    longer = replace(machine, probe=replace(machine.probe, length=machine.probe.length + 1.0))
+    return kinematics.tip(kinematics.chain(longer), position) - kinematics.tip(kinematics.chain(machine), position)
+
+
+def of_length(cell: Cell, position: Array, points: Array, placed: Array) -> OtherLength:
+    """cell, (n, axes) mm and rad of touches at one indexation, (m, 3) mm of facets in the file and in the place that was found →
+    what a stylus of another length would explain of it.
+    """
+    (way,) = outward(cell.machine, position[:1])
+    longer = -float(np.mean(placed - points, axis=0) @ way)
+    elsewhere = [_standing(cell.machine, at.position) for at in cell.strategy.indexations]
+    ways = outward(cell.machine, np.array(elsewhere))
+    return OtherLength(longer, abs(longer) * float(np.linalg.norm(ways - way, axis=1).max()))
+
+
+def _standing(machine: Machine, at: Mapping[str, float]) -> Sequence[float]:
+    """machine, rad of its rotary axes by name → a position with the linear axes at zero."""
+    return [at.get(name, 0.0) for name in machine.names]
+
+
+def agrees(machine: Machine, length: float) -> None:
+    """Raises InputError where a length that somebody has measured is not that of machine.yaml."""
+    if not math.isclose(length, machine.probe.length, abs_tol=KNOWN):
+        raise InputError(
+            f"--length: found {length:g} mm; allowed: {machine.probe.length:g} mm to {KNOWN:g} mm, as machine.yaml has it "
+            f"(probe: length). Which is right? Measure {WORDS}. Correct machine.yaml, or put that stylus in. Nothing was moved"
+        )

@@ -1,0 +1,86 @@
+"""A stylus that is longer than machine.yaml says looks like a table that is higher: `tango locate` says so and does not place it.
+
+Placed all the same, the table was 20 mm too high, "known to 0.04 mm", and the first touches of a tilted table met it at full feed.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.located import touched
+from support.runs import Result
+
+from tango_cnc import locate
+from tango_cnc.commands.init import write_example
+from tango_cnc.files import read_cell, readings_text
+from tango_cnc.files.artefact import read_artefact
+from tango_cnc.records import Cell, Plan
+
+
+def _cycle(tmp_path: Path, example: str) -> tuple[Path, Cell, Plan]:
+    write_example(tmp_path / "cell", example)
+    cell = read_cell(tmp_path / "cell")
+    return tmp_path / "cell", cell, locate.strategy(cell)
+
+
+def _with_stylus(made: Plan, longer: float) -> Plan:
+    """The same touches, of a stylus that is so much longer in truth."""
+    probe = made.machine.probe
+    return replace(made, machine=replace(made.machine, probe=replace(probe, length=probe.length + longer)))
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("longer", [20.0, -7.5])
+@pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head"])
+def test_a_stylus_of_another_length_is_not_taken_for_a_table_elsewhere(tmp_path: Path, example: str, longer: float) -> None:
+    folder, cell, made = _cycle(tmp_path, example)
+    length, file = cell.machine.probe.length, tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(_with_stylus(made, longer), true=made.artefact)))
+    refused = Result("locate", "-C", folder, "--readings", file)
+    assert refused.code == 1 and not (folder / "locate").exists()
+    way = f"{abs(longer):.2f} mm {'longer' if longer > 0 else 'shorter'} than the {length:g} mm of machine.yaml"
+    assert way in refused.err and "Measure the probe in the spindle" in refused.err
+    wrong = Result("locate", "-C", folder, "--readings", file, "--length", length + longer)
+    assert wrong.code == 2 and f"--length: found {length + longer:g} mm; allowed: {length:g} mm to 0.5 mm" in wrong.err
+    assert not (folder / "locate").exists()
+    machine = folder / "machine.yaml"
+    assert f"length: {length:g}" in machine.read_text()
+    machine.write_text(machine.read_text().replace(f"length: {length:g}", f"length: {length + longer:g}", 1))
+    right = Result("locate", "-C", folder, "--readings", file, "--json", "-")
+    assert right.code == 0, right.err
+    assert np.abs(json.loads(right.out)["moved_mm"]).max() < 1e-3
+
+
+def test_a_table_that_is_higher_is_placed_once_the_stylus_is_measured(tmp_path: Path) -> None:
+    folder, cell, made = _cycle(tmp_path, "trunnion")
+    file, true = tmp_path / "touches.csv", locate.moved(made.artefact, np.array([2.0, -8.0, 5.0]), np.zeros(3))
+    file.write_text(readings_text(touched(made, true=true)))
+    refused = Result("locate", "-C", folder, "--readings", file)
+    assert refused.code == 1 and re.search(r"a table that is [\d.]+ mm (nearer to|farther from) the spindle than", refused.err)
+    assert f"'tango locate -C {folder} --readings {file} --length {cell.machine.probe.length:g}' places the table" in refused.err
+    placed = Result("locate", "-C", folder, "--readings", file, "--length", cell.machine.probe.length, "--json", "-")
+    assert placed.code == 0 and json.loads(placed.out)["longer_beside_mm"] > 1.0
+    found = read_artefact(folder / "locate" / "artefact.yaml").facets
+    assert max(np.abs(np.subtract(found[name].point, facet.point)).max() for name, facet in true.facets.items()) < 1e-3
+
+
+def test_where_the_spindle_always_stands_the_same_way_nobody_has_to_measure(tmp_path: Path) -> None:
+    """The sum of both is all that such a strategy ever meets."""
+    folder, _, made = _cycle(tmp_path, "three_axis")
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(_with_stylus(made, 6.0), true=made.artefact)))
+    placed = Result("locate", "-C", folder, "--readings", file, "--json", "-")
+    assert placed.code == 0, placed.err
+    result = json.loads(placed.out)
+    assert result["longer_mm"] == pytest.approx(6.0, abs=1e-3) and result["longer_beside_mm"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_length_is_named_before_anything_moves(tmp_path: Path) -> None:
+    folder, cell, _ = _cycle(tmp_path, "trunnion")
+    said = Result("locate", "-C", folder, "--program")
+    assert f"Probe ({cell.machine.probe.length:g} mm) in the spindle and on. Measure its length" in said.out
