@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from functools import cache
 from pathlib import Path
 from typing import Any, TextIO, get_args, get_origin, get_type_hints
 
@@ -160,9 +161,10 @@ class Session:
             time.sleep(seconds / self._setup.speed)
 
 
-def families() -> list[str]:
+@cache
+def families() -> tuple[str, ...]:
     """→ languages that can be interpreted: the files of `languages/`."""
-    return sorted(m.name for m in pkgutil.iter_modules(languages.__path__) if not m.name.startswith("_"))
+    return tuple(sorted(m.name for m in pkgutil.iter_modules(languages.__path__) if not m.name.startswith("_")))
 
 
 def tape(program: Path) -> Iterator[str]:

@@ -156,24 +156,31 @@ def _cheaper(artefact: Artefact, ways: displaced.LocatingWays, names: Sequence[s
     One is exchanged after the other as long as that helps, none for one that is nearer to an edge than it may be elsewhere.
     """
 
+    edge = dict(zip(artefact.facets, to_edge(artefact, list(artefact.facets)), strict=True))  # mm, of every facet
+
+    def room(order: Sequence[str]) -> Array:
+        return np.array([edge[name] for name in order])
+
     def worth(order: Sequence[str]) -> float:
-        return without_one(sure(artefact, order, off)) - price * ways.length(order)
+        return without_one(sure(artefact, order, off, room=room(order))) - price * ways.length(order)
 
     def allowed(order: Sequence[str]) -> bool:
         told = known_to(artefact, order)[0] <= KNOWN and (not sized or unsized(artefact, order).beside <= KNOWN)
-        return told and int((to_edge(artefact, order) < off).sum()) <= near
+        return told and int((room(order) < off).sum()) <= near
 
     sized = unsized(artefact, names).beside <= KNOWN
-    near = int((to_edge(artefact, names) < off).sum())
+    near = int((room(names) < off).sum())
     order, better = ways.shortest(names), True
+    least = worth(order) + 1e-9
     while better:
         better = False
         for out, other in product(tuple(order), ways.facets):
             if out not in order or other in order:
                 continue
             tried = ways.inserted([name for name in order if name != out], other)
-            if worth(tried) > worth(order) + 1e-9 and allowed(tried):
+            if worth(tried) > least and allowed(tried):
                 order, better = ways.shortest(tried), True
+                least = worth(order) + 1e-9
     return order
 
 

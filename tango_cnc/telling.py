@@ -149,11 +149,12 @@ def to_edge(artefact: Artefact, names: Sequence[str]) -> Array:
     return np.array(found)
 
 
-def sure(artefact: Artefact, names: Sequence[str], off: float, sized: bool = False) -> Array:
+def sure(artefact: Artefact, names: Sequence[str], off: float, sized: bool = False, room: Array | None = None) -> Array:
     """facets, mm by which they may be elsewhere, whether of size, too → (n, 6 or 7) what their touches tell; less where an edge is
-    nearer than that.
+    nearer than that. `room` is their (n,) mm to an edge, for who asks of the same facets again and again.
     """
-    return told_by(artefact, names, sized) * np.clip(to_edge(artefact, names) / off, 0.1, 1.0)[:, None] ** 3
+    edge = to_edge(artefact, names) if room is None else room
+    return told_by(artefact, names, sized) * np.clip(edge / off, 0.1, 1.0)[:, None] ** 3
 
 
 def chosen(artefact: Artefact, names: Sequence[str], count: int, off: float, sized: bool = False) -> tuple[str, ...]:

@@ -16,7 +16,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 pytest.register_assert_rewrite("support")  # helpers may assert, too
 from support.places import history_place, postgres_server  # noqa: E402, F401  (fixtures)
 
-pytest_plugins = ["support.cpu", "support.few", "support.plans", "support.shares", "support.newhistory"]
+pytest_plugins = [
+    "support.cpu",
+    "support.few",
+    "support.cells",
+    "support.plans",
+    "support.rigs",
+    "support.shares",
+    "support.newhistory",
+]
 ROOT = Path(__file__).parent.parent
 CI = bool(os.environ.get("CI"))
 PACKAGES = {

@@ -7,6 +7,7 @@ import pkgutil
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 from ..records import Plan
 from . import experiments as folder
@@ -76,6 +77,7 @@ class Judged:
     verdict: Ruling
 
 
+@cache
 def experiments() -> tuple[Experiment, ...]:
     """→ all of them, the most dangerous belief first: the files of `experiments/`."""
     found = [
@@ -138,8 +140,13 @@ def questions(plan: Plan) -> dict[str, dict[str, Question]]:
 
 def by_danger(unverified: Iterable[str]) -> list[str]:
     """list of what is unverified → the same, the most dangerous first, last what no experiment settles; else in its order."""
-    every = experiments()
-    return sorted(unverified, key=lambda text: min((e.danger for e in every if e.settles.search(text)), default=LAST))
+    return sorted(unverified, key=_danger)
+
+
+@lru_cache(4096)
+def _danger(text: str) -> int:
+    """a line of the list → the rank of the most dangerous belief that it is about: every program has the same few lines."""
+    return min((e.danger for e in experiments() if e.settles.search(text)), default=LAST)
 
 
 def remaining(unverified: Iterable[str], proven: Mapping[str, str]) -> list[tuple[Experiment | None, list[str]]]:

@@ -106,7 +106,7 @@ class Rehearsal:
     def value(self, twin: Twin, text: str) -> float:
         """expression → its value in a twin. Raises InputError for what is no expression."""
         try:
-            return expression(text)(partial(self._read, twin)) or 0.0
+            return (constant(text) or (expression(text)(partial(self._read, twin)),))[0] or 0.0
         except (ValueError, ZeroDivisionError, OverflowError, TypeError) as error:
             raise InputError(f"{text!r} has no value: {error}") from None
 

@@ -182,6 +182,10 @@ class Plan:
             yield Move("index", turned, touch)
 
     def _changes(self, at: tuple[float, ...] | None, to: tuple[float, ...], names: Sequence[str] | None = None) -> dict[str, float]:
-        pairs = zip(self.machine.names, at or to, to, strict=True)
-        moved = (pair for pair in pairs if at is None or not abs(pair[1] - pair[2]) <= 1e-9)  # a NaN is a move, to be refused
-        return {name: new for name, _, new in moved if names is None or name in names}
+        known = self.machine.names
+        if at is None:
+            return {name: new for name, new in zip(known, to, strict=True) if names is None or name in names}
+        moved = zip(known, at, to, strict=True)
+        return {  # a NaN is a move, to be refused
+            name: new for name, old, new in moved if not abs(old - new) <= 1e-9 and (names is None or name in names)
+        }

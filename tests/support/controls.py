@@ -35,8 +35,19 @@ def golden() -> Plan:
 
 
 def lines_of(post: str, made: Plan, **options: Any) -> list[str]:
-    """post, plan, options → the program."""
-    return list(program(load(post), made, options, plan_hash(made))[2]())
+    """post, plan, options → the program. That of the golden plan is written once for the same options."""
+    if made is not golden():
+        return list(program(load(post), made, options, plan_hash(made))[2]())
+    return list(_of_golden(post, repr(sorted(options.items())), lambda: program(load(post), made, options, plan_hash(made))[2]()))
+
+
+WRITTEN: dict[tuple[str, str], tuple[str, ...]] = {}
+
+
+def _of_golden(post: str, options: str, write: Callable[[], Iterable[str]]) -> tuple[str, ...]:
+    if (post, options) not in WRITTEN:
+        WRITTEN[post, options] = tuple(write())
+    return WRITTEN[post, options]
 
 
 def library_of(post: str, made: Plan, **options: Any) -> list[str]:

@@ -45,9 +45,15 @@ class ControlOf:
     resolution: float = PRINTED  # mm and deg
 
 
+@cache
+def example() -> Cell:
+    """→ the HU40T."""
+    return read_cell(EXAMPLE)
+
+
 def beside(name: str) -> tuple[str, ...]:
     """dialect → the files that have to be on its control, each with its name in front."""
-    files = companions(load(name), plan(read_cell(EXAMPLE)), {})
+    files = companions(load(name), plan(example()), {})
     return tuple(line for file, lines in files.items() for line in (file, *lines))
 
 
@@ -59,7 +65,7 @@ def control_of(name: str) -> ControlOf:
     own = spoken.CONTROLS.named.get(name)
     if own is None:
         return replace(made, library=library)
-    settled = profile(spoken, read_cell(EXAMPLE).machine, own.settings)
+    settled = profile(spoken, example().machine, own.settings)
     settings = {**made.settings, **{key: getattr(settled, key) for key in own.settings}}
     return replace(made, settings=settings, library=own.stored or library)
 

@@ -1,0 +1,64 @@
+"""What a move meets on a simulated machine is not looked for again: hundreds of tests let the same programs move on the same one.
+
+Whoever tests the simulated machine itself (`test_sim_motion.py` and the others of `ANEW`) has it look every time.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections import OrderedDict
+from typing import Any
+
+import pytest
+
+from sim_controller import probing
+from sim_controller.motion import Motion
+from sim_controller.probing import Rig
+from tango_cnc.records import Array, Artefact, Machine, World
+
+KEPT = 40  # rigs
+MOVES = 4000  # of one rig
+ANEW = ("test_sim_motion", "test_sim_shank", "test_sim_world", "test_sim_effects", "test_kinematics")
+MADE: OrderedDict[tuple[Any, ...], tuple[Rig, Machine, Artefact]] = OrderedDict()
+MET: dict[int, dict[tuple[bytes | float, ...], Any]] = {}  # of the rigs in MADE, by `id`
+_rig, _meets = probing.rig, Motion._meets
+anew = False  # whether the test that is executed wants everything looked for
+
+
+def _remembered(machine: Machine, artefact: Artefact, world: World, *more: Any, **other: Any) -> Rig:
+    """As `probing.rig`; the same for the same machine, artefact and world. It is frozen: nobody can change what is true in it."""
+    if anew or more or other:
+        return _rig(machine, artefact, world, *more, **other)
+    key = id(machine), id(artefact), pickle.dumps(world)  # what `id` names is kept beside the rig
+    if key not in MADE:
+        made = _rig(machine, artefact, world)
+        MADE[key] = made, machine, artefact
+        MET[id(made)] = {}
+    MADE.move_to_end(key)
+    while len(MADE) > KEPT:
+        _, (gone, *_) = MADE.popitem(last=False)
+        MET.pop(id(gone))
+    return MADE[key][0]
+
+
+def _known(motion: Motion, end: Array, direction: Array, after: float) -> Any:
+    """As `Motion._meets`, which depends on the rig and on the move alone."""
+    met = None if anew else MET.get(id(motion.rig))
+    if met is None:
+        return _meets(motion, end, direction, after)
+    move = motion._position.tobytes(), end.tobytes(), direction.tobytes(), after
+    if move not in met:
+        if len(met) >= MOVES:
+            met.clear()
+        met[move] = _meets(motion, end, direction, after)
+    return met[move]
+
+
+probing.rig, Motion._meets = _remembered, _known  # type: ignore[method-assign]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Before any fixture of the test, those of its module too."""
+    global anew
+    anew = item.path.name.startswith(ANEW)
