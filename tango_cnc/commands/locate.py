@@ -116,11 +116,8 @@ def command(
             click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
         address = address_of(cell, port)
-        with (
-            holding(folder, "tango locate"),
-            Live(None) as live,
-            _broken_off(out or folder / FOLDER / "artefact.yaml", out, cell, made),
-        ):
+        placed_in = out or folder / FOLDER / "artefact.yaml"
+        with holding(folder, "tango locate"), Live(None) as live, _broken_off(placed_in, out, cell, made):
             readings = conducted(
                 cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=enough, notice=notice
             )
@@ -133,12 +130,7 @@ def command(
         found = locate.locate(made, readings, stated)
         placed = _by_length(cell, made, readings, found, length is not None)
     except InputError as error:
-        said = (
-            str(error)
-            .rstrip(".")
-            .replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file or target))}")
-        )
-        click.echo(f"\ntango: {said}{_before(where, before)}", err=True)
+        click.echo(f"\ntango: {_by_name(str(error), folder, file or target)}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -167,6 +159,13 @@ def command(
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
     _told(found, result, agrees, known[1], other)
+
+
+def _by_name(said: str, folder: Path, file: Path) -> str:
+    """why a table is not placed, cell, file of the readings → the same with the commands in it as they are typed."""
+    from .. import locate
+
+    return said.rstrip(".").replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file))}")
 
 
 def _by_length(cell: Cell, made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
