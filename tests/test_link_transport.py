@@ -49,7 +49,7 @@ def test_a_new_way_is_one_file(tmp_path, monkeypatch):
         opened("toy://nonsense")
     with pytest.raises(InputError, match="parity without bits=7"):
         opened("toy://127.0.0.1:5000?parity=even")
-    with pytest.raises(InputError, match="no path; e.g. tally:///run/tally.sock"):
+    with pytest.raises(InputError, match=r"no path; e\.g\. tally:///run/tally\.sock"):
         opened("tally://")
     with pytest.raises(LinkError, match=f"Is what stands at {tmp_path}/none there") as error:
         opened(f"tally://{tmp_path}/none")
