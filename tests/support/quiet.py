@@ -14,7 +14,7 @@ SILENT = ("logstart", "logfinish")  # that a test begins and is over; what it wa
 
 
 def said(name: str, message: dict[str, Any]) -> bool:
-    """name of a message of xdist, what it holds → whether it is sent: every test's own outcome is, and all that is no plain pass."""
+    """name of a message of xdist, what it holds → whether it is sent: how every test ended is, and all that is no plain pass."""
     if name in SILENT:
         return False
     if name != "testreport":
