@@ -83,7 +83,7 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         return error.exit_code
     except click.ClickException as error:
         error.show()
-        if isinstance(error, click.UsageError) and (advice := _folder(error)):
+        if isinstance(error, click.UsageError) and (advice := _folder(error) or _number(error)):
             _say(advice)
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
@@ -113,6 +113,17 @@ def _folder(error: click.UsageError) -> str:
     if extra and "://" in extra[1] and any("--port" in option.opts for option in error.ctx.command.params):
         return f"The port goes behind --port: {error.ctx.command_path} --port {extra[1].split()[0]}"
     return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
+
+
+def _number(error: click.UsageError) -> str:
+    """what click says of a command line → how a number is written, if one has a comma or a unit; else nothing."""
+    found = re.match(r"'([+-]?\d+)(?:[.,](\d+))?\s*([a-zµ°%]*)' is not a valid (?:float|integer)", error.message)
+    if found is None:
+        return ""
+    whole, part, unit = found.groups()
+    if unit:
+        return f"A number stands without its unit: {error.ctx.command_path if error.ctx else 'tango'} --help says which it has"
+    return f"A number is written with a point: {whole}.{part}"
 
 
 def _say(sentence: str) -> None:

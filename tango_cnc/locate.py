@@ -38,6 +38,7 @@ CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than ever
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
+MOST_GROWN = 0.05  # a table of so much another size is another table
 NEAR = 5.0  # mm
 FILE = "FILE"  # in messages: that of the readings; who knows its name says it instead
 NEARER = (
@@ -218,7 +219,7 @@ def beside(plan: Plan, within: float = FARTHEST) -> tuple[tuple[str, ...], int]:
     return tuple(name for name, each in zip(names, room, strict=True) if each < off), most
 
 
-def _advice(plan: Plan) -> str:
+def advice(plan: Plan) -> str:
     """plan of the locating cycle → what to do where it did not find the table: shorter searches, or longer ones."""
     short = plan.strategy.approach.search <= _reach(plan.artefact, NEAR) + 1e-6
     return FARTHER if short else NEARER
@@ -250,19 +251,19 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
     if weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
         raise InputError(
             f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands; "
-            f"{_missed(readings)}. {_advice(plan)}"
+            f"{_missed(readings)}. {advice(plan)}"
         )
     tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
     least = min(LEAST, len(plan.touches))
     if len(met) < least:
         raise InputError(
             f"{len(met)} of {len(readings.status)} touches met something; allowed: {least}, so that a wrong one is noticed; "
-            f"{_missed(readings)}. {_advice(plan)}"
+            f"{_missed(readings)}. {advice(plan)}"
         )
     if agrees > AGREES and len(met) < len(readings.status):  # one that met something else would agree to so much by chance
         raise InputError(
             f"--agrees: found {agrees:g}; allowed: {AGREES:g} where a touch met nothing.{_hidden(readings)}. See why "
-            f"nothing was met there, then touch again. {_advice(plan)}"
+            f"nothing was met there, then touch again. {advice(plan)}"
         )
     radius = plan.machine.probe.tip_radius
     kept, found, residual = agreeing(facets, tip, radius, least, agrees)
@@ -275,10 +276,12 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
             )
     if kept is None:
         worst = int(np.argmax(np.abs(residual)))
+        off = f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
+        if len(met) == len(readings.status) and (size := _grown(facets, tip, radius, agrees)):
+            raise InputError(f"{off}{agrees:g} mm. {size}")
         raise InputError(
-            f"facet {facets[worst].id}: its touch is {residual[worst]:+.2f} mm from where the others place the table; allowed: "
-            f"{agrees:g} mm. Was another facet touched, or something that is not the table? {_advice(plan)}."
-            f"{_as_another(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
+            f"{off}{agrees:g} mm. Was another facet touched, or something that is not the table? {advice(plan)}."
+            f"{_looser(facets, tip, radius, least, agrees) if len(met) == len(readings.status) else _hidden(readings)}"
         )
     left_out = tuple(facet.id for row, facet in enumerate(facets) if row not in kept)
     counted = tuple(facet.id for row, facet in enumerate(facets) if row in kept)
@@ -316,9 +319,9 @@ def _of_no_size(plan: Plan, counted: tuple[str, ...], other: OtherSize) -> str:
     )
     more = "" if would else ". Facets on the other half of each side would tell: add them to artefact.yaml and strategy.yaml"
     return (
-        f"the touches agree, and yet {other.text}. These touches cannot tell. {again} If artefact.yaml has it, and its facets, to "
-        f"{AGREES:g} mm, 'tango locate --readings {FILE} --agrees {AGREES:g}' places the table from these same touches; nothing "
-        f"moves{more}"
+        f"the touches agree, and yet {other.text}. These touches cannot tell. {again} Then 'tango locate --readings {FILE} "
+        "--agrees MM' places the table from these same touches; nothing moves. MM is by how much your width differs from that of "
+        f"artefact.yaml, {AGREES:g} at least{more}"
     )
 
 
@@ -337,13 +340,16 @@ def _hidden(readings: Readings) -> str:
     return f" As {_missed(readings)}, too few touches are left to take the table for less exact than its file"
 
 
-def _as_another(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
-    """as `agreeing` → the sentence on what they fit: a table of another size, or one that is less exact; '' for neither."""
+def _grown(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) -> str:
+    """as `agreeing` → the sentence on the table of another size that they fit; '' for none that anybody would take for this one."""
     by, left = grown(facets, tip, radius)
-    if len(facets) > LEAST and left <= agrees and abs(by) > 1e-3:
-        size = f"{abs(by):.1%} {'larger' if by > 0 else 'smaller'}"
-        return f" All of them fit a table that is {size} than artefact.yaml says: measure one of its widths first"
-    return _looser(facets, tip, radius, least, agrees)
+    if len(facets) <= LEAST or left > agrees or not 1e-3 < abs(by) < MOST_GROWN:
+        return ""
+    size = f"{abs(by):.1%} {'larger' if by > 0 else 'smaller'}"
+    return (
+        f"All of them fit a table that is {size} than artefact.yaml says: measure one of its widths first. If it is so, multiply "
+        f"all points of artefact.yaml by {1 + by:.4f}, and read these same touches again with --readings"
+    )
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:

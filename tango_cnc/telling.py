@@ -40,7 +40,7 @@ class OtherSize:
         """→ what it means, half a sentence."""
         return (
             f"a table up to {100 * self.share:.2g} % larger or smaller than artefact.yaml says fits these touches as well, once it "
-            f"is turned by up to {self.turned:.1f} deg: its edges are then up to {self.beside:.1f} mm beside"
+            f"is turned by some {self.turned:.1f} deg: its edges are then some {self.beside:.1f} mm beside"
         )
 
 

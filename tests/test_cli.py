@@ -165,3 +165,19 @@ def test_what_is_no_number_is_refused_before_anything_is_computed(
 ) -> None:
     assert call(arguments[0], "-C", cell, *arguments[1:]) == 2
     assert arguments[-2] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("written", "says"),
+    [
+        ("0,3", "A number is written with a point: 0.3"),
+        ("0.3mm", "A number stands without its unit: tango locate --help says which it has"),
+        ("much", ""),
+    ],
+)
+def test_a_number_with_a_comma_or_a_unit_says_how_it_is_written(
+    tmp_path: Path, written: str, says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("locate", "-C", tmp_path, "--agrees", written) == 2
+    said = capsys.readouterr().err
+    assert "is not a valid float" in said and said.splitlines()[-1].startswith(says or "Error: ")

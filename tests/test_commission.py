@@ -395,13 +395,14 @@ def test_a_proof_takes_what_it_settles_off_the_list_and_the_rest_is_ordered_by_d
 def test_every_doubt_of_every_dialect_has_an_experiment_or_is_a_matter_of_each_run() -> None:
     """What somebody may have left on before a run, and which variables are free, no experiment proves for ever."""
     every = {e.belief: "PASS" for e in commission.experiments()}
+    patterns = "; ".join(f"{e.belief}: {e.settles.pattern}" for e in commission.experiments())
     of_each_run = re.compile(r"^must_be_off|^common =|(is|are|has left cycle 26.*) (on|off)\b|compare one touch by hand")
     for name in EVERY:
         left = [text for _, texts in commission.remaining(unverified(load(name), {}), every) for text in texts]
         unproven = [text for text in left if not of_each_run.search(text)]
         assert not unproven, (
-            f"postprocessors/{name}.py: no experiment proves the doubts {unproven}. Word them with what `settles` has in a file of "
-            "tango_cnc/commission/experiments/, or write an experiment"
+            f"postprocessors/{name}.py: no experiment proves the doubts {unproven}. Word each so that a pattern fits, or write an "
+            f"experiment. Files of tango_cnc/commission/experiments/ and their `settles`: {patterns}"
         )
 
 

@@ -51,6 +51,15 @@ def call(*arguments: object) -> int:
     return guarded(tango.main, [str(a) for a in arguments], prog_name="tango", standalone_mode=False)
 
 
+def called(dialect: str, *arguments: object) -> None:
+    """dialect, words of a command → nothing. Fails with the row of the table and what the command said."""
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said):
+        code = call(*arguments)
+    at = f"docs/commissioning.md, Try it without a machine, row {dialect}: {ROWS[dialect][0]}; python -m {ROWS[dialect][1]}"
+    assert code == 0, f"{at}\ntango {' '.join(map(str, arguments))} ended with {code}:\n{said.getvalue()}"
+
+
 def cell_of(folder: Path, dialect: str) -> Path:
     """folder, dialect → a cell there as the table has it, with a port and a file of its own."""
     write_example(folder, "hu40t")
@@ -83,14 +92,21 @@ def row(dialect: str) -> str:
     """dialect → its row: the one of a relative of the same language, with the option that names the language where it is needed."""
     language = load(dialect).language
     known = any(dialect in of(family).CONTROLS.named for family in families())
-    profile, line = next((ROWS[name] for name in sorted(ROWS) if load(name).language == language), OTHER)
+    profile, line = next((ROWS[name] for name in sorted(ROWS) if load(name).language == language), other(dialect))
     relative = re.search(r"post: (\w+)", profile)
     assert relative is not None
     stated = profile.replace(relative[0], f"post: {dialect}")
     return f"| {dialect} | `{stated}` | `python -m {line}{'' if known else f' --language {language}'}` |"
 
 
-OTHER = ("{post: NAME, port: 'file:///tmp/TANGO.TXT'}", "sim_controller --cell cell")
+def other(dialect: str) -> tuple[str, str]:
+    """dialect of a new language → what its post has to state, on the port that its programs travel by, and the command."""
+    post = load(dialect)
+    way = {"dnc": "socket://127.0.0.1:8193", "grbl": "grbl+socket://127.0.0.1:8193"}.get(post.link, "file:///tmp/TANGO.TXT")
+    asked = "".join(f", {option.name}: none" for option in post.options if option.must)
+    return f"{{post: {dialect}, port: '{way}'{asked}}}", "sim_controller --cell cell"
+
+
 HEAD = "| dialect | `controller:` in tango.yaml | the simulated control |"
 WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_commission_simulated.py -k table"
 
@@ -107,6 +123,12 @@ def test_the_table_has_a_line_for_every_dialect() -> None:
     assert not gone, f"docs/commissioning.md, Try it without a machine: no dialect has the names {', '.join(sorted(gone))}"
 
 
+@pytest.mark.parametrize("dialect", ["centroid", "fanuc", "grbl", "mach3", "okuma"])
+def test_the_row_of_a_new_language_is_the_one_that_works(dialect: str) -> None:
+    """It had a file for every post, and lacked what has to be stated: commission ended with 2."""
+    assert other(dialect) == ROWS[dialect]
+
+
 @pytest.mark.few(0)
 @pytest.mark.parametrize(
     "dialect", [name if name == "mach3" else pytest.param(name, marks=pytest.mark.long) for name in sorted(ROWS)]
@@ -114,14 +136,14 @@ def test_the_table_has_a_line_for_every_dialect() -> None:
 def test_the_line_of_a_dialect_goes_from_commissioning_to_readings(dialect: str, tmp_path: Path) -> None:
     """Nine could not be started by docs alone, and a program that lay there was carried out before anybody waited for it."""
     cell = cell_of(tmp_path / "cell", dialect)
-    assert call("commission", "-C", cell, "--program") == 0  # it lies there from now on
+    called(dialect, "commission", "-C", cell, "--program")  # it lies there from now on
     with started(cell, dialect):
         time.sleep(1.0)
         records = cell / "TANGO.TXT"
         assert not records.exists() or not records.read_text(), "nobody waits for it"
-        assert call("commission", "-C", cell, "--answers", "yes") == 0
-        assert call("locate", "-C", cell, "--yes") == 0
-        assert call("run", "-C", cell, "--yes") == 0
+        called(dialect, "commission", "-C", cell, "--answers", "yes")
+        called(dialect, "locate", "-C", cell, "--yes")
+        called(dialect, "run", "-C", cell, "--yes")
     verdicts = {proof.belief: proof.verdict for proof in read_commissioning(cell)}
     assert "FAIL" not in verdicts.values() and verdicts["alive"] == verdicts["directions"] == "PASS"
     found = json.loads((cell / "readings.json").read_text())
@@ -137,9 +159,9 @@ def test_the_simulated_person_holds_the_stylus_and_a_sound_control_stops(
     cell, ledger = cell_of(tmp_path / "cell", dialect), tmp_path / "ledger.jsonl"
     monkeypatch.setattr(sys, "stdin", Terminal("y\n" * 60))
     with started(cell, dialect, "--ledger", ledger):
-        assert call("commission", "-C", cell, "--timeout", "6", "--no-dial") == 0
+        called(dialect, "commission", "-C", cell, "--timeout", "6", "--no-dial")
         monkeypatch.setattr(sys, "stdin", io.StringIO())
-        assert call("locate", "-C", cell, "--yes") == 0  # and nobody holds it any more
+        called(dialect, "locate", "-C", cell, "--yes")  # and nobody holds it any more
     assert {proof.belief: proof.verdict for proof in read_commissioning(cell)}["deflected"] == "PASS"
     held = (cell / "commissioning" / "program").glob("*")
     assert any("HOLD THE STYLUS ASIDE" in file.read_text(errors="replace") for file in held)

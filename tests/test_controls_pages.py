@@ -16,6 +16,7 @@ from postprocessors import companions, load, program, settings
 from tango_cnc import readback
 from tango_cnc.link.protocols import schemes
 from tango_cnc.plan import plan_hash
+from tango_cnc.records import InputError
 
 PAGES = Path(__file__).parent.parent / "docs" / "controls"
 
@@ -31,7 +32,7 @@ def draft(name: str) -> str:
     rows = [f"| {number} | {doubt} | unconfirmed |" for number, doubt in enumerate(post.doubts or ("nothing yet",), 1)]
     asks = any(option.must and option.name == "probe_state" for option in post.options)
     looking = "`probe_state`: which variable shows the probe; push the stylus aside and watch the page of the variables"
-    input_ = relative_input(post.language)
+    input_ = example_input(name) if asks else ""
     travels = "The program: say\n   how it comes to the control, and start it there. Records: say how they leave it."
     return "\n".join(
         [
@@ -64,13 +65,26 @@ def draft(name: str) -> str:
     )
 
 
-def relative_input(language: str) -> str:
-    """language → the input of a probe that a page of a dialect of it has as its example."""
-    for file in sorted(PAGES.glob("*.md")):
-        found = re.search(r"(?m)^      probe_state: (\S+)", file.read_text(encoding="utf-8"))
-        if found and file.stem in EVERY and load(file.stem).language == language:
-            return found[1]
-    return "none"
+def example_input(name: str) -> str:
+    """dialect → an input of a probe that its post takes: as in the help of its option, or as a relative's page has it.
+
+    Fails where there is none: a page with the word none is refused by tests/test_probe_state.py.
+    """
+    post, made = load(name), golden()
+    meant = next(option.meaning for option in post.options if option.name == "probe_state")
+    pages = [(file.stem, file.read_text(encoding="utf-8")) for file in sorted(PAGES.glob("*.md")) if file.stem in EVERY]
+    pages.sort(key=lambda page: load(page[0]).language != post.language)  # those of the same language first
+    examples = [found[1] for _, text in pages if (found := re.search(r"(?m)^      probe_state: (\S+)", text))]
+    for text in [*examples, *re.findall(r"e\.g\. ([^\s,;]+)", meant)]:
+        try:
+            stated = {"probe_state": yaml.safe_load(text)}
+            settings(post, stated)
+            list(program(post, made, stated, plan_hash(made))[2]())
+        except InputError:
+            continue
+        if stated["probe_state"] != "none":
+            return text
+    raise AssertionError(f"postprocessors/{name}.py: probe_state: name an input in its help, as in 'e.g. 1004': found {meant!r}")
 
 
 def page(name: str) -> str:
@@ -129,6 +143,20 @@ def test_a_row_whose_source_nobody_can_look_up_says_that_it_is_unconfirmed(name:
     assert not told, f"docs/controls/{name}.md: name a source that others can look up, or say unconfirmed on the row itself: {told}"
     unnamed = [row for row in rows if not re.search(r"[a-zA-Z]{4}|\d", row[2])]
     assert not unnamed, f"docs/controls/{name}.md: no source, name one or say unconfirmed: {unnamed}"
+
+
+def outdated(text: str, doubts: tuple[str, ...]) -> list[str]:
+    """page, doubts of its post → those that a first page took from the post, and that the post no longer has."""
+    return [row[1] for row in rows_of(text) if row[0].isdigit() and row[2] == "unconfirmed" and row[1] not in doubts]
+
+
+@pytest.mark.parametrize("name", sorted(EVERY))
+def test_a_doubt_that_a_first_page_took_from_the_post_is_still_one_of_it(name: str) -> None:
+    """A page keeps what it was drafted with. A post whose doubts change leaves the old ones there."""
+    doubts = load(name).doubts or ("nothing yet",)
+    assert outdated(draft(name), doubts[1:]) == [doubts[0]]
+    gone = outdated(page(name), doubts)
+    assert not gone, f"docs/controls/{name}.md: {gone} are no doubts of postprocessors/{name}.py any more; it has: {list(doubts)}"
 
 
 NEEDED = {  # what a person has to know before the first record arrives

@@ -12,6 +12,7 @@ from support.diagnosis_parts import alike, rows
 from tango_cnc.diagnose import diagnose
 from tango_cnc.diagnose.words import as_text
 from tango_cnc.records import Readings
+from tango_cnc.terms import causes
 from tango_cnc.touches import Touches, from_readings
 
 NIGHTS = 6
@@ -101,3 +102,18 @@ def test_a_stale_record_and_a_wrong_name_are_set_aside_before_the_search() -> No
     assert d.verdict == "adequate" and not d.outliers and "is set aside" in as_text(d)
     many = as_text(replace(d, aside=False))
     assert "2 touches of" in many and "none of them is set aside" in many and "it is set aside" not in many
+
+
+def test_only_settings_that_count_touches_are_places_among_all_of_them() -> None:
+    """The place of a kink in mm was taken for the number of a touch: all of negative X were one place, and X 25 was X 75."""
+    t = touches(NIGHTS)
+    found = rows(t, np.zeros(len(t)))
+    assert not found.all
+    for record in causes().values():
+        own, whole = list(record.variants(found.seen)), list(found.settings(record))
+        counted = {key for key in ("at", "until") if record.refine.get(key, "touch") == "touch"}
+        for before, after in zip(own, whole, strict=True):
+            assert {k: v for k, v in after.items() if k not in counted} == {k: v for k, v in before.items() if k not in counted}
+            assert all(isinstance(after[key], int) for key in counted & after.keys()), (record.name, after)
+    places = [s["at"] for s in found.settings(causes()["compensation_kink"]) if s.get("axis") == "X" and "at" in s]
+    assert len(places) > 2 and min(places) < 0 < max(places) and len(set(places)) == len(places)

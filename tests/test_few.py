@@ -62,14 +62,20 @@ def test_all_cases_of_a_plug_in_that_somebody_is_adding_stay(monkeypatch: pytest
     assert by_default(*cases) == [f"tests/test_a.py::test_b[hurco-{i}]" for i in range(3)]
 
 
-def test_a_plug_in_that_the_last_commit_has_not_is_new(tmp_path: Path) -> None:
-    for file in ("posts/known.py", "posts/added.py", "posts/untracked.py", "tests/test_c.py"):
+@pytest.mark.parametrize(("main", "new"), [("main", {"committed", "added", "untracked"}), ("trunk", {"added", "untracked"})])
+def test_a_plug_in_that_the_main_branch_has_not_is_new(tmp_path: Path, main: str, new: set[str]) -> None:
+    """Who committed their post before the first default run had none of its cases there."""
+    for file in ("posts/known.py", "posts/committed.py", "posts/added.py", "posts/untracked.py", "tests/test_c.py"):
         (tmp_path / file).parent.mkdir(exist_ok=True)
         (tmp_path / file).write_text("", encoding="utf-8")
     who = ["-c", "user.name=a", "-c", "user.email=a@b"]
-    for command in (["init", "-q"], ["add", "posts/known.py"], [*who, "commit", "-q", "-m", "one"], ["add", "posts/added.py"]):
+    commit = [*who, "commit", "-q", "-m", "one"]
+    for command in (
+        *(["init", "-q", "-b", main], ["add", "posts/known.py"], commit, ["checkout", "-q", "-b", "mine"]),
+        *(["add", "posts/committed.py"], commit, ["add", "posts/added.py"]),
+    ):
         subprocess.run(["git", *command], cwd=tmp_path, check=True)
-    assert few.new(tmp_path) == {"added", "untracked"}
+    assert few.new(tmp_path) == new
     assert concerns("tests/test_a.py::test_b[added-8]", few.new(tmp_path))
     assert not concerns("tests/test_a.py::test_b[known-8]", few.new(tmp_path))
 

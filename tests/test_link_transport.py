@@ -35,10 +35,12 @@ def pty():
 def test_a_new_way_is_one_file(tmp_path, monkeypatch):
     """A file of transport/ is enough: its way is known, its URL is checked by what it declares, and it alone opens it."""
     (tmp_path / "_toy.py").write_text(
-        "from tango_cnc.link.ways import Way\nWAYS = {'toy': Way(lambda address: ('toy', address.target), 'host')}\n"
+        "from tango_cnc.link.ways import Way\nWAYS = {\n  'toy': Way(lambda address: ('toy', address.target), 'host'),\n"
+        "  'tally': Way(lambda address: open(address.target), 'path', path=True, example='tally:///run/tally.sock'),\n"
+        "  'drum': Way(lambda address: open(address.target), 'path', path=True, advice='Start the drum'),\n}\n"
     )
     monkeypatch.setattr(transport, "__path__", [*transport.__path__, str(tmp_path)])
-    monkeypatch.setattr("tango_cnc.link.address.schemes", lambda: {"toy": ("dnc", "toy")})
+    monkeypatch.setattr("tango_cnc.link.address.schemes", lambda: {n: ("dnc", n) for n in ("toy", "tally", "drum")})
     monkeypatch.setattr("tango_cnc.link.address.ways", ways.__wrapped__)
     monkeypatch.setattr("tango_cnc.link.transport.ways", ways.__wrapped__)
     monkeypatch.delitem(sys.modules, "tango_cnc.link.transport._toy", raising=False)
@@ -47,6 +49,13 @@ def test_a_new_way_is_one_file(tmp_path, monkeypatch):
         opened("toy://nonsense")
     with pytest.raises(InputError, match="parity without bits=7"):
         opened("toy://127.0.0.1:5000?parity=even")
+    with pytest.raises(InputError, match=r"no path; e\.g\. tally:///run/tally\.sock"):
+        opened("tally://")
+    with pytest.raises(LinkError, match=f"Is what stands at {tmp_path}/none there") as error:
+        opened(f"tally://{tmp_path}/none")
+    assert "Serial ports" not in str(error.value)
+    with pytest.raises(LinkError, match="Start the drum"):
+        opened(f"drum://{tmp_path}/none")
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -196,7 +197,7 @@ def test_where_no_facets_tell_the_size_the_table_is_not_placed_until_somebody_st
     by, start = np.array([-2.0, 14.0, 5.0]), np.radians([0.1, -0.1, 0.3])
     for larger in (1.01, 0.996, 1.0):
         true = locate.moved(_larger(cell.artefact, larger), by, -np.sign(larger - 1) * start)
-        with pytest.raises(InputError, match=r"up to 1 % larger or smaller .* is turned by up to \d\.\d deg: .* --agrees 0\.05"):
+        with pytest.raises(InputError, match=r"up to 1 % larger or smaller .* is turned by some \d\.\d deg: .* --agrees MM"):
             locate.locate(planned, touched(planned, true=true))
     true = locate.moved(cell.artefact, by, start)
     found = locate.locate(planned, touched(planned, true=true), 0.05)
@@ -226,14 +227,14 @@ def test_where_no_facets_tell_the_size_it_is_said_before_and_after(
     write_example(tmp_path / "cell", "hu40t")
     monkeypatch.setattr(command, "read_cell", lambda folder: replace(cell, folder=folder))
     monkeypatch.setattr(command, "read_readings", lambda *_: came)
-    says = "a table up to 1 % larger or smaller than artefact.yaml says fits these touches as well, once it is turned by up to"
+    says = "a table up to 1 % larger or smaller than artefact.yaml says fits these touches as well, once it is turned by some"
     assert call("locate", "-C", tmp_path / "cell", "--program") == 0
     said = capsys.readouterr().out
     assert f"Measure the size of the table first: {says}" in said and "Without --agrees the table is not placed then" in said
     again = ("locate", "-C", tmp_path / "cell", "--readings", tmp_path / "cell" / "tango.yaml")
     assert call(*again) == 1
     said = capsys.readouterr().err
-    assert says in said and "--agrees 0.05' places the table from these same touches" in said
+    assert says in said and "--agrees MM' places the table from these same touches" in said
     assert not (tmp_path / "cell" / "locate" / "artefact.yaml").exists()
     assert call(*again, "--agrees", "0.05", "--json", "-") == 0
     assert 0 < json.loads(capsys.readouterr().out)["unsized_mm"] < 0.5
@@ -352,8 +353,27 @@ def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: P
         if refused:
             silent += 1
             assert f"Facet {touch.facet} would tell, but nothing was met there" in err and "strategy.yaml" not in err
-            assert f"'tango locate -C {cell} --readings '{file}' --agrees 0.05'" in err
+            assert f"'tango locate -C {cell} --readings '{file}' --agrees MM'" in err
         else:
             assert f"nothing was met at facet {touch.facet}: see why" in out
             assert json.loads((tmp_path / "it.json").read_text())["missed"] == [touch.facet]
     assert silent == 1
+
+
+def test_a_probe_that_has_died_is_not_pressed_into_every_facet(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Eight touches have to agree: after so many without contact in a row that fewer are left, the program ends with an alarm."""
+    made = locate.strategy(read_cell(cell))
+    assert call("locate", "-C", cell, "--program") == 0
+    (program,) = (cell / "locate" / "program").glob("*.nc")
+    assert len(made.touches) == 8 and re.search(r"^IF\[#\d+GE2\]GOTO", program.read_text(), re.MULTILINE)
+    assert "UP TO 2 FACETS" in program.read_text()
+
+
+def test_a_table_of_quite_another_size_is_not_offered(tmp_path: Path) -> None:
+    """ "93.7 % smaller", it said, of a table that was 0.7 % smaller in two directions and 0.3 % larger in the third."""
+    cell = _hexagon((-1, 1))
+    planned = locate.strategy(cell)
+    half = {k: replace(f, point=tuple(0.5 * x for x in f.point)) for k, f in cell.artefact.facets.items()}
+    with pytest.raises(InputError) as refused:
+        locate.locate(planned, touched(planned, true=replace(cell.artefact, facets=half)))
+    assert "smaller" not in str(refused.value)

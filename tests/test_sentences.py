@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -58,9 +59,13 @@ def test_every_cause_has_a_sentence_of_its_own_for_every_variant(name: str, fitt
     module = terms.causes()[name]
     for setting in list(module.variants(fitted.model.touches))[::5] or [dict(module.example)]:
         f = finding(fitted, name, setting)
-        text = said(f)
-        assert "{" not in text and "µm" in text
-        assert text != f"{module.text}: {f.size.amplitude * 1e3:.1f} ± {f.size.amplitude_std * 1e3:.1f} µm", "a word is missing"
+        text, known = said(f), _words(f)
+        lacking = [word for _, word, _, _ in Formatter().parse(module.says) if word and word not in known]
+        assert not lacking, (
+            f"tango_cnc/terms/{name}.py: says: {{{'}, {'.join(lacking)}}} has no value for the setting {setting}; `words` of the "
+            f"file may give it: it gets the detail of the finding, {f.detail}"
+        )
+        assert "{" not in text and "µm" in text, f"tango_cnc/terms/{name}.py: says: name {{size}}, which is in µm: {text}"
         assert meaning(f) and advice(f)
 
 

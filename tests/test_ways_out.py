@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from support.controls import Ran, golden
-from support.dialects import DRIVEN, EVERY, klartext
+from support.dialects import ALONE, DRIVEN, klartext
 from support.gates import ran
 
 from postprocessors import companions, load, names, program, settings
@@ -19,10 +19,8 @@ from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError, World
 
 OFF = {"probe_on": "M720", "probe_off": "M721"}
-TIDY = tuple(n for n in names() if load(n).language in ("centroid", "fagor", "klartext", "mach3", "osp", "rs274", "siemens"))
-CLOSED = b"\x14"  # DC4, which a port sends when it is closed
-ALARMED = tuple(n for n in names() if load(n).language in ("macro_b", "mach4"))
-PORTED = tuple(n for n in ALARMED if n != "mach4")
+OPENED, CLOSED = b"\x12", b"\x14"  # DC2 and DC4, which a port sends when it is opened and closed
+JUMPING = tuple(n for n in names() if {"alarm", "macros"} <= {option.name for option in load(n).options})  # to a way out
 
 
 def lines_of(name: str) -> list[str]:
@@ -53,10 +51,10 @@ WRONG: dict[str, dict[str, Any]] = {  # what stops a program, each at another pl
     "inverted": {"probe": "inverted"},
     "shorter": {"truly": replace(golden().machine, probe=SHORT)},  # nothing is met where the facets are
 }
-WORDS = {"linuxcnc": ("M64 P1", "M65 P1"), "mach4": ("M52", "M53"), "centroid": ("M64", "M65")}
+WORDS = {"rs274": ("M64 P1", "M65 P1"), "mach4": ("M52", "M53"), "centroid": ("M64", "M65")}  # of languages that have no M720
 OTHERS = {"centroid": {"macros": ("M19", "M64", "M65")}}
 QUICK = ("fanuc", "mach4")
-EACH = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted({*TIDY, *ALARMED})]
+EACH = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(ALONE)]
 
 
 def left_on(found: Ran, on: str, off: str) -> bool:
@@ -70,30 +68,36 @@ def left_on(found: Ran, on: str, off: str) -> bool:
 @pytest.mark.parametrize("name", EACH)
 @pytest.mark.parametrize("wrong", WRONG)
 def test_at_every_alarm_the_probe_is_off_and_the_port_closed(name: str, wrong: str) -> None:
-    on, off = WORDS.get(name, ("M720", "M721"))
-    found = ran(name, golden(), {"probe_on": on, "probe_off": off}, OTHERS.get(name), **WRONG[wrong])
-    assert found.why or found.stops
+    language = load(name).language
+    on, off = WORDS.get(language, ("M720", "M721"))
+    found = ran(name, golden(), {"probe_on": on, "probe_off": off}, OTHERS.get(language), **WRONG[wrong])
+    assert found.why or found.stops, f"postprocessors/{name}.py: its program ends as if nothing were wrong: {wrong}"
     if "TOUCH PROBE IS DEFLECTED" in found.why:  # Heidenhain's own alarm, at TCH PROBE
         assert klartext(name)
         return
-    assert not left_on(found, on, off)
-    assert not [event for event, _ in found.events if event == "left open"]
-    assert name not in PORTED or found.out.endswith(CLOSED)
+    what = f"postprocessors/{name}.py: {found.why or 'a stop'} leaves the"
+    assert not left_on(found, on, off), f"{what} probe on: write {off} before it"
+    assert not [event for event, _ in found.events if event == "left open"], f"{what} port open"
+    ported = OPENED in found.out or language == "macro_b"
+    assert not ported or found.out.endswith(CLOSED), f"{what} port open"
 
 
 @pytest.mark.few(12)
-@pytest.mark.parametrize("name", PORTED)
+@pytest.mark.parametrize("name", JUMPING)
 @pytest.mark.parametrize("options", [{}, {"macros": "called"}, {"probe_state": 1004}, {"macros": "called", "probe_state": 1004}])
 def test_each_alarm_has_a_way_out_that_closes_the_port(name: str, options: dict[str, Any]) -> None:
     """Every alarm of the text stands behind the words that leave things in order, but those before the port is open."""
     made = golden()
     lines = [re.sub(r"\([^()]*\)", "", line) for line in program(load(name), made, OFF | options, plan_hash(made))[2]()]
-    opened = lines.index("POPEN")
+    file = f"postprocessors/{name}.py"
+    assert "POPEN" in lines or load(name).language != "macro_b", f"{file}: a post of macro_b opens its port with POPEN"
+    closing, opened = ["PCLOS"] * ("POPEN" in lines), lines.index("POPEN") if "POPEN" in lines else 0
     ends = [i for i, line in enumerate(lines) if line.startswith("#3000=")]
-    assert ends and all(lines[i - 2 : i] == ["M721", "PCLOS"] for i in ends)
-    assert not [line for line in lines[opened:] if "THEN#3000" in line]
+    ways = ["M721", *closing]
+    assert ends and all(lines[i - len(ways) : i] == ways for i in ends), f"{file}: has `alarm`: {ways} stand before each #3000="
+    assert not [line for line in lines[opened:] if "THEN#3000" in line], f"{file}: an alarm without its way out"
     goals = {line.partition("GOTO")[2] for line in lines if "GOTO" in line}
-    assert goals <= {line[1:] for line in lines if re.fullmatch(r"N\d+", line)}
+    assert goals <= {line[1:] for line in lines if re.fullmatch(r"N\d+", line)}, f"{file}: a GOTO to a number that is nowhere"
 
 
 @pytest.mark.parametrize("name", ["fanuc", "mach4"])
@@ -154,10 +158,9 @@ def test_a_drip_fed_program_cannot_jump_and_says_what_it_leaves_on() -> None:
     assert "A RESET LEAVES THE PROBE ON" in "\n".join(lines_of("fanuc")[:25])
 
 
-def test_every_dialect_is_one_or_the_other() -> None:
-    left = set(EVERY) - {*TIDY, *ALARMED, *DRIVEN}
-    assert not left, f"{sorted(left)}: put the language into TIDY if its programs end tidily after a stop, or into ALARMED, above"
-    assert "SWITCH IT BY HAND" in "\n".join(lines_of("grbl")[:25])
+@pytest.mark.parametrize("name", sorted(DRIVEN))
+def test_where_nothing_of_the_program_acts_after_a_stop_its_header_says_so(name: str) -> None:
+    assert "SWITCH IT BY HAND" in "\n".join(lines_of(name)[:25]), f"postprocessors/{name}.py: its header says what a stop leaves on"
 
 
 def of_panel(**panel: float | bool) -> Motion:

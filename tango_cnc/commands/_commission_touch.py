@@ -53,7 +53,9 @@ def touched(
     with holding(cell.folder, "tango commission"), Live(None) as live:
         for name, made in plans.items():
             target = cell.folder / FOLDER / name / "readings.csv"
-            read = conducted(cell, post, made, ready[name], address, target, live, gate=gate, yes=yes, then=AGAIN, timeout=timeout)
+            read = conducted(
+                cell, post, made, ready[name], address, target, live, gate=gate, yes=yes, then=AGAIN, timeout=timeout, trying=wanted
+            )
             good = [row for row in range(len(read)) if read.status[row] == "ok"]
             places[name] = {int(read.touch[row]): read.position[row] for row in good}
     met = places["slow"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import click
@@ -22,12 +23,14 @@ def in_spindle(part: Plan) -> str:
     return f"Probe{f' with stylus {machine.stylus}' if machine.styli else ''} ({machine.probe.length:g} mm)"
 
 
-def unproven_of(cell: Cell, post: Post) -> list[str]:
-    """cell, its post → beliefs that can break something and that nothing in its commissioning.yaml proves today, in sentences."""
+def unproven_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> list[str]:
+    """cell, its post, beliefs that are tried now → others that can break something and that nothing in its commissioning.yaml
+    proves today, in sentences.
+    """
     from ._proofs import proven, unproven
 
     found = proven(cell, post)
-    open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS]
+    open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS and e.belief not in trying]
     return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in open_ones]
 
 

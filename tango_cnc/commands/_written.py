@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -63,12 +63,13 @@ def conducted(
     misses: int = 3,
     timeout: float | None = None,
     notice: str = "",
+    trying: Collection[str] = (),
 ) -> Readings:
     """cell, its post, plan, its programs, port, file of the readings, who watches → the readings, after they are run.
 
     `gate`: what proves the probe alive in them. `yes`: nobody is asked before the machine moves; who is asked hears `notice`
-    first. `then`: what to do when it breaks off. `misses`, `timeout`: as in `Wanted`. Raises InputError before anything moves,
-    LinkError where a program does not come to its end.
+    first. `then`: what to do when it breaks off. `misses`, `timeout`: as in `Wanted`. `trying`: beliefs that it tries. Raises
+    InputError before anything moves, LinkError where a program does not come to its end.
     """
     from ..link.measure import Wanted, measure
     from ..link.secrets import shown
@@ -82,7 +83,7 @@ def conducted(
         if not yes and someone:
             if notice:
                 click.echo(notice, err=True)
-            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post), gate, obeys(cell, post))
+            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post, trying), gate, obeys(cell, post))
 
     wanted = Wanted(
         address,

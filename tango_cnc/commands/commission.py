@@ -297,8 +297,8 @@ def _afterwards(folder: Path, still: Sequence[str]) -> None:
             "person at the machine who answers what is asked (--held and --dial are asked there, too)",
             err=True,
         )
-    click.echo("Where artefact.yaml is right to some 20 mm only, find the table before the run: tango locate", err=True)
-    ahead(folder, "run")
+    click.echo("Where artefact.yaml is right to some 20 mm only, find the table first: tango locate", err=True)
+    ahead(folder, "commission --touch", "run")
 
 
 def _with_text(said: str, post: Any, options: Mapping[str, Any]) -> str:

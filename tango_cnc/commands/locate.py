@@ -99,8 +99,9 @@ def command(
     target = folder / FOLDER / "readings.csv"
     if post is not None:
         options = asks_for_a_finger(controller_of(cell).options)
+        enough = min(max(len(made.touches) - locate.LEAST + 1, 2), 3)
         if any(option.name == "misses" for option in post.options):
-            options["misses"] = max(len(made.touches), 3)  # on a table that stands elsewhere some meet nothing
+            options["misses"] = enough  # by then too few are left to place the table, and a probe that has died presses on
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         notice = _notice(made, within, stated)
         if only_program:
@@ -114,10 +115,11 @@ def command(
         if yes:
             click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
-        address, many = address_of(cell, port), len(made.touches)
-        with holding(folder, "tango locate"), Live(None) as live, _broken_off(out or folder / FOLDER / "artefact.yaml", out, cell):
+        address = address_of(cell, port)
+        placed_in = out or folder / FOLDER / "artefact.yaml"
+        with holding(folder, "tango locate"), Live(None) as live, _broken_off(placed_in, out, cell, made):
             readings = conducted(
-                cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=many, notice=notice
+                cell, post, made, programs, address, target, live, gate=gate, yes=yes, then=again, misses=enough, notice=notice
             )
     else:
         assert file is not None
@@ -128,12 +130,7 @@ def command(
         found = locate.locate(made, readings, stated)
         placed = _by_length(cell, made, readings, found, length is not None)
     except InputError as error:
-        said = (
-            str(error)
-            .rstrip(".")
-            .replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file or target))}")
-        )
-        click.echo(f"\ntango: {said}{_before(where, before)}", err=True)
+        click.echo(f"\ntango: {_by_name(str(error), folder, file or target)}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -164,6 +161,13 @@ def command(
     _told(found, result, agrees, known[1], other)
 
 
+def _by_name(said: str, folder: Path, file: Path) -> str:
+    """why a table is not placed, cell, file of the readings → the same with the commands in it as they are typed."""
+    from .. import locate
+
+    return said.rstrip(".").replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file))}")
+
+
 def _by_length(cell: Cell, made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
     """cell, plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
     another length explains as well. Raises InputError where that is more than a short search finds, and nobody has measured.
@@ -184,19 +188,22 @@ def _by_length(cell: Cell, made: Plan, readings: Readings, found: Located, measu
 
 
 @contextmanager
-def _broken_off(where: Path, out: Path | None, cell: Cell) -> Iterator[None]:
-    """file of the artefact in its place, that of -o, cell → within it, touches that do not come to their end say how to go on, and
-    that what an earlier locating found is not of today: it is set aside. Raises LinkError.
+def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterator[None]:
+    """file of the artefact in its place, that of -o, cell, plan of the cycle → within it, touches that do not come to their end
+    say how to go on, and that what an earlier locating found is not of today: it is set aside. Raises LinkError.
     """
     try:
         yield
     except NothingSentError:
         raise
     except LinkError as error:
+        from .. import locate
+
         aside = set_aside(where) if out is None else None
         raise type(error)(
             f"{str(error).rstrip('.')}. After a stop: read the screen of the control, clear the alarm, and move the probe up along "
-            f"the tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md){_before(where, aside)}"
+            f"the tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md). "
+            f"If touches met nothing: is the probe alive? If it is: {locate.advice(made)}{_before(where, aside)}"
         ) from None
 
 
@@ -219,7 +226,8 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
             f"The other {len(found.residual)} touches place the table"
         )
     click.echo(
-        f"facets that are right to {agrees:g} mm on the table are known to {result['known_mm']:.2f} mm now, the worst is {worst}"
+        f"facets that are right to {agrees:g} mm on a table of the size of its file are known to {result['known_mm']:.2f} mm now "
+        f"(one standard deviation), the worst is {worst}"
     )
     if agrees > AGREES:
         many = len(found.counted)
@@ -254,7 +262,12 @@ def _notice(made: Plan, within: float, stated: float | None) -> str:
         f"searched over {approach.standoff + approach.search:.0f} mm. Obstacles have to stand where they are declared"
     )
     on_table = ", ".join(solid.title or solid.kind for solid in made.artefact.obstacles)
-    notice += f", those on the table too: if {on_table} moved with it, correct artefact.yaml first." if on_table else "."
+    notice += (
+        f", those on the table too: if {on_table} moved with it, correct artefact.yaml first."
+        if on_table
+        else ". None is declared on the table: if anything else is on it (a vice, a clamp), declare it in artefact.yaml first. The "
+        "probe crosses the table fast, and near its facets."
+    )
     near, most = locate.beside(made, within)
     if most < within:
         notice += (

@@ -22,7 +22,7 @@ from ._candidates import Candidate
 
 MOST = 900  # rows: what a search can hold in a quarter of a minute
 ANGLE = 0.1  # deg: rotary axes that stand alike
-PLACES = ("at", "until")  # settings that count touches
+PLACES = ("at", "until")  # settings that count touches, where the cause does not refine them as something else (mm, deg)
 WILD = 8.0  # robust standard deviations beyond which a touch is left out of a mean
 
 
@@ -73,7 +73,8 @@ class Rows:
             if "facet" in setting or "facets" in setting:
                 yield setting
                 continue
-            places = {k: (self.seen.row(setting[k]) + 1) * n // r for k in PLACES if setting.get(k)}
+            counted = (k for k in PLACES if setting.get(k) and record.refine.get(k, "touch") == "touch")
+            places = {k: (self.seen.row(setting[k]) + 1) * n // r for k in counted}
             yield {**setting, **{k: int(self.whole.counted[place - 1]) for k, place in places.items()}}
 
     def candidate(self, c: Candidate) -> Candidate:

@@ -82,12 +82,13 @@ def parse(url: str, options: Mapping[str, tuple[str, ...]]) -> Address:
                 f"e.g. {typed}://{'192.168.1.20:502' if way.needs == 'host' else '/dev/ttyUSB0'}/1"
             )
         unit = int(number)
-    if way.needs == "device" and not target:
-        raise InputError(f"port {url!r}: no device; e.g. {typed}:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3")
+    if way.needs in ("device", "path") and not target:
+        device = f"{typed}:///dev/ttyUSB0?baud=9600&flow=xonxoff or COM3" if way.needs == "device" else f"{typed}:///run/control"
+        raise InputError(f"port {url!r}: no {way.needs}; e.g. {way.example or device}")
     if way.needs == "host" and not _host(target):
         raise InputError(
             f"port {url!r}: found {printable(repr(target), 80)}; allowed: host:port, port 1 … {LAST_PORT}, "
-            f"e.g. {typed}://192.168.1.20:8193{'/1' * way.unit}"
+            f"e.g. {way.example or typed + '://192.168.1.20:8193' + '/1' * way.unit}"
         )
     if way.needs == "disk":
         place, _, path = target.rpartition("@")[2].partition("/")

@@ -35,7 +35,8 @@ class Way:
     """How a port is opened, and what its URL has to name. `WAYS` of a file in `transport/` holds one for each of its ways."""
 
     open: Callable[[Address], Any]  # → an open Transport
-    needs: Literal["host", "device", "disk", "file"]  # host:port; a serial device; a file on a host; a file on this computer
+    # host:port; a serial device; a file on a host; a file on this computer; another path of this computer, as of a UNIX socket
+    needs: Literal["host", "device", "disk", "file", "path"]
     path: bool = False  # what stands after host or device in the URL belongs to the target
     uart: bool = False  # somebody keeps to the settings of the line: a driver, a converter
     unit: bool = False  # the URL ends with the number of a device
@@ -44,7 +45,8 @@ class Way:
     fits: Callable[[Address, bytes], None] = _anything  # refuses a program that can never go where the URL says; opens nothing
     look: Callable[[Any], None] = _open_already  # of an open port, where nothing is asked for before nothing moves
     before: Callable[[Address], str] = _silent  # what a person has to know of what is there already, before the run begins
-    example: str = ""  # of a URL, for messages
+    example: str = ""  # of a URL, for messages; "": one by `needs`
+    advice: str = ""  # what to do where it does not open, a sentence; "": one by `needs`
 
 
 @cache

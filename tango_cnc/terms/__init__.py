@@ -41,6 +41,7 @@ class Coefficient:
 
 
 Setting = Mapping[str, Any]
+Detail = Mapping[str, Any]  # of a finding: its setting, the key with its unit behind it where `units` has one: at_mm
 Shape = tuple[str, str, str, Array]  # of what has no name: covariate, frame, kind, columns (n, k)
 Spread = Iterable[tuple[dict[str, Any], Array]]
 
@@ -82,7 +83,7 @@ class Cause(Family):
     # touches, setting, settings of the same cause and axis that are chosen → whether it can be told beside them
     beside: Callable[[Touches, Setting, Sequence[Setting]], bool] = lambda touches, setting, chosen: True
     units: Mapping[str, str] = field(default_factory=dict)  # of settings, where a reader sees them: {"period": "s"}
-    words: Callable[[Setting], Mapping[str, str]] = lambda setting: {}  # words of `says` that only this cause has
+    words: Callable[[Detail], Mapping[str, str]] = lambda detail: {}  # words of `says` that only this cause has
     over: str = ""  # what its picture is drawn over: time, probe (angle around the stylus); "": the axis that its setting names
     follows: str = ""  # the covariate of its pattern, such as d{axis}; "": that of its picture, or the axis that its setting names
     both_ways: bool = False  # a machine may have it for one direction of an axis only

@@ -10,7 +10,7 @@ import numpy as np
 from ..kinematics import Slot
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient, Setting, Shape
+from . import Cause, Coefficient, Detail, Setting, Shape
 from ._cause import Pattern, Variants, label, moved_axes, need, times
 from ._world import Effects
 
@@ -51,10 +51,10 @@ def make(machine: Machine, axis: str, at: float | None = None, nodes: Sequence[f
     return [Coefficient(label("compensation_kink", axis, p), unit, Slot(axis, "motion"), bent(float(p))) for p in places]
 
 
-def words(setting: Setting) -> dict[str, str]:
-    """setting → {place}: the position at which the compensation table bends, as text."""
-    places = [setting["at"]] if setting.get("at") is not None else list(setting.get("nodes", ()))
-    unit = "mm" if setting.get("axis") in ("X", "Y", "Z") else "deg"
+def words(detail: Detail) -> dict[str, str]:
+    """detail of a finding → {place}: the position at which the compensation table bends, as text."""
+    places = [detail["at"]] if detail.get("at") is not None else list(detail.get("nodes", ()))
+    unit = "mm" if detail.get("axis") in ("X", "Y", "Z") else "deg"
     return {"place": ", ".join(f"{float(p):.0f}" for p in places) + f" {unit}"}
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..kinematics import Slot, axis_frame
 from ..records import Array, InputError, Machine
 from ..touches import Touches
-from . import Cause, Coefficient
+from . import Cause, Coefficient, Detail
 from ._cause import Variants, early
 from ._shape import form_of
 from ._world import Effects
@@ -78,7 +78,7 @@ def effects(machine: Machine, setting: Mapping[str, Any], values: Array) -> Effe
     return [{"cause": "learned", **kept, "amplitude": float(values[0])}]
 
 
-def words(detail: Mapping[str, Any]) -> dict[str, str]:
+def words(detail: Detail) -> dict[str, str]:
     """detail of a finding → when it was learned, and what its file says of it."""
     day, text = str(detail.get("learned", "")), str(detail.get("text", "")).rstrip(". ")
     return {

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..records import Array, Machine
 from ..touches import Touches
-from . import Cause, Coefficient
+from . import Cause, Coefficient, Detail
 from ._world import Effects
 
 
@@ -19,9 +19,9 @@ def spread(touches: Touches) -> list[tuple[dict[str, Any], Array]]:
     return [({"facet": f}, (facet == f).astype(float)) for f in dict.fromkeys(touches.facet) if (facet == f).sum() > 3]
 
 
-def words(setting: Mapping[str, Any]) -> dict[str, str]:
-    """setting → {scattering}: facet 3 scatters, facets 3, 4 scatter."""
-    facets = [str(f) for f in setting.get("facets", ())]
+def words(detail: Detail) -> dict[str, str]:
+    """detail of a finding → {scattering}: facet 3 scatters, facets 3, 4 scatter."""
+    facets = [str(f) for f in detail.get("facets", ())]
     return {"scattering": f"facet {facets[0]} scatters" if len(facets) == 1 else f"facets {', '.join(facets)} scatter"}
 
 

@@ -310,7 +310,13 @@ def test_no_time_is_no_silence(protocol):
 
 
 HEAD = "| `controller.port`, `--port` | is |"
-PLACES_OF = {"host": "192.168.1.20:8193", "device": "/dev/ttyUSB0", "disk": "user@192.168.1.20/TANGO.TXT", "file": "/mnt/TANGO.TXT"}
+PLACES_OF = {
+    "host": "192.168.1.20:8193",
+    "device": "/dev/ttyUSB0",
+    "disk": "user@192.168.1.20/TANGO.TXT",
+    "file": "/mnt/TANGO.TXT",
+    "path": "/run/control",
+}
 
 
 def row(protocol, scheme):
@@ -318,8 +324,9 @@ def row(protocol, scheme):
     module = load(protocol)
     what = (module.__doc__ or "what it is").strip().partition("\n")[0].rstrip(".")
     values = [f"`{name}` ({', '.join(allowed) or 'any text'})" for name, allowed in module.OPTIONS.items()]
-    place = PLACES_OF[ways()[module.SCHEMES[scheme]].needs]
-    return f"| `{scheme}://{place}` | {what}{'; settings: ' if values else ''}{', '.join(values)} |"
+    way = ways()[module.SCHEMES[scheme]]
+    example = way.example if way.example.startswith(f"{scheme}://") else f"{scheme}://{PLACES_OF[way.needs]}"
+    return f"| `{example}` | {what}{'; settings: ' if values else ''}{', '.join(values)} |"
 
 
 @every_protocol

@@ -64,11 +64,16 @@ def test_every_cause_says_its_frame_what_it_is_mistaken_for_and_what_to_do(name:
 
 
 @pytest.mark.parametrize("name", CAUSES)
-def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str) -> None:
+def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str, touches: Touches) -> None:
     module, file = terms.causes()[name], f"tango_cnc/terms/{name}.py"
     own = inspect.signature(module.make).parameters
     used = {word for _, word, _, _ in Formatter().parse(module.says) if word}
-    unknown = used - sentences.WORDS - set(module.words({"axis": "X", "at": 1.0}))
+    setting = next(module.variants(touches), dict(module.example))
+    detail = {f"{key}_{module.units[key]}" if key in module.units else key: value for key, value in setting.items()}
+    try:
+        unknown = used - sentences.WORDS - set(module.words(detail))
+    except KeyError as error:
+        raise AssertionError(f"{file}: words: found no {error} in the detail of a finding; allowed: {detail}") from error
     assert not unknown, (
         f"{file}: says: found {{{', '.join(unknown)}}}; allowed: {', '.join(sorted(sentences.WORDS))}, and its `words`"
     )

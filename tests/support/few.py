@@ -43,12 +43,20 @@ ROOT = Path(__file__).parents[2]
 
 @cache
 def new(folder: Path = ROOT) -> frozenset[str]:
-    """checkout → names of plug-ins that somebody is adding: files of Python, outside of tests/, that the last commit has not."""
+    """checkout → names of plug-ins that somebody is adding: files of Python, outside of tests/, that the main branch has not.
+
+    What is committed on a branch stays new until it is merged; where nothing is called main, until it is committed.
+    """
     if shutil.which("git") is None:
         return frozenset()
-    command = ["git", "status", "--porcelain", "--untracked-files=all", "--", "*.py", ":!tests"]
-    asked = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    added = [line[3:] for line in asked.stdout.splitlines() if line[:2] in ("??", "A ", "AM")]
+
+    def asked(*words: str) -> list[str]:
+        return subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, check=False).stdout.splitlines()
+
+    begun = next((found[0] for main in ("origin/main", "main") if (found := asked("merge-base", "HEAD", main))), "HEAD")
+    ours = ("--", "*.py", ":!tests")
+    added = asked("diff", "--name-only", "--no-renames", "--diff-filter=A", begun, *ours)
+    added += asked("ls-files", "--others", "--exclude-standard", *ours)
     return frozenset(Path(file.strip('"')).stem for file in added)
 
 

@@ -28,7 +28,8 @@ EXPERIMENT = Experiment(
     2,
     "rotary axes turn about the points that machine.yaml states",
     "touch one facet at two angles: it is found in the same place of the table",
-    "correct point of the axis that is named in machine.yaml, or the length of the probe where the axis is in the head",
+    "first measure the probe in the spindle: where its length (probe: length) is wrong, an axis that tilts the table or the head "
+    "shows it as a point that is elsewhere. If the length is right, correct the point of the axis that is named in machine.yaml",
     judge,
     on=("rotary", "points"),
     touches=True,

@@ -87,7 +87,12 @@ def _advice(address: Address, error: Exception) -> str:
             "Renew it, or name the host as it does. The environment variable SSL_CERT_FILE names a file with the certificate of a "
             "shop's own issuer; verify=no looks at no certificate"
         )
-    if ways()[address.scheme].needs != "device":
+    way = ways()[address.scheme]
+    if way.advice:
+        return way.advice
+    if way.needs in ("file", "path"):
+        return f"Is what stands at {address.target} there, open to you, and no other program connected to it?"
+    if way.needs != "device":
         return "Is the controller or converter switched on, the address right, and no other program connected to it?"
     busy = getattr(error, "errno", None) in (11, 16, 35) or "lock" in str(error) or "PermissionError(13" in str(error)  # Windows
     there = ", ".join(f"{device} ({text})" for device, text in ports()) or "none"
