@@ -22,6 +22,7 @@ pytest_plugins = [
     "support.cells",
     "support.plans",
     "support.rigs",
+    "support.quiet",
     "support.shares",
     "support.newhistory",
 ]

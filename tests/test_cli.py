@@ -143,7 +143,8 @@ def test_every_command_has_its_place_in_the_list_and_says_what_it_is_for(capsys:
         assert re.search(rf"^  {name}\b", shown, re.MULTILINE), f"{name} is missing in tango --help"
         places.setdefault(found[0], []).append(file.name)
     twice = {place: files for place, files in places.items() if len(files) > 1}
-    assert not twice, f"tango_cnc/commands/: two commands state the same place in the list; change one number: {twice}"
+    taken = ", ".join(sorted(place.partition('"')[2].rstrip('"') for place in places))
+    assert not twice, f"tango_cnc/commands/: two commands state the same place: {twice}; take a number between those of: {taken}"
 
 
 @pytest.mark.parametrize(

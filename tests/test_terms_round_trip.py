@@ -130,7 +130,9 @@ def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, be
         missing = {str(effect["cause"]) for effect in effects} - set(simulated())
         assert effects and not missing, f"write sim_controller/effects/{name}.py (docs/effects.md, One more)"
         change = changed(bench, yaml.safe_load(yaml.safe_dump(effects)))
-        assert np.abs(change - columns @ values).max() < 0.02 * np.abs(change).max(), (setting, effects)
+        assert np.abs(change - columns @ values).max() < 0.02 * np.abs(change).max(), (
+            f"tango_cnc/terms/{name}.py: its `effects` are not done by sim_controller/effects/{name}.py: {setting}, {effects}"
+        )
     assert compared, f"{offered} moves no touch of this plan: state another `example` in tango_cnc/terms/{name}.py"
 
 

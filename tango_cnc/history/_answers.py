@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import namedtuple
 from collections.abc import Mapping
 from contextlib import closing
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -29,7 +30,7 @@ class _Text(NamedTuple):
 
 def answers(engine: Engine, wanted: Select[Any], given: Mapping[str, Any] | None) -> list[Row[Any]]:
     """database, question, what is filled in → its answers. Raises DBAPIError, UnicodeDecodeError."""
-    said = _text(wanted, engine.dialect)
+    said = _text(wanted, _Kind(engine.dialect.name, engine.dialect.driver, engine.dialect))
     if said is not None:
         values = {**said.own, **(given or {})}
         filled = values if said.order is None else tuple([values[name] for name in said.order])
@@ -45,12 +46,21 @@ def answers(engine: Engine, wanted: Select[Any], given: Mapping[str, Any] | None
         return list(connection.execute(wanted, given).all())
 
 
+@dataclass(frozen=True)
+class _Kind:
+    """One kind of database with its driver: every engine has a dialect of its own, and the same texts."""
+
+    name: str
+    driver: str
+    dialect: Dialect = field(compare=False)
+
+
 @lru_cache(128)
-def _text(wanted: Select[Any], dialect: Dialect) -> _Text | None:
+def _text(wanted: Select[Any], kind: _Kind) -> _Text | None:
     """question, kind of database → its text; None for one whose text depends on how many values are filled in, or that
     has a column whose values are made into something else.
     """
-    made: Any = wanted.compile(dialect=dialect)
+    made: Any = wanted.compile(dialect=kind.dialect)
     columns = list(wanted.selected_columns)
     if made.post_compile_params or not all(isinstance(column.type, PLAIN) for column in columns):
         return None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import pickle
 from collections import OrderedDict
+from importlib import import_module
 from typing import Any
 
 import pytest
@@ -14,24 +15,27 @@ import pytest
 from sim_controller import probing
 from sim_controller.motion import Motion
 from sim_controller.probing import Rig
-from tango_cnc.records import Array, Artefact, Machine, World
+from tango_cnc.records import Array, Artefact, Machine, Strategy, World
 
 KEPT = 40  # rigs
 MOVES = 4000  # of one rig
-ANEW = ("test_sim_motion", "test_sim_shank", "test_sim_world", "test_sim_effects", "test_kinematics")
+ANEW = ("test_sim_motion", "test_sim_shank", "test_sim_world", "test_sim_effects", "test_sim_simulate", "test_kinematics")
 MADE: OrderedDict[tuple[Any, ...], tuple[Rig, Machine, Artefact]] = OrderedDict()
+CYCLES: OrderedDict[tuple[int, int, int], tuple[Any, Any]] = OrderedDict()
 MET: dict[int, dict[tuple[bytes | float, ...], Any]] = {}  # of the rigs in MADE, by `id`
 _rig, _meets = probing.rig, Motion._meets
 anew = False  # whether the test that is executed wants everything looked for
 
 
-def _remembered(machine: Machine, artefact: Artefact, world: World, *more: Any, **other: Any) -> Rig:
+def _remembered(
+    machine: Machine, artefact: Artefact, world: World, seed: int | None = None, *more: Any, control: Any = None, **other: Any
+) -> Rig:
     """As `probing.rig`; the same for the same machine, artefact and world. It is frozen: nobody can change what is true in it."""
-    if anew or more or other:
-        return _rig(machine, artefact, world, *more, **other)
-    key = id(machine), id(artefact), pickle.dumps(world)  # what `id` names is kept beside the rig
+    if anew or more or other or control is not None:
+        return _rig(machine, artefact, world, seed, *more, control=control, **other)
+    key = id(machine), id(artefact), pickle.dumps((world, seed))  # what `id` names is kept beside the rig
     if key not in MADE:
-        made = _rig(machine, artefact, world)
+        made = _rig(machine, artefact, world, seed)
         MADE[key] = made, machine, artefact
         MET[id(made)] = {}
     MADE.move_to_end(key)
@@ -54,7 +58,23 @@ def _known(motion: Motion, end: Array, direction: Array, after: float) -> Any:
     return met[move]
 
 
+def _planned(machine: Machine, artefact: Artefact, strategy: Strategy) -> Any:
+    """As `simulate._commanded`, which no world changes."""
+    if anew:
+        return _commanded(machine, artefact, strategy)
+    key = id(machine), id(artefact), id(strategy)
+    if key not in CYCLES:
+        CYCLES[key] = _commanded(machine, artefact, strategy), (machine, artefact, strategy)
+    CYCLES.move_to_end(key)
+    while len(CYCLES) > KEPT:
+        CYCLES.popitem(last=False)
+    return CYCLES[key][0]
+
+
 probing.rig, Motion._meets = _remembered, _known  # type: ignore[method-assign]
+# Read after that, so that it has the rigs from here, too.
+_simulated = import_module("sim_controller.simulate")
+_commanded, _simulated._commanded = _simulated._commanded, _planned  # type: ignore[attr-defined]
 
 
 @pytest.hookimpl(tryfirst=True)
