@@ -229,8 +229,8 @@ def differs(name: str) -> str:
     language = load(name).language
     return (
         f"postprocessors/{name}.py: its program does not fit the simulated control. Where the control has another word, axis "
-        f"number or setting than its relatives, state it in CONTROLS of sim_controller/languages/{language}; where a default of an option "
-        "differs, look at `cases` of tests/support/wrongcontrols.py"
+        f"number or setting than its relatives, state it in CONTROLS of sim_controller/languages/{language}; where a default of an "
+        "option differs, look at `cases` of tests/support/wrongcontrols.py"
     )
 
 
