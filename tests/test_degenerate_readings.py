@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 
-from tango_cnc.cli import _Commands, guarded, tango
+from tango_cnc.cli import guarded, tango
 
 MORE = {  # what a command has to be told besides its readings
     "compare": ("--with", "{cell}/whole.csv"),
@@ -29,7 +29,7 @@ PART = "G21 G90 G54\nG0 X0. Y0. Z20. A0. C0.\nG1 Z5. F500.\nG1 X20.\nM30\n"
 def reading() -> list[str]:
     """→ commands that take readings, found by their option."""
     context = click.Context(tango)
-    found = {name: tango.get_command(context, name) for name in _Commands().list_commands(context)}
+    found = {name: tango.get_command(context, name) for name in tango.list_commands(context)}
     return [name for name, one in found.items() if one is not None and any("--readings" in p.opts for p in one.params)]
 
 

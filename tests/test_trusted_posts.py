@@ -10,7 +10,7 @@ import pytest
 from support.profiles import spoken
 from support.runs import STRATEGY, Result
 
-from tango_cnc.cli import _Commands, tango
+from tango_cnc.cli import tango
 from tango_cnc.commands import _trusted
 from tango_cnc.commands.init import write_example
 
@@ -48,7 +48,7 @@ LATER = {"serve"}  # its --port is its own
 
 def test_every_command_that_reads_a_post_or_opens_a_port_is_asked(root):
     context = click.Context(tango)
-    options = {name: tango.get_command(context, name).params for name in _Commands().list_commands(context)}
+    options = {name: tango.get_command(context, name).params for name in tango.list_commands(context)}
     files = {name: root / "tango_cnc" / "commands" / f"{name.replace('-', '_')}.py" for name in options}
     loading = {name for name, file in files.items() if re.search(r"\bdialect\(|postprocessors", file.read_text(encoding="utf-8"))}
     loading |= {name for name, params in options.items() if any({"--port", "--post"} & set(p.opts) for p in params)}
