@@ -105,7 +105,7 @@ def test_beside_a_hand_nothing_moves_more_than_a_millimetre_or_turns_or_moves_fa
         math.remainder(place[n] - math.degrees(begun[n]), 360.0) for place in found.places for n in (*made.machine.rotary, "S")
     ]
     assert not np.any(np.abs(turned) > 0.01), turned  # grbl: its driver says an angle anew
-    assert ignored or ("TANGO END" in found.out.decode() and moved and found.clock() > 0.4), found.why
+    assert ignored or ("TANGO END" in found.out.decode() and moved and found.clock() > 0.4), (differs(name), found.why)
 
 
 def seen(

@@ -17,7 +17,7 @@ from postprocessors import companions, load, names, program
 from postprocessors.heidenhain import mask
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
-from sim_controller.session import language, profile
+from sim_controller.session import families, language, profile
 from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell, read_world
 from tango_cnc.link.client import Begun, Ended, Failed, Identified, Task, Touched
@@ -25,7 +25,7 @@ from tango_cnc.link.protocols.grbl import Client
 from tango_cnc.link.trust import Leeway, judge
 from tango_cnc.link.words import record
 from tango_cnc.plan import last_motion, plan, plan_hash
-from tango_cnc.records import Cell, Plan, Readings, World
+from tango_cnc.records import Cell, InputError, Plan, Readings, World
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "hu40t"
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -66,6 +66,11 @@ def printed(name: str) -> float:
 def control_of(name: str) -> ControlOf:
     """dialect → the control of its language, with what the simulated control of that name has of its own (`CONTROLS`)."""
     family = load(name).language
+    if family not in families():
+        raise InputError(
+            f"postprocessors/{name}.py: found language={family!r}; allowed: {', '.join(families())}, or write "
+            f"sim_controller/languages/{family}.py first (docs/dialects.md, Writing one): these tests run programs on it"
+        )
     spoken, made = language(family), replace(LANGUAGES.get(family, ControlOf(family)), resolution=printed(name))
     library = beside(name) if family in BESIDE else made.library
     own = spoken.CONTROLS.named.get(name)

@@ -176,7 +176,7 @@ def cases(name: str) -> dict[str, Case]:
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
         )
-        wired = "G31" if usual["skip"] == "G31 P1" else "G31 P1"
+        wired = "G31 P1" if usual["skip"] == "G31" else "G31.1"
         found["alive"] = Case("alive", {"habits": {"skip_word": wired}}, {}, {"skip": wired}, "skip")
     if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
