@@ -36,7 +36,7 @@ from .session import Ledger, Session, Setup, families
 @click.option(
     "--language", metavar="NAME", help=f"What the control understands: {', '.join(families())}. Default: that of the post."
 )
-@click.option("--protocol", metavar="NAME", help="How it talks: dnc, dprnt, grbl, modbus. Default: as the port of the cell.")
+@click.option("--protocol", metavar="NAME", help=f"How it talks: {', '.join(server.talks())}. Default: as the port of the cell.")
 @click.option(
     "--mode", type=click.Choice(["memory", "dnc"]), default="memory", show_default=True, help="Store, then run; or drip-feed."
 )

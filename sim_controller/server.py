@@ -17,19 +17,22 @@ from .session import Session
 Wrapper = Callable[[Line], Line]  # a line → the same line with its faults
 
 
+def talks() -> list[str]:
+    """→ names of the protocols: the files of `protocols/`."""
+    return sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
+
+
 def protocol(name: str) -> Talk:
     """name → the protocol. Raises InputError for one that there is no file for."""
-    known = sorted(m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_"))
-    if name not in known:
-        raise InputError(f"--protocol: found {name!r}; allowed: {', '.join(known)}")
+    if name not in talks():
+        raise InputError(f"--protocol: found {name!r}; allowed: {', '.join(talks())}")
     found: Talk = importlib.import_module(f"{protocols.__name__}.{name}").TALK
     return found
 
 
 def protocols_by_port() -> dict[str, str]:
     """→ {how the URL of a port begins: protocol}; of several the first by name."""
-    known = sorted((m.name for m in pkgutil.iter_modules(protocols.__path__) if not m.name.startswith("_")), reverse=True)
-    return {protocol(name).tcp.partition("{")[0]: name for name in known}
+    return {protocol(name).tcp.partition("{")[0]: name for name in reversed(talks())}
 
 
 def serve_tcp(listening: socket.socket, talk: Talk, session: Session, *, parity: bool, once: bool, disturbed: Wrapper) -> None:

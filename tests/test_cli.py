@@ -13,10 +13,10 @@ import pytest
 from support.runs import STRATEGY
 
 from tango_cnc import commands
-from tango_cnc.cli import FOR, PLACE, _Commands, guarded, tango
+from tango_cnc.cli import FOR, PLACE, guarded, tango
 from tango_cnc.commands.init import examples
 
-COMMANDS = _Commands().list_commands(click.Context(tango))
+COMMANDS = tango.list_commands(click.Context(tango))
 
 
 def call(*arguments: object) -> int:

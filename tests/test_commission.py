@@ -199,7 +199,7 @@ def test_its_program_is_read_back(name: str) -> None:
 @pytest.mark.parametrize("name", DIALECTS)
 def test_a_control_on_which_all_is_right_passes(name: str) -> None:
     what, events = seen(name)
-    assert set(verdicts(what, "PASS")) == IN_THE_AIR, commission.judge(what)
+    assert set(verdicts(what, "PASS")) == IN_THE_AIR, (differs(name), what.said, commission.judge(what))
     assert not set(NEAR) & set(events)
 
 
@@ -224,6 +224,16 @@ def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None
     assert verdicts(what, "FAIL") == ["records"] and not set(NEAR) & set(events)
 
 
+def differs(name: str) -> str:
+    """dialect → where it is said that its control, or a default of its post, is another one than that of its relatives."""
+    language = load(name).language
+    return (
+        f"postprocessors/{name}.py: its program does not fit the simulated control. Where the control has another word, axis "
+        f"number or setting than its relatives, state it in CONTROLS of sim_controller/languages/{language}; where a default of an "
+        "option differs, look at `cases` of tests/support/wrongcontrols.py"
+    )
+
+
 def restated(case: Case, number: float, machine: Machine) -> Machine:
     """case, number that was found, machine.yaml → what it states afterwards."""
     assert case.restated is not None
@@ -236,7 +246,8 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
     case = cases(name)[belief]
     what, events = seen(name, case)
     assert not set(NEAR) & set(events)
-    assert verdicts(what, "FAIL") == ([case.fails] if case.fails else []), (what.said, commission.judge(what))
+    asked = ([case.fails] if case.fails else [], case.wrong, case.stated)
+    assert verdicts(what, "FAIL") == asked[0], (differs(name), "fails, control, profile", asked, what.said, commission.judge(what))
     if case.fails is None:  # the program looks twice: nothing to mend
         return
     advice = next(e for e in commission.experiments() if e.belief == case.fails)
@@ -253,7 +264,7 @@ def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_i
             f"with a row for {case.fails!r} (MACRO_B of _remedies.py is one to begin with; docs/dialects.md, Writing one)"
         )
         after, events = seen(name, ALL_RIGHT, stated=case.stated)
-    assert set(verdicts(after, "PASS")) == IN_THE_AIR, commission.judge(after)
+    assert set(verdicts(after, "PASS")) == IN_THE_AIR, (differs(name), "mended by", case.mended, commission.judge(after))
     assert not set(NEAR) & set(events)
 
 

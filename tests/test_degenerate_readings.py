@@ -7,14 +7,33 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import click
 import pytest
 
 from tango_cnc.cli import guarded, tango
 
-COMMANDS = (
-    "estimate",
-    *(pytest.param(c, marks=pytest.mark.long) for c in ("verify", "diagnose", "iso230", "uncertainty", "report")),
-)
+MORE = {  # what a command has to be told besides its readings
+    "compare": ("--with", "{cell}/whole.csv"),
+    "compensate": ("--target", "siemens", "--dry-run"),
+    "design": ("--goal", "check"),
+    "predict": ("{cell}/part.nc", "--zero", "X=0,Y=0,Z=60", "--tool-length", "150"),
+}
+ELSEWHERE = {  # whose readings are others: of a sphere, of a protocol that is signed, those that it makes
+    "accept": "test_acceptance.py",
+    "capability": "test_capability.py",
+    "run": "test_run.py",
+}
+PART = "G21 G90 G54\nG0 X0. Y0. Z20. A0. C0.\nG1 Z5. F500.\nG1 X20.\nM30\n"
+
+
+def reading() -> list[str]:
+    """→ commands that take readings, found by their option."""
+    context = click.Context(tango)
+    found = {name: tango.get_command(context, name) for name in tango.list_commands(context)}
+    return [name for name, one in found.items() if one is not None and any("--readings" in p.opts for p in one.params)]
+
+
+COMMANDS = [name for name in reading() if name not in ELSEWHERE]
 Row = dict[str, str]
 
 
@@ -57,10 +76,20 @@ def test_a_sentence_and_no_traceback(
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(spoil(rows))
-    status = called(command, "-C", str(cell), "--readings", str(cell / "simulated.csv"))
+    shutil.copy(simulated / "simulated.csv", cell / "whole.csv")
+    (cell / "part.nc").write_text(PART, encoding="utf-8")
+    more = [word.format(cell=cell) for word in MORE.get(command, ())]
+    status = called(command, "-C", str(cell), "--readings", str(cell / "simulated.csv"), *more)
     said = capsys.readouterr()
-    assert status in (1, 2)
-    assert said.out or said.err.startswith("tango: ")
+    asked = f"tango {command} with readings that tell nothing; a command that needs more words: MORE of this file"
+    assert status in (1, 2), f"{asked}: ended with {status}: {said.err}"
+    assert said.out or said.err.lstrip().startswith("tango: "), f"{asked}: {said.err}"
+    assert "Usage:" not in said.err and "no such file" not in said.err, f"{asked}: {said.err}"
+
+
+def test_whose_readings_are_others_has_a_test_of_its_own() -> None:
+    assert set(ELSEWHERE) <= set(reading()) and set(MORE) <= set(COMMANDS)
+    assert not [file for file in ELSEWHERE.values() if not (Path(__file__).parent / file).is_file()]
 
 
 @pytest.fixture(scope="module")

@@ -39,9 +39,12 @@ def test_the_dialect_gives_the_parameters_of_the_true_machine(
 ) -> None:
     readings = measured(plan(cell), name, world)
     assert readings.facet == true.facet
-    assert set(readings.status) == {"ok"}
+    assert set(readings.status) == {"ok"}, f"postprocessors/{name}.py: a record is no contact: {sorted(set(readings.status))}"
     exact, moved = limits
     found = s3(cell, readings)
     assert found.keys() == exact.keys()
     for parameter, value in exact.items():
-        assert abs(found[parameter] - value) <= 2 * moved[parameter] * EVERY[name].resolution / PRINTED, parameter
+        assert abs(found[parameter] - value) <= 2 * moved[parameter] * EVERY[name].resolution / PRINTED, (
+            f"postprocessors/{name}.py: {parameter} differs by more than digits of {EVERY[name].resolution} mm do: does its "
+            "control print fewer (printed in tests/support/dialects.py), or read positions otherwise (CONTROLS of its language)?"
+        )

@@ -11,12 +11,12 @@ import pytest
 from support.imports import modules
 from support.rows import added, writing
 
-from tango_cnc.cli import FOR, _Commands, tango
+from tango_cnc.cli import FOR, tango
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_docs.py -k table_of_commands"
-COMMANDS = set(_Commands().list_commands(click.Context(tango)))
+COMMANDS = set(tango.list_commands(click.Context(tango)))
 
 
 def text(file: Path) -> str:

@@ -96,7 +96,10 @@ def test_the_readings_are_those_of_touching_once(name: str, cell: Cell, world: W
     """Every coordinate to the last digit or two that the control knows of, and so the parameters."""
     once, double = (measured(plan(of), name, world) for of in (cell, twice(cell)))
     assert set(double.status) == {"ok"} and double.facet == once.facet
-    assert np.abs(double.position - once.position).max() <= 2.5 * EVERY[name].resolution
+    off, digit = float(np.abs(double.position - once.position).max()), EVERY[name].resolution
+    assert off <= 2.5 * digit, (
+        f"postprocessors/{name}.py: {off:.1e} mm apart, its digit is {digit} mm (printed, support/dialects.py)"
+    )
     found, exact = s3(cell, double), s3(cell, once)
     assert found.keys() == exact.keys()
     for parameter, value in exact.items():  # both are rounded

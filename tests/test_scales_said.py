@@ -21,6 +21,12 @@ COMMANDS = (
 PART = "G21 G90 G54\nG0 X0. Y0. Z20. A0. C0.\nG1 Z5. F500.\nG1 X20.\nM30\n"
 
 
+def test_every_command_that_says_what_scales_mean_is_asked(root: Path) -> None:
+    files = (file for file in (root / "tango_cnc" / "commands").glob("[!_]*.py") if "_scales" in file.read_text(encoding="utf-8"))
+    left = {file.stem for file in files} - {words[0] for words in COMMANDS}
+    assert not left, f"tests/test_scales_said.py: COMMANDS: add the words of {', '.join(sorted(left))}"
+
+
 @pytest.fixture(scope="module")
 def cell(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scales") / "cell"

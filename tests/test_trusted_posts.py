@@ -2,12 +2,15 @@
 
 import importlib.util
 import py_compile
+import re
 from pathlib import Path
 
+import click
 import pytest
 from support.profiles import spoken
 from support.runs import STRATEGY, Result
 
+from tango_cnc.cli import tango
 from tango_cnc.commands import _trusted
 from tango_cnc.commands.init import write_example
 
@@ -35,7 +38,22 @@ COMMANDS = [
     ["plan"],
     ["link-test", "--port", "socket://127.0.0.1:1", "--seconds", "0.2"],
     ["run", "--port", "socket://127.0.0.1:1", "--yes"],
+    ["commission", "--program"],
+    ["locate", "--program"],
+    ["design", "--goal", "check"],
+    ["nightly"],
 ]
+LATER = {"serve"}  # its --port is its own
+
+
+def test_every_command_that_reads_a_post_or_opens_a_port_is_asked(root):
+    context = click.Context(tango)
+    options = {name: tango.get_command(context, name).params for name in tango.list_commands(context)}
+    files = {name: root / "tango_cnc" / "commands" / f"{name.replace('-', '_')}.py" for name in options}
+    loading = {name for name, file in files.items() if re.search(r"\bdialect\(|postprocessors", file.read_text(encoding="utf-8"))}
+    loading |= {name for name, params in options.items() if any({"--port", "--post"} & set(p.opts) for p in params)}
+    left = loading - {words[0] for words in COMMANDS} - LATER
+    assert not left, f"tests/test_trusted_posts.py: COMMANDS: add words of {', '.join(sorted(left))} that make it read the post"
 
 
 @pytest.mark.untrusted

@@ -57,10 +57,16 @@ def beside(name: str) -> tuple[str, ...]:
     return tuple(line for file, lines in files.items() for line in (file, *lines))
 
 
+def printed(name: str) -> float:
+    """dialect → mm and deg, the last digit of its records, as `print_format` has them where the profile says nothing."""
+    form = next((str(option.default) for option in load(name).options if option.name == "print_format"), "")
+    return float(10.0 ** -int(form[-1])) if form else PRINTED
+
+
 def control_of(name: str) -> ControlOf:
     """dialect → the control of its language, with what the simulated control of that name has of its own (`CONTROLS`)."""
     family = load(name).language
-    spoken, made = language(family), LANGUAGES.get(family, ControlOf(family))
+    spoken, made = language(family), replace(LANGUAGES.get(family, ControlOf(family)), resolution=printed(name))
     library = beside(name) if family in BESIDE else made.library
     own = spoken.CONTROLS.named.get(name)
     if own is None:

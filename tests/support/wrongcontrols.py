@@ -166,7 +166,8 @@ def cases(name: str) -> dict[str, Case]:
         turns = {"habits": {"orient": "P"}}
         found["orientation"] = Case("orientation", turns, {}, {"orient": "M19 P"}, "orient", person=False, oriented="M19 P")
     habits = EVERY[name].settings
-    if spoken == "macro_b" and habits.get("overflow") != "expanded":  # where fields do not grow
+    usual = {option.name: option.default for option in post.options}  # what the program has where the profile says nothing
+    if spoken == "macro_b" and habits.get("overflow") != "expanded" and usual["print_format"] < "5":  # where fields do not grow
         found["widths"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
     if spoken == "macro_b":  # they have a variable for the input
         found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
@@ -175,7 +176,8 @@ def cases(name: str) -> dict[str, Case]:
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
         )
-        found["alive"] = Case("alive", {"habits": {"skip_word": "G31 P1"}}, {}, {"skip": "G31 P1"}, "skip")
+        wired = "G31" if usual["skip"] == "G31 P1" else "G31 P1"
+        found["alive"] = Case("alive", {"habits": {"skip_word": wired}}, {}, {"skip": wired}, "skip")
     if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
     if spoken == "osp":
