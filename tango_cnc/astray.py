@@ -76,8 +76,8 @@ def no_proof(
     if fits <= max(agrees, DRAWN) and abs(larger) > 1e-3:
         return (
             f"All of them fit as well a table that is {abs(larger):.1%} {'larger' if larger > 0 else 'smaller'} than artefact.yaml "
-            "says; these touches cannot tell. Is it another table? Measure one of its widths. If something was met there instead "
-            "of the facet, take it away and touch again"
+            "says; these touches cannot tell. Is it another table? Measure one of its widths. If it is so, multiply all places in "
+            f"artefact.yaml by {1 + larger:.4f}. If something was met there instead of the facet, take it away and touch again"
         )
     if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > TURNED:
         return f"The others fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched: is it that of artefact.yaml?"

@@ -348,7 +348,7 @@ def _grown(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) ->
     size = f"{abs(by):.1%} {'larger' if by > 0 else 'smaller'}"
     return (
         f"All of them fit a table that is {size} than artefact.yaml says: measure one of its widths first. If it is so, multiply "
-        f"all points of artefact.yaml by {1 + by:.4f}, and read these same touches again with --readings"
+        f"all places in artefact.yaml (balls and obstacles, too) by {1 + by:.4f}, and read these same touches again with --readings"
     )
 
 

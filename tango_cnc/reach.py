@@ -9,14 +9,14 @@ e |d' − d| there.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from . import kinematics
-from .records import Array, Cell, InputError, Machine
+from .records import Array, InputError, Machine
 
+STEPS = 13  # places of each rotary axis over its travel
 KNOWN = 0.5  # mm to which the length of a stylus is measured in a shop
 WORDS = "from the reference point of the spindle to the centre of the ball"
 
@@ -26,7 +26,7 @@ class OtherLength:
     """What a stylus of another length explains as well: by how much it would be longer, and how far the table is beside then."""
 
     longer: float  # mm; below 0: shorter
-    beside: float  # mm, at the worst indexation of the strategy
+    beside: float  # mm, where the rotary axes stand worst
 
     def text(self, length: float) -> str:
         """mm that machine.yaml has → what it means, in a sentence."""
@@ -45,20 +45,25 @@ def outward(machine: Machine, position: Array) -> Array:
     return kinematics.tip(kinematics.chain(longer), position) - kinematics.tip(kinematics.chain(machine), position)
 
 
-def of_length(cell: Cell, position: Array, points: Array, placed: Array) -> OtherLength:
-    """cell, (n, axes) mm and rad of touches at one indexation, (m, 3) mm of facets in the file and in the place that was found →
+def of_length(machine: Machine, position: Array, points: Array, placed: Array) -> OtherLength:
+    """machine, (n, axes) mm and rad of touches at one indexation, (m, 3) mm of facets in the file and in the place that was found →
     what a stylus of another length would explain of it.
     """
-    (way,) = outward(cell.machine, position[:1])
+    (way,) = outward(machine, position[:1])
     longer = -float(np.mean(placed - points, axis=0) @ way)
-    elsewhere = [_standing(cell.machine, at.position) for at in cell.strategy.indexations]
-    ways = outward(cell.machine, np.array(elsewhere))
+    ways = outward(machine, _everywhere(machine))
     return OtherLength(longer, abs(longer) * float(np.linalg.norm(ways - way, axis=1).max()))
 
 
-def _standing(machine: Machine, at: Mapping[str, float]) -> Sequence[float]:
-    """machine, rad of its rotary axes by name → a position with the linear axes at zero."""
-    return [at.get(name, 0.0) for name in machine.names]
+def _everywhere(machine: Machine) -> Array:
+    """machine → (n, axes) positions of the rotary axes over their travels, linear axes at zero: a strategy of another day may
+    go wherever the axes do.
+    """
+    places = []
+    for axis in machine.axes:
+        low, high = axis.travel or (-math.pi, math.pi)
+        places.append(np.linspace(low, high, STEPS) if axis.name in machine.rotary else np.zeros(1))
+    return np.stack([grid.ravel() for grid in np.meshgrid(*places, indexing="ij")], axis=1)
 
 
 def agrees(machine: Machine, length: float) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from support.located import touched
 from support.runs import Result
 
@@ -70,7 +71,7 @@ def test_a_table_that_is_higher_is_placed_once_the_stylus_is_measured(tmp_path: 
 
 
 def test_where_the_spindle_always_stands_the_same_way_nobody_has_to_measure(tmp_path: Path) -> None:
-    """The sum of both is all that such a strategy ever meets."""
+    """The sum of both is all that such a machine ever meets."""
     folder, _, made = _cycle(tmp_path, "three_axis")
     file = tmp_path / "touches.csv"
     file.write_text(readings_text(touched(_with_stylus(made, 6.0), true=made.artefact)))
@@ -84,3 +85,28 @@ def test_the_length_is_named_before_anything_moves(tmp_path: Path) -> None:
     folder, cell, _ = _cycle(tmp_path, "trunnion")
     said = Result("locate", "-C", folder, "--program")
     assert f"Probe ({cell.machine.probe.length:g} mm) in the spindle and on. Measure its length" in said.out
+
+
+def test_a_strategy_that_does_not_tilt_is_no_proof_for_one_that_does(tmp_path: Path) -> None:
+    """The place was taken over, and the strategy of the next day met the table."""
+    folder, cell, _ = _cycle(tmp_path, "hu40t")
+    level = [at for at in cell.strategy.indexations if abs(at.position["B"]) < 1e-9]
+    made = locate.strategy(replace(cell, strategy=replace(cell.strategy, indexations=tuple(level))))
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(_with_stylus(made, 6.0), true=made.artefact)))
+    data = yaml.safe_load((folder / "strategy.yaml").read_text())
+    data["indexations"] = [at for at in data["indexations"] if at.get("B", 0) == 0]
+    (folder / "strategy.yaml").write_text(yaml.safe_dump(data))
+    refused = Result("locate", "-C", folder, "--readings", file)
+    assert refused.code == 1 and "6.00 mm longer" in refused.err
+
+
+def test_a_command_that_is_handed_out_states_again_what_was_stated(tmp_path: Path) -> None:
+    """Two refusals sent each other round: each dropped what the person had stated after the other."""
+    folder, _, made = _cycle(tmp_path, "trunnion")
+    file = tmp_path / "touches.csv"
+    file.write_text(readings_text(touched(_with_stylus(made, 6.0), true=made.artefact)))
+    refused = Result("locate", "-C", folder, "--readings", file, "--agrees", 0.3, "--within", 15)
+    assert f"'tango locate -C {folder} --within 15 --agrees 0.3 --readings {file} --length 240'" in refused.err, refused.err
+    program = Result("locate", "-C", folder, "--program", "--within", 10)
+    assert f"Then 'tango locate -C {folder} --within 10 --port " in program.out, program.out

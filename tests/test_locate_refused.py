@@ -236,6 +236,7 @@ def test_where_no_facets_tell_the_size_it_is_said_before_and_after(
     said = capsys.readouterr().err
     assert says in said and "--agrees MM' places the table from these same touches" in said
     assert not (tmp_path / "cell" / "locate" / "artefact.yaml").exists()
+    again = (*again, "--length", cell.machine.probe.length)
     assert call(*again, "--agrees", "0.05", "--json", "-") == 0
     assert 0 < json.loads(capsys.readouterr().out)["unsized_mm"] < 0.5
     assert call(*again, "--agrees", "1") == 0
@@ -353,7 +354,7 @@ def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: P
         if refused:
             silent += 1
             assert f"Facet {touch.facet} would tell, but nothing was met there" in err and "strategy.yaml" not in err
-            assert f"'tango locate -C {cell} --readings '{file}' --agrees MM'" in err
+            assert f"'tango locate -C {cell} " in err and f" --readings '{file}' --agrees MM'" in err
         else:
             assert f"nothing was met at facet {touch.facet}: see why" in out
             assert json.loads((tmp_path / "it.json").read_text())["missed"] == [touch.facet]

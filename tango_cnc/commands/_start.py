@@ -92,7 +92,7 @@ def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which
     for text in unproven:
         click.echo(f"not proven on this control: {text}", err=True)
     if unproven:
-        click.echo("'tango commission' tries these high above the table, in minutes; with --touch, at the table.", err=True)
+        click.echo("'tango commission' tries these in minutes: high above the table, and with --touch at the table.", err=True)
 
     if dialled:
         click.echo("The feed override acts on measuring moves (feed_override: acts): turn it to 100 %, leave it there.", err=True)

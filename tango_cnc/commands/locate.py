@@ -16,7 +16,7 @@ from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.origin import set_aside
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, NothingSentError
-from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
+from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, typed, writing
 from ._live import Live
 from ._start import in_spindle
 from ._written import conducted, written
@@ -60,7 +60,7 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
     type=click.FloatRange(0, 1000, min_open=True),
     metavar="MM",
     help="Length of the probe as you have measured it today, from the reference point of the spindle to the centre of the ball. "
-    "It has to be that of machine.yaml. Needed where the table is found higher or lower by more than 1 mm.",
+    "It has to be that of machine.yaml. Needed where the table is found higher or lower, and that would matter at another tilt.",
 )
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
@@ -106,9 +106,10 @@ def command(
         notice = _notice(made, within, stated)
         if only_program:
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
+            then = f'{typed("only_program", "port", "yes")} --port "file:///FOLDER/TANGO.TXT?from=last" --yes'
             click.echo(
-                f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then 'tango locate -C {folder} "
-                '--port "file:///FOLDER/TANGO.TXT?from=last" --yes\' makes readings of that file and says where the table stands'
+                f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then '{then}' makes readings of "
+                "that file and says where the table stands"
             )
             click.echo(f"before it: {notice}")
             return
@@ -128,9 +129,9 @@ def command(
     before = set_aside(where) if out is None and post is not None else None
     try:
         found = locate.locate(made, readings, stated)
-        placed = _by_length(cell, made, readings, found, length is not None)
+        placed = _by_length(made, readings, found, length is not None)
     except InputError as error:
-        click.echo(f"\ntango: {_by_name(str(error), folder, file or target)}{_before(where, before)}", err=True)
+        click.echo(f"\ntango: {_as_typed(str(error), file or target)}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -161,28 +162,32 @@ def command(
     _told(found, result, agrees, known[1], other)
 
 
-def _by_name(said: str, folder: Path, file: Path) -> str:
-    """why a table is not placed, cell, file of the readings → the same with the commands in it as they are typed."""
+def _as_typed(said: str, file: Path) -> str:
+    """why a table is not placed, file of the readings → the same with the commands in it as they are typed: what was stated
+    already is stated again, but for what they state anew.
+    """
     from .. import locate
 
-    return said.rstrip(".").replace(f"--readings {locate.FILE}", f"-C {quote(str(folder))} --readings {quote(str(file))}")
+    anew = [name for name, option in (("stated", "--agrees"), ("length", "--length")) if f" {option} " in said]
+    again = f"{typed('only_program', 'port', 'yes', 'file', *anew)} --readings {quote(str(file))}"
+    return said.rstrip(".").replace(f"tango locate --readings {locate.FILE}", again)
 
 
-def _by_length(cell: Cell, made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
-    """cell, plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
+def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
+    """plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
     another length explains as well. Raises InputError where that is more than a short search finds, and nobody has measured.
     """
     from .. import locate, reach
 
     names = list(found.counted)
     here, there = (np.array([table.facets[name].point for name in names]) for table in (made.artefact, found.artefact))
-    other = reach.of_length(cell, readings.position, here, there)
+    other = reach.of_length(made.machine, readings.position, here, there)
     if not measured and other.beside > locate.KNOWN:
         length = made.machine.probe.length
         raise InputError(
             f"the touches agree, and yet {other.text(length)}. Measure the probe in the spindle, {reach.WORDS}. If it is "
             f"{length:g} mm, 'tango locate --readings {locate.FILE} --length {length:g}' places the table from these same touches; "
-            "nothing moves. If it is not, correct machine.yaml first (probe: length)"
+            "nothing moves. If it is not, correct machine.yaml (probe: length) and read the same touches again"
         )
     return other
 
@@ -199,11 +204,12 @@ def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterat
     except LinkError as error:
         from .. import locate
 
-        aside = set_aside(where) if out is None else None
+        aside, said, advice = set_aside(where) if out is None else None, str(error).rstrip("."), locate.advice(made)
+        page, length = f"docs/controls/{controller_of(cell).post}.md", made.machine.probe.length
         raise type(error)(
-            f"{str(error).rstrip('.')}. After a stop: read the screen of the control, clear the alarm, and move the probe up along "
-            f"the tool by hand before anything turns (docs/controls/{controller_of(cell).post}.md). "
-            f"If touches met nothing: is the probe alive? If it is: {locate.advice(made)}{_before(where, aside)}"
+            f"{said}{'' if said.endswith('?') else '.'} After a stop: read the screen of the control, clear the alarm, and move "
+            f"the probe up along the tool by hand before anything turns ({page}). Is the probe alive, and is it {length:g} mm long, "
+            f"as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}{_before(where, aside)}"
         ) from None
 
 
