@@ -250,8 +250,8 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
     facets = [plan.artefact.facets[readings.facet[row]] for row in met]
     if weakest(plan.artefact, tuple(facet.id for facet in facets)) < 1e-3:
         raise InputError(
-            f"{len(met)} of {len(readings.status)} touches met something, too few to find where the table stands; "
-            f"{_missed(readings)}. {advice(plan)}"
+            f"{len(met)} of {len(readings.status)} touches met something, and these do not tell where the table stands"
+            f"{'; ' + _missed(readings) if _without(readings) else ''}. {advice(plan)}"
         )
     tip = kinematics.tip(kinematics.chain(plan.machine), readings.position[met])
     least = min(LEAST, len(plan.touches))

@@ -131,7 +131,8 @@ def command(
         found = locate.locate(made, readings, stated)
         placed = _by_length(made, readings, found, length is not None)
     except InputError as error:
-        click.echo(f"\ntango: {_as_typed(str(error), file or target)}{_before(where, before)}", err=True)
+        click.echo("" if post is None else "\n", nl=False, err=True)  # below the bar of the touches
+        click.echo(f"tango: {_as_typed(str(error), file or target)}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -208,8 +209,8 @@ def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterat
         page, length = f"docs/controls/{controller_of(cell).post}.md", made.machine.probe.length
         raise type(error)(
             f"{said}{'' if said.endswith('?') else '.'} After a stop: read the screen of the control, clear the alarm, and move "
-            f"the probe up along the tool by hand before anything turns ({page}). Is the probe alive, and is it {length:g} mm long, "
-            f"as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}{_before(where, aside)}"
+            f"the probe up along the tool by hand before anything turns ({page}). Is the probe alive, and is it {length:g} mm "
+            f"long, as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}{_before(where, aside)}"
         ) from None
 
 
