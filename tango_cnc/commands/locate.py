@@ -210,7 +210,8 @@ def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterat
         raise type(error)(
             f"{said}{'' if said.endswith('?') else '.'} After a stop: read the screen of the control, clear the alarm, and move "
             f"the probe up along the tool by hand before anything turns ({page}). Is the probe alive, and is it {length:g} mm "
-            f"long, as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}{_before(where, aside)}"
+            f"long, as machine.yaml has it? If so, and nothing was in the way: {advice[0].lower()}{advice[1:]}"
+            f"{_before(where, aside)}"
         ) from None
 
 
