@@ -10,7 +10,7 @@ from typing import Any
 from ..records import InputError, Machine
 from ..texts import Said, say
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
+from .answer import NEWER, Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
@@ -115,6 +115,8 @@ def context(
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
     began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
     coming_night = next_night(record, decisions, before)
+    if told.state == NEWER and not never:
+        within = within or told.after  # the night let parts be made, and the readings after it do not
     suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
@@ -188,7 +190,7 @@ def _told(
     waits, has = answered(found, record)
     told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine)
+    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine, before or record)
 
 
 def _suspected(
