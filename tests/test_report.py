@@ -766,7 +766,9 @@ def test_a_report_that_says_no_after_the_night_orders_what_the_pages_of_the_mach
     record: dict[str, Any] = {"verdict": "good", "night": "2026-11-20", "volume": volume}
     record["parameters"] = {n: {"value": 0.5 * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
     there, limit = 500 * facts.tip.worst, 750 * facts.tip.worst
-    record["limits"] = [{"what": "volume", "value": there, "unit": "µm", "low": there, "high": there, "limit": limit, "passed": True}]
+    record["limits"] = [
+        {"what": "volume", "value": there, "unit": "µm", "low": there, "high": there, "limit": limit, "passed": True}
+    ]
     parts = tuple(parts_since("2026-11-20", (), {}, texts()))
     more: dict[str, Any] = {"todo": ("Nothing.",), "asks": "Call Ann.", "parts": parts}
     night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record, **more)
