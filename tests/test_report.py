@@ -32,10 +32,10 @@ from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
 from tango_cnc.report.may import _after, may
+from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
 from tango_cnc.report.terminal import summary
-from tango_cnc.report.orders import parts_since
 from tango_cnc.report.texts import texts, texts_of
 from tango_cnc.report.units import Units
 from tango_cnc.report.verdict import Check, worst_of
