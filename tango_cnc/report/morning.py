@@ -10,7 +10,7 @@ from typing import Any
 from ..records import InputError, Machine
 from ..texts import Said, say
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import NEWER, Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
+from .answer import Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
@@ -113,10 +113,8 @@ def context(
     told = _told(record, found, before, late, coming, stale, former, newer_no, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
-    began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
+    began, within = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ()), within or told.after
     coming_night = next_night(record, decisions, before)
-    if told.state == NEWER and not never:
-        within = within or told.after  # the night let parts be made, and the readings after it do not
     suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
