@@ -106,6 +106,7 @@ def test_a_range_has_the_guard_bands_of_its_own_shape(
     assert row.decided == (least, most) and page.cells(row)[2] == f"{least:.2f} … {most:.2f}"
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("value", [-13.0, -2.0, 0.4, 3.0, 8.3, 12.0])
 @pytest.mark.parametrize("limit", [0.1, 2.0, 10.0])
 def test_the_interval_that_is_printed_is_the_one_that_decides(tmp_path: Path, value: float, limit: float) -> None:
@@ -369,6 +370,7 @@ def test_notes_on_the_fit_are_no_deviations_from_the_method(tmp_path: Path) -> N
     assert "other: notes" not in signed(tmp_path, sheet(1.0)).checklist
 
 
+@pytest.mark.few(1)
 @pytest.mark.skipif(not available(), reason="typst is not installed")
 @pytest.mark.parametrize("count", [8, 16, 28])
 def test_a_sheet_of_many_figures_is_one_page(tmp_path: Path, count: int) -> None:

@@ -174,6 +174,7 @@ def test_the_table_meets_a_tool_setter_that_stands_where_it_goes() -> None:
     assert "obstacle 4 of the machine" in met(plan(trunnion()), trunnion(*YOKE, near))
 
 
+@pytest.mark.few(0)
 def test_a_clamp_on_the_table_meets_the_yoke_when_c_turns_and_not_when_a_does() -> None:
     cell = trunnion(*YOKE)
     clamp = Obstacle("box", low=(-20.0, 170.0, -70.0), high=(20.0, 262.0, -50.0))

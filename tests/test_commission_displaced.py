@@ -83,6 +83,7 @@ def low(cell: Cell, room: float) -> Cell:
     return replace(cell, machine=replace(cell.machine, axes=tuple(ended(axis) for axis in cell.machine.axes)))
 
 
+@pytest.mark.few(0)
 def test_where_the_travel_ends_the_table_may_be_less_far_and_it_is_said() -> None:
     short = low(cell_of("trunnion"), 12.0)
     with pytest.raises(InputError, match="--within: found 20 mm, by which the table may stand elsewhere"):
@@ -94,6 +95,7 @@ def test_where_the_travel_ends_the_table_may_be_less_far_and_it_is_said() -> Non
     assert none.within == 0.0 and "leave no room" in above.said(none)
 
 
+@pytest.mark.few(0)
 def test_a_table_off_its_place_has_touches_that_cannot_be_made_and_is_commissioned_all_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

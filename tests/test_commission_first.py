@@ -55,7 +55,7 @@ def cell_of(folder: Path, name: str) -> Path:
     return folder
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sorted(EVERY))
 @pytest.mark.parametrize(("answers", "belief"), [("n\n", "alive"), ("y\nn\n", "directions")])
 def test_a_no_by_hand_fails_the_belief_and_nothing_is_sent(
@@ -71,6 +71,7 @@ def test_a_no_by_hand_fails_the_belief_and_nothing_is_sent(
     assert not list(cell.glob("readings*"))
 
 
+@pytest.mark.few(0)
 def test_what_is_proven_is_not_asked_and_a_yes_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -118,7 +119,7 @@ def test_a_stop_that_blames_frames_names_the_mirror_image_and_what_to_change(nam
     assert ("A mirror image here:" in remedy_here(load(name), "frames")) == ("mirror" in remedies)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("first", [1, 2])
 def test_the_stylus_that_has_to_be_in_the_spindle_is_named_before_anything_moves(
     first: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -196,6 +196,7 @@ def test_whoever_ends_it_while_it_runs_is_asked_nothing_more(
     assert not read_commissioning(cell)
 
 
+@pytest.mark.few(0)
 def test_a_macro_that_mach3_does_not_have_is_no_silent_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Exit status 0, not a word, and no record."""
     cell = cell_of(tmp_path / "cell", "mach3")

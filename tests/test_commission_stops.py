@@ -116,7 +116,7 @@ def test_positions_in_steps_that_are_useless_are_no_records(step: float, verdict
     assert verdicts(commission.Seen(made, found, True, True))["records"] == verdict
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("draws", [12, pytest.param(200, marks=pytest.mark.long)])
 @pytest.mark.parametrize("places", [3, 4])
 def test_few_places_of_a_fine_control_are_multiples_of_something_and_no_coarse_steps(places: int, draws: int) -> None:
@@ -188,6 +188,7 @@ def cell_of(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.few(0)
 def test_where_no_control_is_nothing_is_proven(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     cell, file = cell_of(tmp_path / "cell"), tmp_path / "TANGO.TXT"
     file.write_text("")

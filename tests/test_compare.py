@@ -74,6 +74,7 @@ def test_what_a_sampled_probe_does_is_found_and_explained(cell):
     assert {"X+", "X-", "Z-"} <= set(found["by_direction"])
 
 
+@pytest.mark.few(0)
 def test_the_same_readings_do_not_differ(cell):
     changed(cell, lambda row: None)
     found = json.loads(Result("compare", "-C", cell, "--with", cell / "simulated.csv", "--json", "-").out)
@@ -81,6 +82,7 @@ def test_the_same_readings_do_not_differ(cell):
     assert "latch" not in found
 
 
+@pytest.mark.few(0)
 def test_touches_that_only_one_made_are_counted(cell):
     changed(cell, lambda row: row["touch"] != "7" and row.update(status="miss" if row["touch"] == "9" else row["status"]))
     result = Result("compare", "-C", cell, "--with", cell / "simulated.csv")

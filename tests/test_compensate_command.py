@@ -79,6 +79,7 @@ def test_files_of_simulated_readings_need_consent_and_say_so_first(cell: Path, t
         assert "Predict the program that it was made from" in text and "a guess by its text" in text
 
 
+@pytest.mark.few(0)
 def test_a_change_beyond_the_cap_writes_nothing(cell: Path, tmp_path: Path) -> None:
     mill = copied(cell, tmp_path / "mill")
     done = run("compensate", "-C", mill, "--target", "linuxcnc", "--cap-mm", "0.0001", "--simulated")

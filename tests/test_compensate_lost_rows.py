@@ -23,7 +23,7 @@ def stored(target: str) -> Proposal:
     return propose(first("trunnion"), target, poses=64)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("target", TABLES)
 def test_a_table_that_lost_a_row_is_refused(target: str) -> None:
     """Its row was taken as 0, which is a step in the table that is written."""
@@ -48,7 +48,7 @@ def test_a_file_that_was_cut_within_a_number_is_refused_and_a_whole_one_may_end_
         given("siemens", dict(list(numbers.items())[:2]), open_end=True)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("target", ["siemens", "fanuc", "heidenhain", "value_sheet", "linuxcnc", "centroid"])
 def test_a_row_that_stands_alone_and_a_table_of_other_increments_are_doubts(target: str) -> None:
     """0.9 mm among rows of 1 µm; all rows ten and a hundred times as large."""

@@ -37,7 +37,7 @@ def places(target: str, name: str = "trunnion") -> dict[str, float]:
     return dict(propose(first(name), target, poses=64).present)
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("target", "place", "number", "words"),
     [
@@ -282,6 +282,7 @@ def test_a_description_with_its_pivots_elsewhere_is_named(target: str, file: str
     assert "another machine" not in str(refused.value)  # a digit is a digit
 
 
+@pytest.mark.few(0)
 def test_a_file_of_undo_and_of_a_neighbour_is_named(tmp_path: Path) -> None:
     """Read back from the control: what was there before, or what was proposed for the machine in the next cell."""
     mine, other = tmp_path / "mill" / loop.FOLDER, tmp_path / "mill 2" / loop.FOLDER

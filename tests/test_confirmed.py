@@ -52,6 +52,7 @@ def open_facts(post: Post, given: dict[str, Any]) -> list[str]:
 # Through the command line
 
 
+@pytest.mark.few(0)
 def test_what_is_confirmed_leaves_the_list_and_the_header(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     profile(cell, "[]")
     assert call("plan", "-C", cell, "--json", "-") == 0
@@ -125,6 +126,7 @@ def test_a_post_of_ones_own_has_it_too(cell: Path, capsys: pytest.CaptureFixture
     assert not [text for text in json.loads(capsys.readouterr().out)["unverified"] if "letters of the rotary" in text]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("page", ["formats", "dialects"])
 def test_the_example_of_the_page_works(cell: Path, capsys: pytest.CaptureFixture[str], page: str) -> None:
     text = (Path(__file__).parent.parent / "docs" / f"{page}.md").read_text(encoding="utf-8")

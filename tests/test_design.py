@@ -348,6 +348,7 @@ def bare(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.few(0)
 def test_a_table_that_no_axis_reaches_is_refused_with_the_axis_and_what_it_lacks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -359,6 +360,7 @@ def test_a_table_that_no_axis_reaches_is_refused_with_the_axis_and_what_it_lacks
     assert re.search(r"lacks least is beyond a travel: [XYZ] -?\d+\.\d+ mm, travel -", said) and "obstacles" in said
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("goal", ["volume", "check", "locations"])
 def test_a_goal_that_no_touch_of_the_machine_can_see_is_refused_with_the_reason(
     goal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -232,6 +232,7 @@ def test_the_whole_model_is_advised_where_error_motions_are_missing_and_not_for_
     assert advised([{"cause": "random_walk", "amplitude": 0.003}]) is None
 
 
+@pytest.mark.few(0)
 def test_an_estimate_that_finds_no_fit_says_which_touches_were_made_elsewhere(bench: blind.Bench) -> None:
     exchanged = [{"cause": "swapped_facets", "facets": [5, 6], "at": 100, "until": 130}]  # far apart: millimetres, not micrometres
     with pytest.raises(TangoError, match=r"did not settle.*touch 126 is called facet 6, but was made .* facet 5 is touched"):

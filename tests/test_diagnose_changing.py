@@ -31,6 +31,7 @@ def left(y: Array, shapes: list[Array], name: Array) -> list[str]:
     return [r.covariate for r in rest(field, contest(field, y, [], [one]), y, [one], True, 0)]
 
 
+@pytest.mark.few(0)
 def test_what_is_left_beside_a_name_is_asked_once_more_against_what_chance_does() -> None:
     """The shape is too weak for its price among many that are alike, and the name stands; but noise hardly does as much."""
     rng = np.random.default_rng(8)

@@ -100,7 +100,7 @@ def test_a_name_is_said_to_follow_what_it_follows(cause: str, setting: dict[str,
     assert over(Candidate(cause, setting, (), np.zeros((1, 1)))) == covariate
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("like", [0.0, 1.0])
 def test_what_a_name_changes_its_size_with_is_told_with_what_does_as_well(like: float) -> None:
     """Waves of C that grow with A; on this plan Z goes nearly where A goes, or it does not."""
@@ -139,6 +139,7 @@ def test_a_cause_that_knows_the_touch_before_follows_that_and_not_time() -> None
     assert list(before.values()) == ["previous touch", "first touch of an indexation", "time"]
 
 
+@pytest.mark.few(0)
 def test_rough_facets_follow_nothing_where_they_have_their_weight() -> None:
     """A third of the facets scatters ten times as much: as if it were even, what goes with these facets has a pattern."""
     m = means()

@@ -104,6 +104,7 @@ def test_a_stale_record_and_a_wrong_name_are_set_aside_before_the_search() -> No
     assert "2 touches of" in many and "none of them is set aside" in many and "it is set aside" not in many
 
 
+@pytest.mark.few(0)
 def test_only_settings_that_count_touches_are_places_among_all_of_them() -> None:
     """The place of a kink in mm was taken for the number of a touch: all of negative X were one place, and X 25 was X 75."""
     t = touches(NIGHTS)

@@ -75,6 +75,7 @@ def test_the_nile_has_a_step(published: Path) -> None:
     assert found[0]["amplitude"] == pytest.approx(248, rel=0.1)
 
 
+@pytest.mark.few(0)
 def test_a_linear_model_with_what_it_lacks(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     x, angle = rng.uniform(0, 100, 200), rng.uniform(0, 360, 200)
@@ -111,6 +112,7 @@ def test_one_group_that_is_off(tmp_path: Path) -> None:
     assert [(f["cause"], f["detail"]["level"]) for f in found] == [("group_offset", "eve")]
 
 
+@pytest.mark.few(0)
 def test_noise_that_grows_is_told(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     x = np.linspace(0, 1, 300)

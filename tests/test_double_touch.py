@@ -129,6 +129,7 @@ def test_the_hash_of_the_plan_knows_of_it(golden: Plan) -> None:
 # What goes wrong
 
 
+@pytest.mark.few(0)
 @quick_and_long
 def test_an_early_facet_and_a_miss_are_on_record_as_such(name: str) -> None:
     far = plan(twice(read_cell(GOLDEN), Find(800.0, 8.0)))
@@ -142,6 +143,7 @@ def test_how_many_misses_in_a_row_stop_it_is_counted_in_touches_not_in_moves(gol
         list(program(load("fanuc"), golden, {"misses": 21}, plan_hash(golden))[2]())
 
 
+@pytest.mark.few(0)
 @quick_and_long
 def test_a_facet_that_is_nearer_than_the_measuring_move_begins_stops_with_a_text(name: str, golden: Plan) -> None:
     touched, text, _ = ran(golden, name, World(facets={"3": 7.0}))
@@ -349,6 +351,7 @@ def test_a_whole_run(folder: Path, name: str) -> None:
     assert agree(folder) and len(readings(folder)) == 7
 
 
+@pytest.mark.few(0)
 def test_the_driver_of_grbl_takes_no_reading_from_finding(golden: Plan) -> None:
     assert "grbl" in DRIVEN
     assert ran(golden, "grbl", World(facets={"4": -8.0}))[0] == ["ok"] * 5 + ["miss"]

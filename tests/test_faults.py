@@ -168,6 +168,7 @@ def test_a_night_that_stopped_has_no_green_sign_and_says_what_to_do_with_parts(t
     assert "only 58 of 84 touches were made" in text and "Put right what stopped it." in text
 
 
+@pytest.mark.few(0)
 def test_the_page_of_alarms_has_no_command_for_a_man_at_the_machine(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night("HU40T-like", 2, "changed", alarms=[step(2, 20.0)], owner="Ann")])
     (place / "nightly.yaml").write_text("nightly: 1\nowner: Ann\nstale_days: 36500\n", encoding="utf-8")

@@ -175,7 +175,7 @@ BAD_CELLS = {
 }  # fmt: skip
 
 
-@pytest.mark.few(19)
+@pytest.mark.few(6)
 @pytest.mark.parametrize("case", BAD_CELLS)
 def test_bad_cell_is_refused_in_words_and_nothing_is_written(case: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name, old, new, line, key, words = BAD_CELLS[case]
@@ -221,6 +221,7 @@ def test_bad_readings_are_refused_in_words_and_nothing_is_written(
     refused(command, cell, [f"readings.csv:{line}:" if line else "", key, words], capsys)
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("name", ["tango.yaml", "machine.yaml", "artefact.yaml", "strategy.yaml", "world.yaml", "readings.csv"])
 @pytest.mark.parametrize("damage", ["absent", "empty", "binary", "folder"])
 def test_damaged_file_is_named(name: str, damage: str, cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -75,7 +75,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         yield Path(folder)
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @pytest.mark.untrusted
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", FEW_OF)
@@ -323,6 +323,7 @@ WIDE = "1,2,3," + "9" * 150_000
 LINES = [UNCLOSED, WIDE, '"' * 1_000_001, "x" * 10**6, '{"a":' * 50_000]
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("text", LINES, ids=["quote", "wide", "quotes", "long", "json"])
 @pytest.mark.parametrize("kind", ["readings.csv", "plan.csv", "table.csv", "cmm.csv", "ballbar.csv"])
 def test_a_value_that_no_program_would_write_is_refused_with_its_line(tmp_path: Path, kind: str, text: str) -> None:

@@ -57,6 +57,7 @@ def test_csv_and_parquet_have_one_row_a_night_and_parameter(where: str, tmp_path
     assert [{k: str(v) for k, v in row.items()} for row in parquet] == rows
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["=1+1", "@SUM(A1)", "+M 1", "-M 1"])
 def test_a_name_that_begins_like_a_formula_is_none_in_a_spreadsheet(name: str, tmp_path: Path) -> None:
     with opened(tmp_path / "h.db") as history:
@@ -134,6 +135,7 @@ def test_what_cannot_be_exported_says_what_can(where: str, tmp_path: Path) -> No
     assert list(tmp_path.glob("x.*")) == []
 
 
+@pytest.mark.few(0)
 def test_backup_and_restore_are_one_command_each(where: str, history_place: Callable[[], str | Path], tmp_path: Path) -> None:
     assert "3 entries" in command("backup", "--history", where, tmp_path / "copy.db").output
     assert "exists" in str(command("backup", "--history", where, tmp_path / "copy.db").exception)

@@ -83,7 +83,7 @@ def views(place: Path) -> dict[str, Any]:
 NOTHING = {"open": [], "unanswered": [], "count": 0, "held": 0, "former": [], "former_held": 0, "missing": [], "standing": []}
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("action", ["repaired", "accept"])
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 @pytest.mark.parametrize("before", [(), ((2, KNOCK, "acknowledge"),), ((6, BACK, "acknowledge"),)])
@@ -147,6 +147,7 @@ def test_until_the_next_night_both_are_one_closed_story(tmp_path: Path, end: str
         assert ("it shows whether the repair has helped" in " ".join(page["todo"])) == (action == "repaired")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 def test_no_page_and_no_command_names_a_repair_as_a_fault(tmp_path: Path, end: str) -> None:
     place = story(tmp_path / "one", (7, end, "repaired"))

@@ -44,7 +44,7 @@ def read(history: History) -> None:
         history.night(night.entry)
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_changed_night_is_refused_and_named_by_verify(what: str, tmp_path: Path) -> None:
     change, said = CHANGES[what]
@@ -77,7 +77,7 @@ SLIPPED = {
 }
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("what", SLIPPED)
 def test_what_was_slipped_in_or_hidden_shows(what: str, tmp_path: Path) -> None:
     change, said = SLIPPED[what]

@@ -45,6 +45,7 @@ def test_s4_of_the_hu40t_is_eighty_six_names(hu40t):
     assert not selection.unseen
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
 def test_degree_is_an_option_to_six(degree):
     names = [c.name for c in subset_terms(machine_of("wCBXfZY(S)t"), 3, degree)]
@@ -116,7 +117,7 @@ def test_touches_too_noisy_for_a_power_leave_it_out_and_say_by_how_much(hu40t):
     assert len(machine_names(selected(finer, ["S4"], 6))) > len(machine_names(selection))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("name", "degree"), [("hu40t", 4), ("hu40t", 6), ("huron", 6), ("trunnion", 5), ("fork_head", 6), ("split", 4)]
 )
@@ -142,6 +143,7 @@ def test_units_that_differ_are_said_with_a_factor():
     assert text == "EA0C and EY0C cannot be separated: only EY0C - 50 · EA0C (in mm, EA0C in rad) is known"
 
 
+@pytest.mark.few(0)
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
 def test_columns_kept_span_all_and_weights_rebuild_the_rest(seed):

@@ -212,7 +212,7 @@ def test_figures_come_with_their_standard_deviation(hu40t: Machine) -> None:
         assert np.std([d[key] for d in drawn]) == pytest.approx(told[key].std, rel=0.25), key
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("size", [0, 1, 4, 20])
 def test_the_interval_of_a_range_holds_the_range_and_never_goes_below_zero(size: float) -> None:
     """A bent axis, from straight to 20 standard deviations: 95 of 100 intervals hold the true range."""
@@ -259,6 +259,7 @@ def test_curves_are_the_figures_drawn() -> None:
             assert len(curve.value) == len(at) == len(curve.std)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["hu40t", "trunnion", "fork_head", "split"])
 def test_figures_of_one_name_have_one_sign_and_size_in_both_lists(name: str) -> None:
     """Of the fitted terms alone, and of the tool on the part: squareness, reversal, gain at a probe without tilts."""

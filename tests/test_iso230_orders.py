@@ -63,6 +63,7 @@ def test_a_limit_at_the_truth_is_met_or_missed_by_one_in_twenty() -> None:
         assert told.count(wrong) / len(told) < 0.08, wrong  # 5 % asked; figures of one machine are correlated
 
 
+@pytest.mark.few(0)
 def test_what_nobody_sees_is_as_uncertain_as_its_size_is() -> None:
     """Of twelve coefficients of a kind six are seen. The other six are as large as those, and now and then much larger."""
     rng = np.random.default_rng(3)
@@ -82,6 +83,7 @@ def test_what_nobody_sees_is_as_uncertain_as_its_size_is() -> None:
     assert tail > 4  # of a normal distribution 2.6
 
 
+@pytest.mark.few(0)
 def test_a_low_degree_that_nobody_sees_is_taken_for_larger_than_the_high_ones() -> None:
     """Nine tilts fall with their degree, as those of smooth guides do, and no touch shows degree 1: one size for all degrees took
     it for the mean of them all. Then volumes missed the truth.

@@ -162,6 +162,7 @@ def test_a_strategy_of_which_nothing_is_left_is_refused(folder: Path) -> None:
 # Programs
 
 
+@pytest.mark.few(0)
 def test_the_command_names_every_touch_that_it_leaves_out_and_how_to_have_them(folder: Path) -> None:
     result = Result("plan", "-C", folder)
     assert result.code == 0

@@ -76,7 +76,7 @@ def test_a_file_of_the_cell_is_left_alone_by_whatever_name(cell, name):
     assert (cell / "artefact.yaml").read_bytes() == before
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(2)
 @POSIX
 @pytest.mark.parametrize(
     ("url", "why"),

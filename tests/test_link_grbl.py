@@ -130,7 +130,7 @@ def sends(sent, targets, line):
     return len(found) == 1 and found[0] == len(sent) + place
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("targets", "cut"), CUTS)
 def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets, cut):
     """The table stands upright, and a nut that nobody has stated stands out by 5 mm above facet 5: who goes up at once meets it."""
@@ -253,6 +253,7 @@ def test_a_contact_anywhere_but_on_the_line_of_its_measuring_move_ends_the_run(c
     assert (said in events[-1].why) is not on_it, events[-1].why  # what it then does there is another question
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("firmware", "able"), [("grblHAL", {}), ("FluidNC", {}), ("grblHAL", {"expressions": False}), ("grbl", {})]
 )

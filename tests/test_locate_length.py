@@ -35,7 +35,7 @@ def _with_stylus(made: Plan, longer: float) -> Plan:
     return replace(made, machine=replace(made.machine, probe=replace(probe, length=probe.length + longer)))
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("longer", [20.0, -7.5])
 @pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head"])
 def test_a_stylus_of_another_length_is_not_taken_for_a_table_elsewhere(tmp_path: Path, example: str, longer: float) -> None:
@@ -87,6 +87,7 @@ def test_the_length_is_named_before_anything_moves(tmp_path: Path) -> None:
     assert f"Probe ({cell.machine.probe.length:g} mm) in the spindle and on. Measure its length" in said.out
 
 
+@pytest.mark.few(0)
 def test_a_strategy_that_does_not_tilt_is_no_proof_for_one_that_does(tmp_path: Path) -> None:
     """The place was taken over, and the strategy of the next day met the table."""
     folder, cell, _ = _cycle(tmp_path, "hu40t")

@@ -77,6 +77,7 @@ def test_what_has_to_be_known_is_said_without_a_question(
         assert "Obstacles have to stand where they are declared" in ran.out + ran.err
 
 
+@pytest.mark.few(0)
 def test_a_table_less_exact_than_its_file_is_offered_last_and_not_where_a_touch_is_missing() -> None:
     made = locate.strategy(read_cell(Path(__file__).parent.parent / "examples" / "hu40t"))
     rng = np.random.default_rng(3)
@@ -216,6 +217,7 @@ def test_tables_whose_touches_tell_enough_are_placed_without_a_word_on_their_siz
         assert telling.unsized(cell.artefact, [touch.facet for touch in planned.touches]).beside < 0.2
 
 
+@pytest.mark.few(0)
 def test_where_no_facets_tell_the_size_it_is_said_before_and_after(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -256,6 +258,7 @@ def test_touches_that_agree_on_a_turn_beyond_what_is_searched_are_refused() -> N
                 locate.locate(planned, came)
 
 
+@pytest.mark.few(0)
 def test_clamps_on_the_table_are_in_both_places_until_somebody_has_looked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -338,6 +341,7 @@ def test_a_program_is_written_without_a_terminal_whoever_holds_the_stylus(cell: 
     assert call("commission", "-C", cell, "--held", "--program") == 0
 
 
+@pytest.mark.few(0)
 def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """ "Add them to strategy.yaml", it said, and the facet that would tell was there: it had met nothing."""
     cell = tmp_path / "cell"
@@ -370,6 +374,7 @@ def test_a_probe_that_has_died_is_not_pressed_into_every_facet(cell: Path, capsy
     assert "UP TO 2 FACETS" in program.read_text()
 
 
+@pytest.mark.few(0)
 def test_a_table_of_quite_another_size_is_not_offered(tmp_path: Path) -> None:
     """ "93.7 % smaller", it said, of a table that was 0.7 % smaller in two directions and 0.3 % larger in the third."""
     cell = _hexagon((-1, 1))

@@ -59,6 +59,7 @@ def test_what_is_ignored_is_what_was_seen_and_what_a_drift_has_added_since(now: 
     assert one(0.01, now).beyond(grown) == beyond
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("utc", "after", "judged", "counts"),
     [

@@ -137,6 +137,7 @@ def test_a_night_waits_for_the_program_of_a_run_that_was_killed_outside_the_nigh
     assert executed_until(cell, tonight, made) is None
 
 
+@pytest.mark.few(0)
 def test_a_run_that_broke_off_is_said_until_it_ends_or_a_night_has_measured(cell: Path) -> None:
     """Its page said to look at the machine, and the list beside it: Yes."""
     assert broken_off(cell) is None
@@ -211,7 +212,7 @@ def test_a_signal_ends_a_night_as_an_error_until_its_result_is_kept() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["moved", "cut off", "run broke off", "beyond", "old", "measured"])
 def test_terminal_and_message_say_not_yet_where_the_page_does(cell: Path, kind: str) -> None:
     """One verdict: page, list, report, status, fleet and the message of the night."""

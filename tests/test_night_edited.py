@@ -67,6 +67,7 @@ def test_terms_that_were_changed_are_named(tmp_path: Path) -> None:
     assert "tango.yaml (terms S3 → S2, EYX2)" in found(tmp_path, BEFORE, ["S2", "EYX2"], {"terms": ["S3"]})["edited"]["text"]
 
 
+@pytest.mark.few(0)
 def test_the_edit_comes_first_in_headline_what_to_do_and_page(tmp_path: Path) -> None:
     changed = found(tmp_path, {**BEFORE, "artefact.yaml": ARTEFACT.replace("200.0", "200.03")})
     alarm = {"id": "1", "text": "the table has moved", "do": "Look for a knock.", "cause": "table", "parameter": "table"}

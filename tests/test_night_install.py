@@ -108,6 +108,7 @@ def test_units_of_a_cell_with_a_space_in_its_name_are_copied(tmp_path: Path) -> 
     assert sorted(f.name for f in place.iterdir()) == ["tango-big-mill.service", "tango-big-mill.timer"]
 
 
+@pytest.mark.few(2)
 @pytest.mark.skipif(not hasattr(time, "tzset"), reason="the zone of a process can be set on POSIX only")
 @pytest.mark.parametrize(
     ("zone", "at", "day"),

@@ -38,6 +38,7 @@ def told(steps: np.ndarray, **more: dict[int, dict[str, Any]]) -> Any:
     return lagging(FRAME, records[::-1], before, after)
 
 
+@pytest.mark.few(0)
 def test_quiet_nights_open_nothing_more_often_than_stated() -> None:
     rng = np.random.default_rng(11)
     opened_ = [told(rng.normal(size=(9, 20))) is not None for _ in range(300)]

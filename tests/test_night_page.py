@@ -71,6 +71,7 @@ def test_what_an_alarm_does_to_a_part_is_that_of_tonight(
     assert f"{effect} µm" in found["on_part"] and f"{found['on_part_um']:.1f}" == effect
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("columns", [None, 60, 34])
 def test_the_list_of_status_keeps_to_a_terminal_and_stays_whole_in_a_pipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, columns: int | None

@@ -160,6 +160,7 @@ def test_what_is_farther_off_than_anything_that_is_touched_has_no_size(root: Pat
         assert told in said_of(known, Since("2026-10-01", "last night"), named)[2]
 
 
+@pytest.mark.few(0)
 def test_a_machine_is_judged_at_the_temperature_of_its_night(root: Path) -> None:
     """One that is 6 K warmer than ever was within its limit: as it had been at the temperature of its first night."""
     cell = read_cell(root / "examples" / "trunnion")

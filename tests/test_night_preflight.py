@@ -90,6 +90,7 @@ def test_a_night_begins_on_a_machine_as_warm_as_it_asks_for(
     assert passed or point.do
 
 
+@pytest.mark.few(0)
 def test_a_temperature_that_no_sensor_tells_is_named(cell: Path) -> None:
     with pytest.raises(InputError, match=r"sensor 'head' of nightly\.yaml is not in sensors\.yaml; allowed: bed"):
         warm(cell, Nightly(sensor="head", temperature=(20.0, 24.0)))
@@ -264,6 +265,7 @@ def test_what_the_first_move_may_meet_is_in_the_findings_as_nobody_brings_the_ax
     assert "Bring the axes near that place before you start" in found
 
 
+@pytest.mark.few(0)
 def test_a_machine_that_has_the_name_of_another_one_in_its_history_is_not_measured(root: Path, tmp_path: Path) -> None:
     """A copied folder: each of the two was compared with the other, and called changed by what differs between machines."""
     for name in ("one", "two"):

@@ -118,7 +118,7 @@ def test_another_cell_of_the_same_history_is_no_former_name(renamed: Path, tmp_p
         assert formers(history, "NEW", tmp_path / "elsewhere", within=True, others={"OLD 5"}) == ()
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("path", ["/", "/alarms", "/machine/NEW"])
 def test_pages_show_the_alarm_of_the_old_name_and_what_to_do(renamed: Path, path: str) -> None:
     with TestClient(create(Settings((renamed,))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:

@@ -113,6 +113,7 @@ def seen(site: TestClient, path: str) -> str:
     return " ".join(re.sub(r"<(title|svg|style).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
+@pytest.mark.few(0)
 def test_the_row_of_a_night_says_the_size_of_its_box(tmp_path: Path) -> None:
     place = cell(
         tmp_path / "one",

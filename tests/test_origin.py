@@ -46,6 +46,7 @@ def cell(fresh: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(fresh, tmp_path / "cell"))
 
 
+@pytest.mark.few(0)
 def test_a_row_edited_by_hand_is_noticed(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = cell / "simulated.csv"
     assert edited_rows(look_up(file)) == ([], 0)

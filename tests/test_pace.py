@@ -50,6 +50,7 @@ def test_in_how_many_nights_the_limit_is_reached(rate: float, last: float, night
     assert (found is None) if nights is None else (found is not None and found.nights == pytest.approx(nights, abs=0.01))
 
 
+@pytest.mark.few(0)
 def test_a_machine_that_has_begun_to_drift_rises_as_fast_as_since_then() -> None:
     """The quiet nights before counted: 5.2 µm a night since a week was 3.6 µm a night, and the limit further away than it is."""
     tip = np.array([51, 51, 51, 51.0, 51.3, 55.7, 61.4, 66.5, 71.9, 76.9, 82.0, 87.4]) - 43.5

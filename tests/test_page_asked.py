@@ -75,6 +75,7 @@ def test_the_list_names_the_doubt_of_a_night_in_doubt_and_not_what_was_found_bef
     )
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("more", "unfolded"), [({"verdict": "changed"}, False), (DOUBT, True), (MISSED, True)])
 def test_trend_and_nights_show_what_to_do_about_the_last_night_and_fold_what_is_of_an_earlier_alarm(
     tmp_path: Path, more: dict[str, Any], unfolded: bool

@@ -77,6 +77,7 @@ def test_a_change_has_one_date_in_every_line_of_the_status(tmp_path: Path) -> No
     assert "since 2026-10-29" not in text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("action", "counts"), [("", (1, 1)), ("acknowledge", (1, 0)), ("ignore", (1, 0)), ("accept", (0, 0))])
 def test_metrics_count_open_alarms_as_the_pages_do_and_those_without_an_answer_apart(
     tmp_path: Path, action: str, counts: tuple[int, int]
@@ -103,6 +104,7 @@ def test_the_box_says_since_when_nobody_has_answered_also_where_last_night_found
     assert "1 Nov" not in why
 
 
+@pytest.mark.few(0)
 def test_machines_stand_in_one_order_in_the_list_and_on_alarms(tmp_path: Path) -> None:
     """A machine whose large fault was repaired stood before others by that fault, and after them on Alarms by what was open."""
     large, small, middle = alarm(6, 30.0), alarm(6, 4.0, parameter="EY0C"), alarm(6, 12.0)

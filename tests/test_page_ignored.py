@@ -76,6 +76,7 @@ def test_what_somebody_has_and_does_not_ignore_still_asks() -> None:
     assert LARGE_DO in told["todo"]
 
 
+@pytest.mark.few(0)
 def test_every_page_and_the_report_have_one_order(tmp_path: Path) -> None:
     large, small = two()
     records = [night(M, 2, "changed", alarms=[large]), night(M, 6, "changed", alarms=[small])]

@@ -52,6 +52,7 @@ def says(place: Path, no_after: str) -> None:
     (place / "report.json").write_text(answer_text("no", no_after, TOLD), encoding="utf-8")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("after", ["newest", "earlier", ""])
 def test_every_page_has_the_no_of_a_report_that_is_newer_than_the_newest_night(tmp_path: Path, after: str) -> None:
     place = reported(tmp_path / "one", after)
@@ -77,6 +78,7 @@ def test_commands_have_it_too(tmp_path: Path, after: str) -> None:
     assert machine["newer_no"] == wanted
 
 
+@pytest.mark.few(0)
 def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> None:
     now = datetime.now(UTC)
     began, end = ((now - timedelta(hours=hours)).strftime("%Y-%m-%dT%H:%M:%SZ") for hours in (3, 2))
@@ -102,6 +104,7 @@ def test_a_no_of_the_night_and_what_nobody_knows_stay(may: str) -> None:
     assert by_newer_no(known, TOLD, Units(), texts()) is known
 
 
+@pytest.mark.few(0)
 def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 8)])
     end = night(M, 8)["end_utc"]
@@ -179,6 +182,7 @@ def test_below_the_no_of_newer_readings_nobody_reads_make_parts(newer_no: bool) 
     assert "temperature" in text
 
 
+@pytest.mark.few(0)
 def test_the_no_has_its_number_and_its_cause_on_every_first_screen(tmp_path: Path) -> None:
     """It had neither: below the No of the readings stood what the night had found, which was another thing."""
     place = reported(tmp_path / "one", "newest")

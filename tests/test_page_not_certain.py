@@ -47,6 +47,7 @@ def seen(place: Path, path: str) -> str:
         return client.get(path).text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("path", [f"/machine/{M}", "/"])
 def test_the_sign_of_a_night_is_its_own_verdict(tmp_path: Path, path: str) -> None:
     """The row had "Out of limits" for a night of which the list below it says Good, not certain."""
@@ -71,6 +72,7 @@ def test_an_open_square_is_no_full_one_without_color() -> None:
     assert 'fill="none"' in open_ and 'fill="none"' not in full
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("records", "wanted"),
     [

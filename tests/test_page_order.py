@@ -90,7 +90,7 @@ def test_the_error_at_the_tool_tip_says_that_it_is_of_all_causes() -> None:
     assert context(record, (closed,), None, texts(), volumes=volumes)["grown"].startswith("75 µm on")
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("grown", [True, False])
 @pytest.mark.parametrize("word", ["now", "still_there", "confirmed", "was", "later"])
 def test_an_open_alarm_has_one_size_at_the_computer(tmp_path: Path, word: str, grown: bool) -> None:
@@ -181,6 +181,7 @@ def test_what_to_do_about_a_warm_night_has_its_date_later_on() -> None:
     assert "on Fri 30 Oct 2026 the machine was 6.1 K colder (bed 26.0 °C)" in later["todo"] and "Ask who was" in later["todo"]
 
 
+@pytest.mark.few(0)
 def test_every_page_has_the_temperature_of_an_older_alarm_in_the_past(tmp_path: Path) -> None:
     records = [night(M, number) for number in range(10)]
     records[6] |= {"verdict": "changed", "alarms": [warm(6, 18.9)]}

@@ -47,7 +47,7 @@ def test_a_page_says_when_it_was_made_and_a_night_when_it_ended(tmp_path: Path) 
     assert re.search(r"Night ending \w{3} \d+ \w{3} \d{4}, ended \d\d:\d\d", seen(place, PATHS[0]))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("kind", ["changed", "moving"])
 def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: Path, kind: str) -> None:
     place = cell(tmp_path / "one", records=[r | {"simulated": True} for r in records(kind)])
@@ -58,6 +58,7 @@ def test_the_answer_comes_before_simulated_and_both_stand_in_one_box(tmp_path: P
         assert 0 < box[0].index("May I make parts?") < box[0].index("SIMULATED"), path
 
 
+@pytest.mark.few(0)
 def test_what_is_said_beside_a_night_that_was_cut_off_is_red_and_below_the_answer(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=records("changed"))
     (place / "nights" / "begun").mkdir(parents=True)

@@ -51,6 +51,7 @@ def page(place: Path, action: str, *, other: bool, then: tuple[dict[str, Any], .
     return context(newest, tuple(decisions.values()), None, texts(), waiting=earlier(found), before=before)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("missed", [False, True])
 @pytest.mark.parametrize("other", [False, True])
 def test_the_parts_of_a_repaired_fault_are_in_question_until_a_night_has_measured_it(

@@ -28,6 +28,7 @@ def seen(path: str, *places: Path) -> str:
         return client.get(path).text
 
 
+@pytest.mark.few(0)
 def test_the_command_of_the_alarms_finds_its_alarm_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two machines whose timers start at one moment have alarms of one name: the command must say which."""
     records = [night(M, 0), night(M, 1, "changed", alarms=[knock("2026-10-25")])]

@@ -77,6 +77,7 @@ def test_the_page_has_the_change_as_it_was_found_and_that_it_no_longer_shows(cha
     assert sure["text"].startswith("Scale of Y against X has changed by 6 µm over 300 mm") and "can tell" not in sure["text"]
 
 
+@pytest.mark.few(0)
 def test_every_view_says_it(tmp_path: Path) -> None:
     own = scale(11.7, 7.8)
     record = night(M, 8, standing=[own])

@@ -69,6 +69,7 @@ def untried(place: Path) -> dict[str, str]:
     return dict(found.repaired)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("ignored", [False, True])
 @pytest.mark.parametrize("after", ["none", "doubt", "doubt, then nothing"])
 def test_the_parts_stay_named_until_a_night_that_is_believed(tmp_path: Path, after: str, ignored: bool) -> None:
@@ -84,6 +85,7 @@ def test_the_parts_stay_named_until_a_night_that_is_believed(tmp_path: Path, aft
     assert after != "none" or "Measure the first part" in listed
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("ignored", [False, True])
 def test_a_night_that_has_measured_it_says_which_parts_had_it(tmp_path: Path, ignored: bool) -> None:
     place = shop(tmp_path / "one", [night(M, 9, **DOUBT), night(M, 10, repaired=[HELPED])], ignored)

@@ -94,6 +94,7 @@ def test_a_chip_and_an_angle_of_one_indexation_are_named(cell: Cell, readings: R
     assert "C was 1.00" in reason and f"at touches {first} to" in reason
 
 
+@pytest.mark.few(0)
 def test_a_spindle_that_counts_the_other_way_is_named(cell: Cell, readings: Readings) -> None:
     position = np.array(readings.position)
     position[:, cell.machine.column("S")] *= -1
@@ -108,6 +109,7 @@ def test_directions_that_lead_away_from_the_facets_turn_every_backlash(cell: Cel
     assert {"EXXb", "EYYb"} <= set(judgement.untrusted)
 
 
+@pytest.mark.few(0)
 def test_directions_that_no_column_gives_are_a_note(cell: Cell, readings: Readings) -> None:
     away = np.where([name in cell.machine.linear for name in readings.axes], -1, 1) * readings.direction
     judgement = judged(cell, replace(readings, direction=away, derived=cell.machine.linear))

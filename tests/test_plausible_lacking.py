@@ -95,6 +95,7 @@ def test_readings_that_were_filtered_are_said(cell: Cell, readings: Readings) ->
     assert "a part of the touch before or after it" in doubted(cell, pushed(cell, readings, 0.03 * (before - off)))
 
 
+@pytest.mark.few(0)
 def test_a_clamp_that_lets_go_in_a_band_is_said(cell: Cell, readings: Readings) -> None:
     at = readings.position[:, cell.machine.column("C")]
     loose = 3e-5 * ((at > -1.3) & (at < 0.4))
@@ -108,6 +109,7 @@ def test_a_single_place_of_an_axis_is_no_stretch(cell: Cell, readings: Readings)
     assert "A stood elsewhere than the readings say wherever it was at -30°" in text and "wherever it was from" not in text
 
 
+@pytest.mark.few(0)
 def test_a_column_that_gives_way_far_out_is_said(cell: Cell, readings: Readings) -> None:
     z = readings.position[:, cell.machine.column("Z")]
     over = (z - z.min()) / np.ptp(z)

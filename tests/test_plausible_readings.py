@@ -101,7 +101,7 @@ def test_a_control_that_counts_inches_says_so_or_has_it_stated(
     assert [("in steps of 0.00254 mm" in r.text, "others are not" in r.text) for r in found] == [(True, False)] * said
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("digit", [1e-3, 1e-4])
 @pytest.mark.parametrize("example", ["trunnion", "hu40t", "fork_head", "split"])
 def test_honest_digits_are_not_taken_for_rounded_ones(example: str, digit: float, root: Path) -> None:
@@ -152,6 +152,7 @@ def test_positions_of_a_drive_that_counts_in_steps_are_named(cell: Cell, twice: 
     assert doubts(known, counted, "rounded_positions") == [], "who states it need not be reminded"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("jitter", [2e-5, 1e-4])
 def test_a_cycle_that_was_pasted_and_shaken_a_little_is_named(cell: Cell, twice: Readings, jitter: float) -> None:
     copy = pasted(twice)

@@ -173,6 +173,7 @@ def test_the_page_has_every_section_and_what_an_auditor_asks_for(facts: Facts) -
         assert wanted in text, wanted
 
 
+@pytest.mark.few(0)
 def test_a_simulation_says_so_beside_its_verdict(facts: Facts) -> None:
     """Nobody takes the page of a simulated machine for one of a real machine."""
     line = texts()("audit.simulated")
@@ -195,6 +196,7 @@ def test_file_date_and_owner_stand_at_the_top(facts: Facts) -> None:
     assert "Ann &lt;owner&gt;" in top
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("measured", "said", "todo"),
     [
@@ -277,6 +279,7 @@ def test_a_report_without_a_limit_says_how_to_state_one(facts: Facts) -> None:
     assert not any("State a limit" in line for line in page.context(judged)["todo"]) and "--limit-um" not in summary(judged, 200)
 
 
+@pytest.mark.few(0)
 def test_a_parameter_that_is_not_to_be_trusted_is_marked_where_it_is_first_seen(facts: Facts) -> None:
     name = page.context(facts)["largest"][0]["name"]
     doubted = replace(facts, judgement=replace(facts.judgement, untrusted=(name,)))
@@ -443,6 +446,7 @@ def test_what_names_of_machine_and_facets_hold_is_text_and_no_markup(facts: Fact
     assert "alert(1)" in " ".join(outline(text).text)
 
 
+@pytest.mark.few(0)
 def test_a_shop_can_change_templates_and_texts(facts: Facts, tmp_path: Path) -> None:
     (tmp_path / "texts.toml").write_text('[level]\ngood = "In Ordnung"\n', encoding="utf-8")
     assert "In Ordnung" in page.render(facts, tmp_path)
@@ -715,7 +719,7 @@ def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path
     assert not [height for height, found in at.items() if len(set(found.values())) != 1]
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("larger", "verdict"), [(0.5, "good"), (0.5, "changed"), (1.0, "good")])
 def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Facts, larger: float, verdict: str) -> None:
     """The error of the night is half that of these readings, or the same."""
@@ -779,6 +783,7 @@ def test_a_report_that_says_no_after_the_night_orders_what_the_pages_of_the_mach
     assert "Have the largest errors compensated or repaired. Then run the full measurement." in do[4:]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("owner", ["", "Dora, 4713"])
 def test_a_report_asks_who_has_repaired_what_has_moved_since_the_night(facts: Facts, owner: str) -> None:
     """It sent somebody to look for what had moved; the repair of that morning had moved it."""
@@ -796,6 +801,7 @@ def test_a_report_asks_who_has_repaired_what_has_moved_since_the_night(facts: Fa
     assert line.startswith("Ask Dora, 4713 what was done" if owner else "Look for what has moved since the night.")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("has", "asks", "calls"), [("Bob", "", False), ("", "Call Bob.", True), ("Bob", "Call Cy.", True)])
 def test_a_report_calls_nobody_about_what_somebody_has(facts: Facts, has: str, asks: str, calls: bool) -> None:
     record = {"verdict": "changed", "night": "2026-11-20", "limits": [], "volume": None}

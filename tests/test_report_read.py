@@ -47,6 +47,7 @@ def test_how_to_turn_the_picture_is_said_where_it_can_be_turned(facts: Facts) ->
     assert "Turn it" not in texts()("fit.vectors")
 
 
+@pytest.mark.few(0)
 def test_the_auditor_sees_what_the_answer_rests_on(facts: Facts, tmp_path: Path) -> None:
     """nightly.yaml has limit and owner, the history has the answer; neither was in the list."""
     place = cell(tmp_path / "one", records=[night("HU40T-like", 0)])

@@ -61,7 +61,7 @@ def ours(number: str, name: str) -> dict[str, float]:
     return {row: pair[1] for row, pair in column(number, name).items() if pair[1] is not None}
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("number", every(tables(), 4))
 def test_every_table_says_what_is_compared_and_what_differs(number: str) -> None:
     one = made(number)
@@ -152,6 +152,7 @@ def test_simulated_as_another_program_did_table_4_6_has_its_figures() -> None:
     assert found.disturbed["S4"].values["mean"][0] > 2 * found.without["S4"].values["mean"][0]
 
 
+@pytest.mark.few(0)
 def test_the_simulated_test_takes_as_long_as_the_thesis_did() -> None:
     minutes = np.ptp(readings_of_4_4(setting(), False).time) / 60
     assert minutes == pytest.approx(setting().printed["durations_min"]["383_touches"], rel=0.02)

@@ -16,7 +16,7 @@ from support.simulated_runs import (
 )
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(("mode", "alarm"), [("memory", "tidy"), ("dnc", "at once")])
 def test_readings_over_tcp_are_those_of_the_true_machine(cell, mode, alarm):
     """A program that is drip-fed cannot jump to where an alarm leaves things in order."""

@@ -58,6 +58,7 @@ def test_what_is_not_proven_is_said_and_ends_nothing(folder: Path, capsys: pytes
     assert run(folder, capsys)[0] == 3
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("verdict", "asked", "passed"), [("FAIL", False, False), ("FAIL", True, False), ("PASS", True, True), ("PASS", False, None)]
 )

@@ -82,6 +82,7 @@ def struck(**more: Any) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.few(0)
 def test_everybody_is_sent_to_the_same_person(tmp_path: Path) -> None:
     """The page of a run called the owner, who had not answered for days; beside a cause of a crossed limit, what to do did."""
     most = {"what": "volume", "parameter": "EX0C", "unit": "mm", "text": "most of it comes from EX0C", "since": "", "size": -0.094}
@@ -239,6 +240,7 @@ def test_an_alarm_has_one_size_on_a_page_in_the_fleet_and_in_the_status(tmp_path
         assert "along X by +21.2 ± 0.3 µm since" in row and "19.1" not in row, words
 
 
+@pytest.mark.few(0)
 def test_pages_show_the_history_that_was_put_in_place_of_another(tmp_path: Path) -> None:
     """The server kept the file open that `tango history restore` had renamed, and showed its nights until it was started again."""
     place = cell(tmp_path / "one", records=[night(M, i) for i in range(9)])

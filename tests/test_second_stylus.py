@@ -90,6 +90,7 @@ def test_monte_carlo_has_the_same_gaps(exact: Estimate) -> None:
     np.testing.assert_allclose(gaps(ready, values), np.array([residual(exact.model, v) for v in values]), atol=1e-9)
 
 
+@pytest.mark.few(0)
 def test_a_second_stylus_of_another_length_taken_for_the_first_is_not_believed(whole: Cell, world: World) -> None:
     """Who forgets the column stylus gets no estimate that looks right."""
     readings = replace(simulated(whole, world), stylus=None)
@@ -97,6 +98,7 @@ def test_a_second_stylus_of_another_length_taken_for_the_first_is_not_believed(w
         estimate(whole.machine, whole.artefact, readings, ("S3",))
 
 
+@pytest.mark.few(0)
 def test_touches_keep_their_numbers_and_each_program_has_one_stylus(whole: Cell) -> None:
     first, second = (plan(part, "leave-out") for part in by_stylus(whole))
     count = sum(len(i.facets) for i in read_cell(EXAMPLE).strategy.indexations)
@@ -207,6 +209,7 @@ def test_a_stylus_that_is_changed_back_is_refused_in_words(cell: Path, capsys: p
     assert "strategy.yaml:" in said and "one after the other" in said
 
 
+@pytest.mark.few(0)
 def test_a_stylus_that_the_machine_lacks_is_refused_in_words(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(cell, longer=())
     assert run(["check", "-C", str(cell)]) == 2

@@ -75,6 +75,7 @@ def test_the_fleet_shows_every_machine_with_its_verdict(site: TestClient) -> Non
     assert len(re.findall(r"<title>\w{3} \d+ \w{3} 2026: ", text)) == 30  # a sign a night, with its day
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("path", PAGES)
 def test_every_page_of_a_machine_answers(path: str, site: TestClient) -> None:
     answer = site.get(f"/machine/HU40T-like{path}")
@@ -507,6 +508,7 @@ def test_what_is_answered_and_not_closed_stays_among_the_alarms(tmp_path: Path) 
             assert "Yes, but" in text and ("Bob has it." in text) == bool(mark) and "nobody has answered" not in text
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("action", "answer", "todo"),
     [("accept", "Yes", "Nothing"), ("repaired", "Yes, but", "Measure the first part before you go on.")],

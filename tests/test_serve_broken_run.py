@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 from starlette.testclient import TestClient
 from support.nights import night
 from support.runs import Control, Result, cell  # noqa: F401
@@ -35,6 +36,7 @@ def test_a_run_that_broke_off_is_not_yet_although_no_night_was_measured(cell: Pa
     assert status.code == 1 and "May I make parts? Not yet. Look at the machine first" in status.out + status.err
 
 
+@pytest.mark.few(0)
 def test_the_list_counts_each_answer_by_its_own_word(cell: Path, tmp_path: Path) -> None:
     """Machines that may still move were counted as a No."""
     assert Result("run", "-C", cell, "--port", Control(cell, stop=4).url, "--timeout", "0.4").code == 3

@@ -63,7 +63,7 @@ def decided(folder: Path) -> list[tuple[str, str, str]]:
         return [(d.action, d.owner, d.note) for d in history.decisions(M)]
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
@@ -193,7 +193,7 @@ def test_a_run_that_failed_hides_no_complete_run_of_before(tmp_path: Path) -> No
             assert "never measured" not in site.get(path).text and "Its report says what it found." in site.get(path).text
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("kind", ["full", "check"])
 def test_a_night_at_work_is_measuring_and_its_run_is_the_live_one(tmp_path: Path, kind: str) -> None:
     """The list said Yes, and the page of the run showed the complete one of the day before."""

@@ -77,7 +77,7 @@ def run(cell: Cell, name: str, moved: Array | None, seed: int) -> tuple[Estimate
     return result, _predicting(cell, readings, cell.terms, 3, judgement), np.array(off)
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("seed", [5, 6])
 def test_a_displacement_that_unknowns_stand_for_is_no_seating(seed: int) -> None:
     cell = short()

@@ -89,7 +89,7 @@ def test_no_row_is_of_an_effect_that_is_gone(root: Path) -> None:
     )
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("cause", [c for c in EVERY if c != "swapped_facets"])
 def test_an_effect_does_something_and_it_is_micrometres(cause: str) -> None:
     beside = World({"EX0C": -0.4}, STYLUS)  # a touch that misses its point, a stylus that is off its axis
@@ -199,6 +199,7 @@ def test_effects_work_on_every_machine_that_has_the_axes_for_them(example: str) 
     assert 0.005 < moved.max() < 0.3 and np.median(moved) > 0.002
 
 
+@pytest.mark.few(0)
 def test_effects_add_up() -> None:
     both = World(effects=world("step").effects + world("chip").effects, seed=5)
     alone = [simulate(MACHINE, CELL.artefact, CELL.strategy, world(cause)).position - PLAIN.position for cause in ("step", "chip")]

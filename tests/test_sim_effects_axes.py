@@ -26,6 +26,7 @@ def test_rotary_backlash_turns_the_table_too_far_the_way_it_came() -> None:
     assert read_early("rotary_backlash", axis="B") == pytest.approx(2e-5 * DIRECTION["B"] * turning(Y), abs=1e-7)
 
 
+@pytest.mark.few(0)
 def test_an_axis_remembers_how_far_it_came() -> None:
     x = at("X")
     ways = [0.0, *(abs(b - a) for a, b in itertools.pairwise(x))]
@@ -67,6 +68,7 @@ def test_axial_error_motion_displaces_the_table_along_the_axis() -> None:
     assert read_early("rotary_axial", axis="B", order=2, phase=-10) == pytest.approx(twice * along(Y), abs=1e-9)
 
 
+@pytest.mark.few(0)
 def test_tilt_error_motion_turns_the_table_about_a_line_across_the_axis() -> None:
     twice = 1e-5 * np.cos(2 * at("C"))
     assert read_early("rotary_tilt", frame="fixed") == pytest.approx(twice * turning(carried_by_b(X)), abs=1e-7)
@@ -101,6 +103,7 @@ def test_an_error_motion_has_its_size_at_its_span() -> None:
     assert of_c == pytest.approx(0.004 * at("C") / np.pi * TOUCHES.normal_table[:, 2], abs=1e-9)
 
 
+@pytest.mark.few(0)
 def test_an_axis_location_error_is_that_of_the_machine() -> None:
     assert read_early("axis_location") == pytest.approx(0.02 * along(carried_by_b(X)), abs=1e-9)
     told = simulate(MACHINE, CELL.artefact, CELL.strategy, World({"EA0C": 3e-5})).position
@@ -114,6 +117,7 @@ def test_a_screw_errs_with_its_pitch() -> None:
     assert shifted == pytest.approx(0.002 * np.cos(2 * np.pi * at("X") / 12.5 + np.pi / 3) * along(X), abs=1e-9)
 
 
+@pytest.mark.few(0)
 def test_a_wrong_table_of_compensation_is_straight_between_its_nodes() -> None:
     # through 0 at −200, 3 µm at 0, −1 µm at 200: 15 and −20 nm a mm; constant beyond
     inside = np.clip(at("X"), -200, 200)

@@ -71,6 +71,7 @@ def spindle_effect(error: Array) -> Array:
     return -error * np.sum(went * TOUCHES.normal[:, :2], axis=1)
 
 
+@pytest.mark.few(0)
 def test_a_spindle_that_stops_elsewhere_takes_an_offset_stylus_along() -> None:
     assert read_early("spindle_orientation", order=1) == pytest.approx(np.zeros(len(TOUCHES)), abs=1e-12)
     once = 0.001 * np.cos(at("S") + np.radians(50))
@@ -178,6 +179,7 @@ def test_two_exchanges_and_an_effect_on_one_facet_do_not_disturb_each_other() ->
     assert np.array_equal(log.position, chipped.position)
 
 
+@pytest.mark.few(0)
 def test_a_round_facet_taken_for_flat_is_what_a_round_facet_of_the_artefact_is() -> None:
     """Two ways to the same readings: the effect on flat facets, and surfaces that are cylinders in the simulated machine."""
     wrong = World({"EX0C": -0.4, "EA0B": 1e-3})

@@ -16,6 +16,7 @@ GROWN = 1 - np.exp(-TOUCHES.time / 2400)
 ACROSS = TOUCHES.normal_table  # n_w
 
 
+@pytest.mark.few(0)
 def test_thermal_drift_carries_the_table_along_its_direction() -> None:
     assert read_early("thermal_drift") == pytest.approx(0.01 * GROWN * along(Y), abs=1e-9)
     assert read_early("thermal_drift", shape="linear") == pytest.approx(0.01 * TOUCHES.time / 2400 * along(Y), abs=1e-9)
@@ -48,6 +49,7 @@ def test_a_warm_table_grows_out_of_its_middle() -> None:
     assert held[at_back] == pytest.approx(4e-5 * (high - low) * GROWN[at_back], abs=1e-9)
 
 
+@pytest.mark.few(0)
 def test_a_warm_scale_takes_its_axis_further_than_it_reads() -> None:
     # X carries the table: further to +x is early for what looks to +x; Y carries the tool
     early = read_early("scale_drift", amplitude=1e-6)

@@ -236,6 +236,7 @@ def test_who_does_not_wait_reads_what_was_before(made: Plan) -> None:
     assert run(["G21 G90", "M900", "M901"], made, stored=[*macro, *writes]).lines == ["0.0 5.0"]
 
 
+@pytest.mark.few(0)
 def test_a_macro_reads_a_program_of_any_length() -> None:
     """M880 looks for its start mark in the program: 2991 lines were "the macro never ends"."""
     lines, text = ["G0 X1"] * 20_000 + ["(THE MARK)"], ""

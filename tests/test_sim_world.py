@@ -113,6 +113,7 @@ def test_a_rotary_head_swings_the_tip_about_its_point() -> None:
     assert swung == pytest.approx([-(machine.probe.length + 100), 0, 100], abs=1e-12)
 
 
+@pytest.mark.few(0)
 @given(st.integers(0, 2), st.integers(0, 2**32 - 1))
 def test_an_axis_frame_is_a_turn_that_takes_the_base_vector_to_the_direction(base: int, seed: int) -> None:
     direction = np.random.default_rng(seed).normal(size=3)

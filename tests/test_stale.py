@@ -67,7 +67,7 @@ def shown(place: Path, path: str) -> str:
         return " ".join(re.sub(r"<(title|svg).*?</\1>|<[^>]+>", " ", site.get(path).text, flags=re.DOTALL).split())
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("then", [(), (1, 0)], ids=["no night since", "nights that measured nothing"])
 @pytest.mark.parametrize("last", ["good", "changed"])
 def test_a_machine_that_was_not_measured_for_weeks_has_no_answer_of_today(tmp_path: Path, last: str, then: tuple[int, ...]) -> None:
@@ -84,7 +84,7 @@ def test_a_machine_that_was_not_measured_for_weeks_has_no_answer_of_today(tmp_pa
     assert "Nobody knows: 1." in fleet and "Yes: 0. Yes, but: 0." in fleet
 
 
-@pytest.mark.few(3)
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("ago", "stated", "old"),
     [

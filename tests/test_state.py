@@ -99,6 +99,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", CHANGES)
 def test_one_parameter_that_jumps_is_named(cell: Cell, truth: World, known: tuple[s.Frame, s.State], name: str) -> None:
     followed, after = known
@@ -352,6 +353,7 @@ def test_a_chart_alarms_on_a_shift(kind: str) -> None:
     assert shifted.alarm[50:55].any()
 
 
+@pytest.mark.few(0)
 def test_the_only_touch_of_a_point_is_set_apart_once_and_counts_when_it_comes_again(
     cell: Cell, truth: World, known: tuple[s.Frame, s.State]
 ) -> None:

@@ -136,7 +136,7 @@ def test_what_was_estimated_does_the_same_in_the_simulated_machine(name: str, be
     assert compared, f"{offered} moves no touch of this plan: state another `example` in tango_cnc/terms/{name}.py"
 
 
-@pytest.mark.few(10)
+@pytest.mark.few(4)
 @pytest.mark.parametrize("name", sorted(terms.causes()))
 def test_every_term_goes_through_the_file_into_the_estimate(name: str, bench: blind.Bench, fitted: Estimate) -> None:
     touches, module = fitted.model.touches, terms.causes()[name]

@@ -175,6 +175,7 @@ def test_strategies_are_those_of_chapter_five(s1, s2):
     assert abs(np.corrcoef(combinations.T)[0, 1]) < 0.5  # no line through them
 
 
+@pytest.mark.few(0)
 def test_facets_of_a_single_section_leave_the_model_singular_and_the_message_says_why(huron, s1, s2):
     """One ring of facets: tilting the table about its own section is the same as shifting it."""
     for strategy, ring, height in ((s1, "1 2 3 4 5 6", 50), (s2, "22 24 26 28", 50), (s2, "21 23 25 27", 30)):

@@ -50,7 +50,7 @@ def study_of(e: Estimate, lines: tuple[Line, ...] = FULL) -> Study:
 # The gaps of many trials
 
 
-@pytest.mark.few(5)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sorted(examples()))
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float64, 1e-10), (np.float32, 3e-7)])
 def test_gaps_of_a_block_are_those_of_the_model(name: str, dtype: type, tolerance: float) -> None:
@@ -282,6 +282,7 @@ def test_chord_and_full_iteration_end_at_the_same_place(found: dict[str, Estimat
     assert chord.deviation == pytest.approx(full.deviation, abs=0.002)
 
 
+@pytest.mark.few(0)
 def test_trials_that_the_chord_cannot_settle_are_solved_in_full(
     found: dict[str, Estimate], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -166,6 +166,7 @@ def test_a_moved_axis_differs_and_the_rest_does_not(cell: Cell) -> None:
     assert found.range[found.names.index("EX0C")] == pytest.approx(0.004, abs=0.001)
 
 
+@pytest.mark.few(0)
 def test_a_remount_moves_the_table_and_no_parameter(cell: Cell) -> None:
     """Dismount and remount: other facet offsets, other stylus; both are estimated anew with every run (Table 8-3)."""
     offsets = {f: 0.03 for f, facet in cell.artefact.facets.items() if facet.ball is None}
@@ -177,6 +178,7 @@ def test_a_remount_moves_the_table_and_no_parameter(cell: Cell) -> None:
     assert not found.differs.any() and found.joint_p is not None and found.joint_p > 0.01
 
 
+@pytest.mark.few(0)
 def test_what_acts_on_both_runs_alike_cancels_in_their_difference(cell: Cell) -> None:
     runs = {str(i): simulate(cell.machine, cell.artefact, cell.strategy, world(i)) for i in (1, 2)}
     plain = compare_runs(cell.machine, cell.artefact, runs, ("S3",), 3, NOISE)[0]
