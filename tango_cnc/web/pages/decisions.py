@@ -128,7 +128,7 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     if history is None or not newest:
         return []
     told = [a for stored in reversed(history.alarmed(name)) for a in earlier(stored.record["alarms"])]
-    texts = {a["id"]: with_its_date({**a, "night": a["id"][:10]}, a["text"], state.texts) for a in told}
+    texts = {a["id"]: with_its_date({**a, "night": before_repair(a) or a["id"][:10]}, a["text"], state.texts) for a in told}
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
         what = plain(texts.get(d.alarm, ""), state.units, state.texts, place)
