@@ -22,6 +22,7 @@ from ...report.faults import earlier, still_open
 from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
+from ...report.repeated import before_repair
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
