@@ -17,11 +17,13 @@ from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.one_date import begun
+from tango_cnc.report.answer import Answer
 from tango_cnc.report.days import day
-from tango_cnc.report.repeated import as_found, first_night
+from tango_cnc.report.repeated import as_decided, as_found, first_night
 from tango_cnc.report.texts import texts
 from tango_cnc.texts import instead, say
 from tango_cnc.web.app import create
+from tango_cnc.web.pages.fleet import brief
 from tango_cnc.web.settings import Settings
 
 M = "HU40T-like"
@@ -103,3 +105,27 @@ def test_the_mail_counts_a_change_and_its_way_back_as_one_story() -> None:
     record = night(M, 12, "changed", standing=listed)
     assert "More alarms that wait: 1." in message(record, (), ())[1]
     assert "More alarms that wait" not in message({**record, "standing": listed[:4]}, (), ())[1]
+
+
+@pytest.mark.parametrize("said", [False, True])
+def test_the_headline_says_who_has_repaired_the_alarm_of_the_newest_night(tmp_path: Path, said: bool) -> None:
+    """List, --status and history list named nobody until the next night."""
+    record = night(M, 8, "changed", alarms=[moved(HIT, f"C axis has moved along X by +19.8 µm since {GOOD}")])
+    record["headline"] = say("night.words.former_waits")
+    done = [Decision(f"{HIT}-1", "repaired", "Dora, 4713", utc=f"{LAST}T09:30:00Z")] if said else []
+    assert ("Dora, 4713 has repaired it" in as_decided(record, done)) == said
+    two = {**record, "alarms": [*record["alarms"], {**record["alarms"][0], "id": f"{HIT}-2"}]}
+    assert "has repaired it" not in as_decided(two, done)  # of several nobody knows which one is meant
+    early = [Decision(f"{HIT}-1", "repaired", "Dora, 4713", utc=f"{GOOD}T09:30:00Z")]
+    assert "has repaired it" not in as_decided(record, early)
+
+
+def test_the_list_has_a_date_once() -> None:
+    """Nothing complete was measured since Thu 26 Nov 2026, since Thu 26 Nov 2026."""
+    date = "2026-11-26"
+    why = texts()("may.late", date=day(date, texts()))
+    told = Answer("but", "Yes, but", "late", "", why)
+    _, cause = brief(told, (), False, "", texts(), date)
+    assert cause.count(day(date, texts())) == 1
+    other = Answer("but", "Yes, but", "late", "", "x: Nothing was measured")
+    assert brief(other, (), False, "", texts(), date)[1].count(day(date, texts())) == 1

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
+from ..report.alarm import without_full
 from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
@@ -263,9 +264,10 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     lines = [t("mail.rate", rate=rate)] if rate and rate not in cause["text"] else []
     own = isinstance(cause["do"], Said) and cause["do"].key in OWN  # says more than who was at the machine
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
+    do = t.of(t(again) if again in t and cause["do"] == usual else cause["do"])
     lines += [
         t("mail.on_part", text=_gone_part(cause, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
-        t("mail.do", text=t(again) if again in t and cause["do"] == usual else cause["do"]),
+        t("mail.do", text=without_full(do, cause, record, t) if night else do),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
     if steady and of_machine and not cause.get("stands"):

@@ -14,7 +14,7 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from ..texts.number import number
-from .alarm import alarm, size_of
+from .alarm import alarm, size_of, without_full
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
@@ -97,6 +97,7 @@ def faults(
     found = [x | (whom if x["nobody"] else {}) for x in found]
     todo = {"todo": t("may.repaired_todo"), "office": ""}
     found = [x | (todo if (closed(x) and x["unmeasured"]) or _to_be_seen(x["decision"], known) else {}) for x in found]
+    found = [x if x.get("older") else x | {"todo": without_full(x["todo"], x, record, t)} for x in found]
     behind = {x.get("parameter") for x in record.get("behind") or () if record.get("verdict") == "out_of_limits"}
     return sorted(found, key=lambda a: (closed(a) and a.get("parameter") not in behind, *_urgency(a)))
 

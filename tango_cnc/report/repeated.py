@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..texts import Said, instead, say
+from ..texts import Said, instead, joined, say
 from .days import days_between
 from .tonight import OVER, STANDING
 
@@ -31,8 +31,23 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said):
         return str(headline)
+    told, alarms = _standing(record, headline, decisions), record.get("alarms") or ()
+    if len(alarms) != 1:  # of several nobody knows which one is meant
+        return told
+    since = [d for d in decisions if d.alarm == alarms[0].get("id") and d.utc >= str(record.get("end_utc") or "")]
+    since = [d for d in since if d.action in DECIDED]
+    return joined("; ", (told, _decided(since[-1]))) if since else told
+
+
+def _decided(d: Any) -> Said:
+    """decision → who has answered an alarm, how and when."""
+    return say(DECIDED[d.action], owner=d.owner, date=d.utc[:10], until=d.until or "")
+
+
+def _standing(record: Mapping[str, Any], headline: Said, decisions: Sequence[Any]) -> str:
+    """record of a night, its headline, decisions → the same with who has answered an alarm of an earlier night that still stood."""
     if headline.key == BESIDES:
-        return str(headline.but(told=as_decided({**record, "headline": headline.values["told"]}, decisions)))
+        return str(headline.but(told=_of_besides(record, headline.values["told"], decisions)))
     standing, tonight = record.get("standing") or (), bool(record.get("alarms"))
     helped = {x.get("alarm") for x in record.get("repaired") or ()}  # their ways back stood in nights that did not know of it
     known = {a["id"] for a in standing if (a.get("undoes") or {}).get("alarm") in helped}
@@ -43,7 +58,7 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     others = len(stories([a for a in standing if not closed.get(a["id"], False)]) - stories(named or ()))
     more = say(MORE, count=others) if others else ""
     own = [d for d in since if standing and not tonight and d.alarm == standing[0]["id"]]
-    who = say(DECIDED[own[-1].action], owner=own[-1].owner, date=own[-1].utc[:10], until=own[-1].until or "") if own else None
+    who = _decided(own[-1]) if own else None
     if headline.key == BEYOND:
         own = _answered(_of_night(headline, _found_on(record)), more, who)
         return str(own if tonight else as_found(own, record))
@@ -51,6 +66,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
         return str(_answered(headline, more, None)) if standing and tonight else str(headline)
     headline = headline.but(more=more)
     return headline if who is None else headline.but(who=who)
+
+
+def _of_besides(record: Mapping[str, Any], told: Any, decisions: Sequence[Any]) -> str:
+    """record of a night, the first of two sentences of its headline, decisions → that with who has answered what it names."""
+    return _standing(record, told, decisions) if isinstance(told, Said) else str(told)
 
 
 def stories(alarms: Sequence[Mapping[str, Any]]) -> set[str]:

@@ -233,7 +233,8 @@ def brief(
     """
 
     def dated(text: str) -> str:
-        return whole_sentence(t("web.since", text=text.rstrip("."), date=day(since, t)) if since else text)
+        known = not since or day(since, t) in text  # the sentence has that date already
+        return whole_sentence(text if known else t("web.since", text=text.rstrip("."), date=day(since, t)))
 
     if told is None or told.may in ("yes", "wait"):
         return "", ""
