@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from starlette.testclient import TestClient
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
 from tango_cnc.report.answer import Answer, by_newer_no
+from tango_cnc.report.days import day
 from tango_cnc.report.morning import context
 from tango_cnc.report.newer import NewerNo, answer_text, says_no
 from tango_cnc.report.texts import texts
@@ -201,3 +203,59 @@ def test_numbers_that_are_none_leave_the_no_alone(tmp_path: Path, own: dict[str,
     (place / "report.json").write_text(json.dumps(json.loads(answer_text("no", end, TOLD)) | own), encoding="utf-8")
     page = seen(place, f"/machine/{M}")
     assert SAYS in page and "Most of it comes from" not in page and "<b>:" not in page
+
+
+def within_night(folder: Path) -> Path:
+    """A good night of 8 Nov at 50 µm of 60 whose EY0C is 0.0020 mm, and newer readings of 214 µm with −18 µm there."""
+    limits = [{"what": "volume", "unit": "µm", "value": 50.0, "low": 49.0, "high": 51.0, "limit": 60.0, "passed": True}]
+    known = {"EY0C": {"value": 0.002, "std": 0.0002, "unit": "mm", "low": 0.0016, "high": 0.0024}}
+    more = {"limits": limits, "parameters": known, "owner": "Ann Meier, 4711"}
+    place = cell(folder, records=[night(M, 7, **more), night(M, 8, **more)])
+    told = NewerNo("2026-11-08T09:00:00Z", 214.0, 60.0, "EY0C", -0.0182, "mm")
+    says(place, "")
+    (place / "report.json").write_text(answer_text("no", night(M, 8)["end_utc"], told), encoding="utf-8")
+    return place
+
+
+def plain_of(page: str) -> str:
+    return " ".join(re.sub(r"<[^>]*>", " ", page).split())
+
+
+def test_the_pages_say_which_parts_the_no_of_newer_readings_is_about_and_what_moved(tmp_path: Path) -> None:
+    """None did: the parts made since the night, which was within its limit, were named nowhere."""
+    place, date = within_night(tmp_path / "one"), day(night(M, 8)["night"], texts())
+    steps = [
+        "Make no parts on it.",
+        "Call Ann Meier, 4711.",
+        f"Check the parts that were made since the night ending {date}: they may be beyond the limit.",
+        "Look for what has moved since the night. C axis off in Y: −18 µm by the readings of the report; "
+        f"the night ending {date} has 2 µm.",
+        "Have the largest errors compensated or repaired. Then run the full measurement.",
+    ]
+    for path in PATHS[:3]:
+        text = plain_of(seen(place, path))
+        assert " ".join(steps) in text, path
+    page = plain_of(seen(place, PATHS[0]))
+    assert f"Since when The night ending {date} was the last one within the limit." in page
+    assert f"Parts to check All that were made since {date}, the last night within the limit." in page
+    assert f"What changed C axis off in Y: −18 µm by the readings of the report; the night ending {date} has 2 µm." in page
+
+
+def test_below_the_no_of_newer_readings_the_curve_of_the_nights_is_not_that_of_today(tmp_path: Path) -> None:
+    """Steady. Within its limit of 60 µm, and No above it."""
+    place, date = within_night(tmp_path / "one"), day(night(M, 8)["night"], texts())
+    for path in PATHS[:2]:
+        text = plain_of(seen(place, path))
+        assert f"Until the night ending {date}, by the nights alone: " in text, path
+    assert "By the nights" not in plain_of(seen(cell(tmp_path / "two", records=[night(M, 7), night(M, 8)]), PATHS[0]))
+
+
+def test_the_list_has_the_age_of_the_readings_that_answer(tmp_path: Path) -> None:
+    now = datetime.now(UTC)
+    began, end, read = ((now - timedelta(minutes=m)).strftime("%Y-%m-%dT%H:%M:%SZ") for m in (13 * 60, 12 * 60, 5))
+    place = cell(tmp_path / "one", records=[night(M, 8, start_utc=began, end_utc=end, night=f"{now:%Y-%m-%d}")])
+    assert "measured 12 h ago" in seen(place, "/")
+    says(place, "")
+    (place / "report.json").write_text(answer_text("no", end, NewerNo(read, 214.0, 60.0)), encoding="utf-8")
+    text = seen(place, "/")
+    assert "measured 12 h ago" not in text and "measured 5 min ago" in text

@@ -32,6 +32,7 @@ from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
 from tango_cnc.report.may import _after, may
+from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_decided
 from tango_cnc.report.svg import Canvas, Mark, Plotted, chart, ticks
 from tango_cnc.report.terminal import summary
@@ -765,6 +766,26 @@ def test_a_report_that_says_no_after_the_night_carries_it_for_the_pages(
     assert page.as_json(facts)["no_after"] is None
 
 
+def test_a_report_that_says_no_after_the_night_orders_what_the_pages_of_the_machine_order(facts: Facts) -> None:
+    """It called nobody, and left out the parts that were made since the night."""
+    assert facts.tip is not None
+    volume = {"worst_um": 500 * facts.tip.worst, "std_um": 0.5}
+    record: dict[str, Any] = {"verdict": "good", "night": "2026-11-20", "volume": volume}
+    record["parameters"] = {n: {"value": 0.5 * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
+    there, limit = 500 * facts.tip.worst, 750 * facts.tip.worst
+    record["limits"] = [
+        {"what": "volume", "value": there, "unit": "µm", "low": there, "high": there, "limit": limit, "passed": True}
+    ]
+    parts = tuple(parts_since("2026-11-20", (), {}, texts()))
+    more: dict[str, Any] = {"todo": ("Nothing.",), "asks": "Call Ann.", "parts": parts}
+    night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record, **more)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z", simulated=False)
+    do = page.context(replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=limit / 1e3)))["todo"]
+    since = "Check the parts that were made since the night ending Fri 20 Nov 2026: they may be beyond the limit."
+    assert do[:3] == ["Make no parts on it.", "Call Ann.", since] and do[3].startswith("Look for what has moved since the night. ")
+    assert "Have the largest errors compensated or repaired. Then run the full measurement." in do[4:]
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("owner", ["", "Dora, 4713"])
 def test_a_report_asks_who_has_repaired_what_has_moved_since_the_night(facts: Facts, owner: str) -> None:
@@ -779,7 +800,7 @@ def test_a_report_asks_who_has_repaired_what_has_moved_since_the_night(facts: Fa
     name = next(iter(effects(facts.result)))
     night = NewestNight("2026-11-20", "good", "", 0, "2026-11-20T02:30:00+00:00", record, repaired={name: owner} if owner else {})
     paper = replace(facts.paper, measured="2026-11-20T09:00:00Z")
-    (line,) = [x for x in page.context(replace(facts, nights=night, paper=paper))["todo"] if "by these readings" in x]
+    (line,) = [x for x in page.context(replace(facts, nights=night, paper=paper))["todo"] if "by the readings of the report" in x]
     assert line.startswith("Ask Dora, 4713 what was done" if owner else "Look for what has moved since the night.")
 
 

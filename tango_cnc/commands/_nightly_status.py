@@ -149,7 +149,9 @@ def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
         found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
         if found is not None:
             told = found.answer(u, t, machine)
-            told = told if known.newer_no is None else by_newer_no(told, known.newer_no, u, t, machine)
+            told = (
+                told if known.newer_no is None else by_newer_no(told, known.newer_no, u, t, machine, found.before or found.record)
+            )
             told = measuring(told, t) if busy else told
             word = ", ".join(x for x in (told.word, busy or told.old) if x)
             lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)

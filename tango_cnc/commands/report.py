@@ -300,7 +300,7 @@ def nights(
     from ..report.answer import by_limit, said_broken_off, said_cut_off
     from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed, untried
     from ..report.morning import volumes_of
-    from ..report.orders import brief_of, orders
+    from ..report.orders import brief_of, orders, parts_since
     from ..report.pace import ahead
     from ..report.reach import to_ask
 
@@ -339,6 +339,7 @@ def nights(
             answers_for=settings.answers_for,
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
+            parts=tuple(parts_since(str((before or record).get("night") or ""), found, record, t)),
             repaired={str(a["parameter"]): str(a["decision"].owner) for a in found if untried(a) and a["decision"] is not None},
             named=bool(found) and asking(found)[:1] != found[:1],
             chain=history.newest_hashes().get(machine),

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..history import Decision
 from ..history.answers import of_machine
+from ..report.repeated import first_night
 from ..state import Named, State, reopened
 from ..texts import joined, say
 from .alarms import Known, effect_of, said_of
@@ -196,7 +197,7 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
         **{"cause": wrong["cause"], "parameter": wrong["parameter"], "text": say(f"night.repaired.{way}", **told)},
         **{"size": size, "std": spread, "unit": m.unit, "sigmas": abs(now) / max(std, 1e-15)},
         **{"on_part_um": effect, "on_part": on_part, "do": say("night.repaired.do", owner=d.owner)},
-        "repair": {"alarm": d.alarm, "size_before": then, "back": now - then},
+        "repair": {"alarm": d.alarm, "size_before": then, "back": now - then, "found": first_night(wrong, str(wrong["id"])[:10])},
     }
 
 
@@ -208,7 +209,10 @@ def _nothing_changed(wrong: Mapping[str, Any], d: Decision) -> dict[str, Any]:
     }
     return kept | {
         **{"id": "", "rate_per_day": None, "instead": list(wrong.get("instead") or ()), "text": text},
-        **{"do": say("night.repaired.do", owner=d.owner), "repair": {"alarm": d.alarm, "size_before": wrong.get("size")}},
+        **{
+            "do": say("night.repaired.do", owner=d.owner),
+            "repair": {"alarm": d.alarm, "size_before": wrong.get("size"), "found": first_night(wrong, str(wrong["id"])[:10])},
+        },
     }
 
 

@@ -10,7 +10,7 @@ from ..history import Decision
 from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
-from ..report.repeated import as_decided, as_found, first_night
+from ..report.repeated import as_decided, as_found, first_night, stories
 from ..report.right import by_its_whole
 from ..report.texts import Texts, code, texts
 from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
@@ -118,8 +118,8 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
         lines += [f"  {t.of(alarm['ahead']['text'])}"] if alarm.get("ahead") else []
         lines += [*_about(alarm, owner_of(alarm["owner"], record, t), t, record)]
         lines += [*_answers(alarm["id"], decisions, record["cell"], t, taken), ""]
-    if len(standing) > SHOWN:
-        lines += [f"* {t('mail.more_alarms', count=len(standing) - SHOWN)}", ""]
+    if more := len(stories(standing) - stories(standing[:SHOWN])):
+        lines += [f"* {t('mail.more_alarms', count=more)}", ""]
     for alarm in record.get("unheard") or ():
         told = {key: alarm[key] for key in ("night", "owner", "until", "text")}
         lines += [f"* {t('mail.ignored', **told)}", *([f"  {t.of(alarm['now'])}"] if alarm["now"] else []), ""]

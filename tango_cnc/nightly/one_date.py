@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..report.tonight import is_gone
+from ..report.tonight import is_over
 from ..state import State
 from .alarms import Known
 from .course import followed, moved_since, name_of, on_record
@@ -14,11 +14,11 @@ from .drift import Drift, drift_of
 
 def begun(alarms: Sequence[Mapping[str, Any]], moving: Drift | None = None) -> dict[str, tuple[str, float]]:
     """alarms of tonight and of other nights that nobody has closed, trend of tonight → {parameter: date since which it has moved,
-    size, whose sign is the way that it went}. Of several alarms of a parameter the oldest counts.
+    size, whose sign is the way that it went}. Of several alarms of a parameter the oldest counts that has not gone back.
     """
     found = {} if moving is None else {moving.parameter: (moving.since, moving.size)}
     for a in sorted(alarms, key=lambda a: str(a["since"]), reverse=True):
-        if a["size"] and a["since"] and not is_gone(a.get("now") or ""):
+        if a["size"] and a["since"] and not is_over(a):
             found[str(a["parameter"])] = (str(a["since"]), float(a["size"]))
     return found
 

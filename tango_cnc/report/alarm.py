@@ -10,6 +10,7 @@ from ..texts import Said, instead
 from .days import day, days_between, local_day
 from .plain import office, plain, shop
 from .reach import of_two, or_else
+from .repeated import before_repair
 from .texts import Texts, texts
 from .units import Units
 from .words import named
@@ -34,8 +35,9 @@ def alarm(
     """alarm of a record, its decision, units, texts, chain of axes, record, date → what a page shows of it."""
     raw = a.get("text") or ""
     size, record, asked = _amount(a, u), record or {}, str(a.get("id") or "")[:10]
+    found = before_repair(a) or asked
     owner = (decision.owner if decision is not None else None) or a.get("owner") or record.get("owner")
-    told = {**a, "night": asked or str(a.get("night") or "")}  # what stands behind a limit has no id
+    told = {**a, "night": found or str(a.get("night") or "")}  # what stands behind a limit has no id
     asks = str(record.get("deputy") or ""), str(record.get("owner") or "")
     part = _part(told, u, t)
     return {
@@ -45,7 +47,7 @@ def alarm(
         "text": whole_sentence(sentence(plain(with_its_date(told, raw, t), u, t, machine), Units())),
         "recorded": sentence(raw, u, t),
         "night": asked,
-        "first": asked,  # date of the first night on which it was seen
+        "first": found,  # date of the first night on which it was seen
         "cause": _named(f"cause_name.{a.get('cause')}", a.get("cause"), t),
         "cause_key": str(a.get("cause") or ""),
         "begun": str(a.get("since") or ""),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -47,6 +48,8 @@ class Answer:
     soon: str = ""
     old: str = ""
     of: str = ""  # date of the night that `numbers` are of, where they do not name it
+    after: str = ""  # No of newer readings: date of the night that measured before them
+    moved: str = ""  # No of newer readings: what they have otherwise than that night, as a sentence
 
     @property
     def level(self) -> str:
@@ -278,9 +281,12 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
     return t(f"may.soon_{key}", **words)
 
 
-def by_newer_no(known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine | None = None) -> Answer:
-    """answer of the newest night, the No of readings that came after it, units, texts, chain of axes → that No, with its number and
-    what most of it comes from; what is No already, or unknown because the machine may still move, stays.
+def by_newer_no(
+    known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine | None = None, night: Mapping[str, Any] | None = None
+) -> Answer:
+    """answer of the newest night, the No of readings that came after it, units, texts, chain of axes, record of the last night that
+    measured → that No, with its number, what most of it comes from, and what the night has of that; what is No already, or unknown
+    because the machine may still move, stays.
     """
     if known.may not in ("yes", "but") or known.state in ("cut_off", "moved"):
         return known
@@ -292,7 +298,23 @@ def by_newer_no(known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine
     numbers = ""
     if no.tip_um is not None and no.limit_um is not None:
         numbers = t("may.of_readings", text=_pair(t("may.tip"), no.tip_um, no.limit_um, "µm", u, t), date=date)
-    return replace(known, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why, soon="", old="")
+    after, moved = str((night or {}).get("night") or ""), _moved_since(no, night or {}, u, t, machine)
+    return replace(
+        known, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why, soon="", old="", after=after, moved=moved
+    )
+
+
+def _moved_since(no: NewerNo, night: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """the No of newer readings, record of the night before them, units, texts, chain of axes → what most of their error comes from
+    has by them, and by the night, as a sentence; '' where the night does not know it, or has the same (95 %, of two like it).
+    """
+    there = (night.get("parameters") or {}).get(no.parameter)
+    if there is None or abs(no.value - float(there["value"])) <= 2 * math.sqrt(2) * float(there.get("std") or 0.0):
+        return ""
+    factor, unit = shown(no.unit)
+    here, then = (f"{'−' if x < 0 else ''}{amount(abs(x) * factor, unit, u, t)}" for x in (no.value, float(there["value"])))
+    what = spoken(no.parameter, machine, t)
+    return t("may.moved_since", what=f"{what[:1].upper()}{what[1:]}", here=here, there=then, date=day(night.get("night"), t))
 
 
 def measuring(known: Answer, t: Texts) -> Answer:

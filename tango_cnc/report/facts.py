@@ -93,6 +93,7 @@ class NewestNight:
     former: tuple[Said, ...] = ()  # what is said of the cell beside its nights: one that was cut off
     brief: str = ""  # `cause` with the size that counts alone
     asks: str = ""  # whom to call, as one of `todo`
+    parts: tuple[str, ...] = ()  # what to do about parts where newer readings say No
     repaired: Mapping[str, str] = field(default_factory=dict)  # {parameter: who says to have repaired it since that night}
     named: bool = False  # whether the last of `todo` says itself what it is about, which is not `cause`: that is to be ignored
     chain: tuple[int, str] | None = None  # number and hash of the newest entry of the history

@@ -113,7 +113,7 @@ def context(
     told = _told(record, found, before, late, coming, stale, former, newer_no, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
-    began = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
+    began, within = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ()), within or told.after
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
@@ -188,7 +188,7 @@ def _told(
     waits, has = answered(found, record)
     told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine)
+    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine, before or record)
 
 
 def _suspected(

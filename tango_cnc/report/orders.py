@@ -12,8 +12,9 @@ from typing import Any
 from ..records import Machine
 from ..texts import unstopped
 from .alarm import whole_sentence
-from .answer import Answer, is_cut_off, is_moving, is_unsent, is_waiting
-from .faults import all_of_probe, asking, settled
+from .answer import NEWER, Answer, is_cut_off, is_moving, is_unsent, is_waiting
+from .days import day
+from .faults import all_of_probe, asking, begun, for_setting_up, settled
 from .look import looks
 from .plain import plain, shop
 from .reach import to_ask
@@ -74,7 +75,20 @@ def orders(
     asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
     if is_stopped(told, t):  # the night may have let parts be made, of which newer readings say otherwise
         lines = under_a_no(lines, t)
+    if told.state == NEWER:
+        look = [t("todo.moved_since", moved=told.moved)] if told.moved else []
+        lines = [x for x in lines if x != t("morning.todo_nothing")]
+        lines = [*parts_since(told.after, found, record, t), *look, *lines, t("todo.limit")]
     return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def parts_since(measured: str, found: Sequence[Mapping[str, Any]], record: Mapping[str, Any], t: Texts) -> list[str]:
+    """date of the last night that measured before readings that say No, what is wrong by the nights, record of the newest one,
+    texts → to check the parts made since that night, or since what is open began, as one order; [] where no date is known.
+    """
+    open_since = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
+    first = min((date for date in (measured, open_since) if date), default="")
+    return [t("todo.parts_since", date=day(first, t))] if first else []
 
 
 def is_stopped(told: Answer, t: Texts) -> bool:

@@ -126,8 +126,10 @@ def newer_no(f: Facts) -> NewerNo:
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:
     """facts, answer, texts → what to do before what the checks ask for: about parts, whom to call, and what to look for."""
-    before = _of_nights(f, said, t)[:-1]
-    return [*before, since_then(f, t, "todo.grown") if grown(f) else ""]
+    before, more = _of_nights(f, said, t)[:-1], []
+    if f.nights is not None and no_after(f, said):  # as the pages of the machine have it
+        more = [x for x in (f.nights.asks, *f.nights.parts) if x not in before]
+    return [*before, *more, since_then(f, t, "todo.grown") if grown(f) else ""]
 
 
 def _of_nights(f: Facts, said: Told, t: Texts) -> list[str]:
@@ -146,7 +148,7 @@ def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:
-        return [f"{said.cause} {c.todo}"]
+        return [c.todo if no_after(f, said) and grown(f) else f"{said.cause} {c.todo}"]  # what has moved is named already
     return [c.todo] if c.todo else []
 
 

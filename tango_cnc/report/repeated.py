@@ -64,8 +64,20 @@ def said_of_repair(decision: Any) -> str:
 
 
 def first_night(a: Mapping[str, Any], night: str) -> str:
-    """alarm, date of the night that tells it → date of the first night that did: its id begins with it."""
+    """alarm, date of the night that tells it → date of the first night that did: its id begins with it. What a repair has left was
+    found by the night before that repair.
+    """
+    if found := before_repair(a):
+        return found
     return str(a.get("night") or (str(a.get("id") or "")[:10] if a.get("goes_on") else "") or night)
+
+
+def before_repair(a: Mapping[str, Any]) -> str:
+    """alarm → of what a repair has left: date of the night that found it first; else ''. A record of an earlier version has the
+    alarm that was repaired, whose id begins with its night.
+    """
+    told = a.get("repair") or {}
+    return str(told.get("found") or str(told.get("alarm") or "")[:10])
 
 
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:

@@ -203,7 +203,7 @@ def _of_two_nights(now: str) -> bool:
 def _then(first: Mapping[str, Any], own: float, known_of: str, u: Units, t: Texts) -> str:
     """oldest alarm of a parameter, its size, date of the last night that measured → which of its two numbers is of which night."""
     factor, unit = shown(str(first.get("unit") or "mm"))
-    nights = {"date": day(known_of, t), "first": day(first["first"], t)}
+    nights = {"date": day(known_of, t), "first": day(str(first["id"])[:10] or first["first"], t)}
     return t("morning.then_of", size=signed(own * factor, unit, u, t), **nights)
 
 

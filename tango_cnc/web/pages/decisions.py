@@ -22,6 +22,7 @@ from ...report.faults import earlier, still_open
 from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
+from ...report.repeated import before_repair
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
@@ -128,7 +129,7 @@ def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
     if history is None or not newest:
         return []
     told = [a for stored in reversed(history.alarmed(name)) for a in earlier(stored.record["alarms"])]
-    texts = {a["id"]: with_its_date({**a, "night": a["id"][:10]}, a["text"], state.texts) for a in told}
+    texts = {a["id"]: with_its_date({**a, "night": before_repair(a) or a["id"][:10]}, a["text"], state.texts) for a in told}
     place, past = state.places.geometry(row.machine), []
     for number, d in newest:
         what = plain(texts.get(d.alarm, ""), state.units, state.texts, place)

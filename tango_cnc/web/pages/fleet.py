@@ -101,7 +101,7 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     told = unchanged(
         row, state, (busy, ran, simulated, reported, newer_no(row)), lambda: _told(row, busy, ran, simulated, state), "row"
     )
-    return told | {"age": _age(row, state.texts)}
+    return told | {"age": _age(row, state.texts, newer_no(row) if told["newer"] else None)}
 
 
 def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> dict[str, Any]:
@@ -127,6 +127,7 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         "simulated": made_up(row) or simulated,
         "night": row.nights[0].night if row.nights else "",
         "may": may,
+        "newer": told is not None and told.state == NEWER,
         "group": "moving" if moving else may,
         **(_not_answered(busy, t) if told is None else _answered(told, busy, t)),
         **_asked(row, told, found, state),
@@ -264,11 +265,13 @@ def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
     return max((does_now(a) for a in found if not (a["id"] and closed(a))), default=0.0)
 
 
-def _age(row: Row, t: Texts) -> str:
-    """row of the fleet, texts → how long ago the last night that measured has ended; '' where none has."""
+def _age(row: Row, t: Texts, no: NewerNo | None = None) -> str:
+    """row of the fleet, texts, the No of newer readings where that is the answer → how long ago they were made, or the last night
+    that measured has ended; '' where none has.
+    """
     known = row.before or row.record or {}
     try:
-        moment = datetime.fromisoformat(str(known.get("end_utc")))
+        moment = datetime.fromisoformat(str(known.get("end_utc") if no is None else no.measured))
     except ValueError:
         return ""
     return t("web.measured_ago", ago=ago(moment if moment.tzinfo else moment.replace(tzinfo=UTC), t, datetime.now(UTC)))
@@ -297,7 +300,7 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
     )
     told = renamed(told, row.machine.former, state.texts)
     no = newer_no(row)
-    return told if no is None else by_newer_no(told, no, state.units, state.texts, axes)
+    return told if no is None else by_newer_no(told, no, state.units, state.texts, axes, row.before or row.record)
 
 
 def newer_no(row: Row) -> NewerNo | None:
