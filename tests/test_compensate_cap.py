@@ -23,6 +23,7 @@ def reach(name: str) -> float:
     return held.reach
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     ("name", "most"),
     [("EXA1", 1.5), ("EXC2", 9.0), ("EBX1", 150.0), ("EYX2", 150.0**2), ("EXX1", 150.0), ("EXXb", 1.0), ("EC0A", 1.0)],

@@ -99,6 +99,7 @@ def test_steps_name_only_what_is_written_and_the_trial_has_its_settings(tmp_path
     assert all(f"--set {one}" in steps for one in settings)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["trunnion", "hu40t", "fork_head", "three_axis_calibrated"])
 def test_tables_that_no_one_zero_can_follow_have_no_dynamic_fixture_offset(name: str) -> None:
     with pytest.raises(InputError, match="allowed: for one table axis parallel to X, Y or Z"):

@@ -59,6 +59,7 @@ def test_a_run_that_is_not_to_be_trusted_proves_nothing_good(verdict: str) -> No
     assert found.verdict == "undecided" and "decides nothing" in found.text
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("part", "verdict"), [(0.1, "kept"), (0.4, "kept"), (0.6, "undecided"), (2.0, "undecided")])
 def test_what_no_touch_shows_counts_against_what_was_there_before(part: float, verdict: str) -> None:
     """After a compensation that holds every value is near 0, and a drift of some µm is more than half of each."""

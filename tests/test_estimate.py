@@ -267,6 +267,7 @@ def test_an_unknown_term_is_refused_with_its_nearest_name(hu40t):
         estimate(hu40t.machine, hu40t.artefact, readings, ["S3", "EX0Q"])
 
 
+@pytest.mark.few(0)
 def test_the_scale_bar_weighs_by_its_uncertainty(hu40t):
     world = replace(read_world(EXAMPLES / "hu40t" / "world.yaml"), noise=0.0006)
     readings = simulate(hu40t.machine, hu40t.artefact, hu40t.strategy, world)

@@ -49,7 +49,7 @@ def test_an_axis_that_takes_the_nearer_way_is_turned_in_steps_of_less_than_half_
     assert all(any(angle == step for step in left) for angle in plainly)  # the same stops in the same order, and more
 
 
-@pytest.mark.few(2)
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_its_programs_are_read_back_and_say_what_a_person_has_to_do(name: str) -> None:
     made, post = rolling(True), load(name)

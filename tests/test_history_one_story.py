@@ -127,6 +127,7 @@ def test_what_comes_back_after_either_was_repaired_names_that_repair(tmp_path: P
     assert again["again"]["owner"] == "Dora" and "again" not in other
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("end", [KNOCK, BACK])
 @pytest.mark.parametrize("action", ["repaired", "accept"])
 def test_until_the_next_night_both_are_one_closed_story(tmp_path: Path, end: str, action: str) -> None:

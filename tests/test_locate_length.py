@@ -102,6 +102,7 @@ def test_a_strategy_that_does_not_tilt_is_no_proof_for_one_that_does(tmp_path: P
     assert refused.code == 1 and "6.00 mm longer" in refused.err
 
 
+@pytest.mark.few(0)
 def test_a_command_that_is_handed_out_states_again_what_was_stated(tmp_path: Path) -> None:
     """Two refusals sent each other round: each dropped what the person had stated after the other."""
     folder, _, made = _cycle(tmp_path, "trunnion")

@@ -32,6 +32,7 @@ def test_the_page_names_the_night_that_comes_after_the_answer(action: str, kind:
     assert context(record, (earlier,), None, texts())["next"]["kind"] == "check"  # the night came after it
 
 
+@pytest.mark.few(0)
 def test_a_drift_has_moved_since_the_night_before_it_and_not_since_its_alarm() -> None:
     found = knock("2026-11-10") | {"since": "2026-11-07", "rate_per_day": 0.002, "steady": True}
     text = render(night("M", 17, "changed", alarms=[found]))

@@ -56,6 +56,7 @@ def test_status_and_fleet_name_the_nights_of_the_old_name_and_its_alarms(renamed
     assert lines["OLD 5"]["alarms_open"] == 1 and lines["NEW"]["last"] is None
 
 
+@pytest.mark.few(0)
 def test_once_its_alarms_are_closed_and_the_new_name_is_measured_nothing_more_is_said(renamed: Path) -> None:
     with opened(renamed / "history.db") as history:
         (alarm,) = history.open_alarms("OLD 5")

@@ -144,6 +144,7 @@ def test_a_report_knows_a_share_of_the_night_from_a_change(tmp_path: Path, key: 
     assert found is not None and found.share == (key == "changed.most") and "C axis" in found.cause
 
 
+@pytest.mark.few(0)
 def test_curves_of_one_page_write_their_dates_in_one_way(tmp_path: Path) -> None:
     with TestClient(create(Settings((cell(tmp_path / "one"),))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
         for query in ("", "?parameter=EX0C"):

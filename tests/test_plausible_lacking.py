@@ -194,5 +194,6 @@ def test_what_three_axes_cannot_show_of_a_bend_is_noted(root: Path) -> None:
     assert "cannot show a bend of X, Y, Z" in notes and "EB0Z" in notes
 
 
+@pytest.mark.few(0)
 def test_five_axes_show_a_bend_and_note_nothing(cell: Cell, readings: Readings) -> None:
     assert "bent" not in " ".join(judged(cell, readings).remarks)

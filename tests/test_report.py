@@ -367,6 +367,7 @@ def test_inches_change_every_length_and_no_ratio(facts: Facts) -> None:
     assert "µm" not in " ".join(t for t in outline(page.render(inch)).text if "uncertainty" not in t and "µm/m" not in t)
 
 
+@pytest.mark.few(0)
 def test_the_places_of_slices_and_covariates_are_in_inch_too(facts: Facts) -> None:
     """A slice at Z 336 mm stands at 13.2 in, and no axis of a picture says mm."""
     from tango_cnc.report.charts import _placed
@@ -392,6 +393,7 @@ def test_the_verdict_is_the_worst_and_nothing_is_green_beside_a_stop(levels: Any
         assert not [c for c in found.checks if c.level == "good" and not c.open]
 
 
+@pytest.mark.few(0)
 def test_every_box_knows_of_a_result_that_must_not_be_used(facts: Facts) -> None:
     spoilt = replace(facts, result=replace(facts.result, sigma=0.05))
     judged = verdict(spoilt, texts())
@@ -692,7 +694,7 @@ def test_what_a_line_allows_stands_where_no_point_is() -> None:
     assert "text-anchor" not in place
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("name", ["heading", "sentence"])
 def test_the_head_of_a_table_is_on_the_page_of_its_first_row(name: str, tmp_path: Path) -> None:
     """At every height of the page at which the table may begin."""
@@ -748,6 +750,7 @@ def test_readings_newer_than_the_night_say_of_which_run_each_number_is(facts: Fa
     assert ("Look for what has moved since the night." in lines) == (larger < 1)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("limit", [1e-3, 1.0])
 @pytest.mark.parametrize(("simulated", "of_night"), [(False, False), (True, False), (True, True)])
 def test_a_report_that_says_no_after_the_night_carries_it_for_the_pages(
@@ -811,6 +814,7 @@ def test_a_report_calls_nobody_about_what_somebody_has(facts: Facts, has: str, a
     assert ("Call Bob about what the night has found" in " ".join(page.context(newer)["todo"])) == calls
 
 
+@pytest.mark.few(0)
 def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
     """169 µm by these readings, and below it "which does 122 µm of it", which was of the 137 µm of the night."""
     assert facts.tip is not None

@@ -201,6 +201,7 @@ def test_what_the_thesis_measured_is_found_again_in_simulated_readings() -> None
     assert sum(rough for _, rough, _ in found) >= 1
 
 
+@pytest.mark.few(0)
 def test_table_4_2_selects_the_86_names_of_subset_4(shared: Path) -> None:
     subsets = yaml.safe_load((shared / "contract/thesis/subsets.yaml").read_text(encoding="utf-8"))
     wanted = {*subsets["S2"], *subsets["S3_adds"], *subsets["S4_adds"]}

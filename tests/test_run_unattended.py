@@ -49,6 +49,7 @@ def test_what_is_proven_not_to_be_so_ends_a_run_that_nobody_is_asked_about(
     assert "not proven on this control" not in said
 
 
+@pytest.mark.few(0)
 def test_what_is_not_proven_is_said_and_ends_nothing(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tried(folder, "directions", "PASS")
     code, said = run(folder, capsys)

@@ -344,6 +344,7 @@ def test_a_run_says_when_it_began_as_every_other_page_says_a_date(tmp_path: Path
     assert re.search(r"started Mon 23 Nov 2026, \d\d:\d\d", text) and "2026-11-23" not in text.partition("<details")[0]
 
 
+@pytest.mark.few(0)
 def test_a_run_is_followed_while_it_goes_on(tmp_path: Path) -> None:
     folder = cell(tmp_path / "one", records=[])
     with TestClient(create(Settings((folder,))), base_url=HOST) as site:
@@ -685,6 +686,7 @@ def test_what_was_measured_has_no_such_mark(site: TestClient) -> None:
         assert "SIMULATED" not in site.get(path).text, path
 
 
+@pytest.mark.few(0)
 def test_a_list_of_nights_says_once_what_they_have_in_common(tmp_path: Path) -> None:
     parts = {"text": say("judged.doubtful"), "who": "Ann has it", "more": "", "part": "", "gap": "", "now": ""}
     same = say("night.words.changed_since_night", night="2026-10-24", **parts)
@@ -860,6 +862,7 @@ def test_cells_of_one_name_have_their_folders_and_a_night_that_was_cut_off_is_to
     assert page.count("<title>Mon 23 Nov 2026: Stopped early") == sum("<title>Mon 23 Nov 2026: S" in m for m in machines) == 1
 
 
+@pytest.mark.few(0)
 def test_a_machine_that_nobody_has_measured_lately_is_not_called_steady(tmp_path: Path) -> None:
     """Nights of October, read a year later: what stood then is unknown since; the list says so in a line."""
     records = [night("HU40T-like", day) for day in range(5)]

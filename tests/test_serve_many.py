@@ -39,6 +39,7 @@ def hall(folder: Path) -> str:
     return str(folder / "fleet.db")
 
 
+@pytest.mark.few(0)
 def test_of_many_machines_only_the_one_that_changed_is_computed_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """After five seconds the causes of every alarm were computed again: two hundred machines took a second of the processor."""
     where, computed = hall(tmp_path), []

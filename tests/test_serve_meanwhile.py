@@ -63,7 +63,7 @@ def decided(folder: Path) -> list[tuple[str, str, str]]:
         return [(d.action, d.owner, d.note) for d in history.decisions(M)]
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize(
     ("typed", "said"),
     [

@@ -151,7 +151,7 @@ def of_time(cause: str) -> bool:
     return not same(effects.disturbance(chosen, TOUCHES, 5), effects.disturbance(chosen, later, 5))
 
 
-@pytest.mark.few(1)
+@pytest.mark.few(0)
 @pytest.mark.parametrize("cause", [c for c in EVERY if c != "swapped_facets" and not of_time(c)])
 def test_touch_by_touch_an_effect_is_the_same_as_all_at_once(cause: str) -> None:
     """A program that returns to a safe height takes its own time, so effects of time are left out."""

@@ -42,6 +42,7 @@ def test_a_late_latch_reads_late_by_feed_times_delay() -> None:
     assert gap == pytest.approx(np.where(NUMBER > 100, -0.001, -0.003))
 
 
+@pytest.mark.few(0)
 def test_a_stylus_rests_where_the_touch_before_pushed_it() -> None:
     early = read_early("probe_hysteresis")
     assert early[0] == pytest.approx(0, abs=1e-12)
@@ -49,6 +50,7 @@ def test_a_stylus_rests_where_the_touch_before_pushed_it() -> None:
     assert early[1:] == pytest.approx(-0.001 * np.sum(SPINDLE[1:] * SPINDLE[:-1], axis=1), abs=1e-9)
 
 
+@pytest.mark.few(0)
 def test_the_first_touch_after_an_indexation_or_a_pause_reads_early() -> None:
     positions = [tuple(row) for row in np.round(TOUCHES.position[:, [MACHINE.column(name) for name in "BCS"]], 9)]
     first = np.array([i == 0 or positions[i] != positions[i - 1] for i in range(len(positions))])
@@ -138,6 +140,7 @@ def test_a_rough_surface_reads_alike_where_it_is_touched_again() -> None:
     assert not np.isin(other[n:], other[:n]).any()
 
 
+@pytest.mark.few(0)
 def test_more_noise_is_white() -> None:
     early = read_early("noise_level")
     assert early.std() == pytest.approx(0.001, rel=0.12)  # about 370 touches: one standard deviation is 4 %

@@ -80,6 +80,7 @@ def test_drift_begins_anew_every_day_and_the_hall_does_not() -> None:
 TOUCHES_OF_ONE_DAY = replace(TOUCHES, warm=TOUCHES.time)
 
 
+@pytest.mark.few(0)
 def test_a_step_begins_with_its_touch_in_its_frame() -> None:
     after = np.arange(1, len(TOUCHES) + 1) >= 100
     assert read_early("step") == pytest.approx(0.005 * after * TOUCHES.normal[:, 2], abs=1e-12)

@@ -188,6 +188,7 @@ def test_facets_of_a_single_section_leave_the_model_singular_and_the_message_say
         assert "cannot be separated from" in texts["EB0C"] and "EXt" in texts["EB0C"] and "EZt" in texts["EB0C"]
 
 
+@pytest.mark.few(0)
 def test_top_points_condition_better_than_two_sections_and_those_better_than_anything_less(huron, s1, s2):
     without_top = only(s1, lambda f: f not in ("7", "8", "9"))
     single = only(s1, lambda f: f in ("1", "2", "3", "4", "5", "6"))

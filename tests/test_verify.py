@@ -74,6 +74,7 @@ def test_without_noise_held_out_touches_are_predicted_exactly(terms: str) -> Non
     assert found.figures.worst < 1e-8
 
 
+@pytest.mark.few(0)
 def test_what_only_the_held_out_touches_tell_is_no_reproach_to_the_model() -> None:
     """Without the turned spindle nothing tells how the stylus stands in it; the machine's error there is not zero."""
     number = held.indexations(noisy(), cell().machine)
