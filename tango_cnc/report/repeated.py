@@ -31,7 +31,8 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
     headline = record.get("headline") or ""
     if not isinstance(headline, Said):
         return str(headline)
-    told, alarms = _standing(record, headline, decisions), record.get("alarms") or ()
+    alarms: Sequence[Mapping[str, Any]] = record.get("alarms") or ()
+    told = _standing(record, headline, decisions)
     if len(alarms) != 1:  # of several nobody knows which one is meant
         return told
     since = [d for d in decisions if d.alarm == alarms[0].get("id") and d.utc >= str(record.get("end_utc") or "")]
