@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..history import Decision
-from ..report.alarm import without_full
 from ..report.compensated import held
 from ..report.days import days_between
 from ..report.look import orders
 from ..report.repeated import as_decided, as_found, first_night, stories
-from ..report.right import by_its_whole
+from ..report.right import by_its_whole, without_full
 from ..report.texts import Texts, code, texts
 from ..report.tonight import WARMED, by_tonight, by_verdict, is_gone, is_over, sized, with_its_size
 from ..report.words import named

@@ -15,8 +15,6 @@ from .texts import Texts, texts
 from .units import Units
 from .words import named
 
-FOUND = ("changed", "out_of_limits")  # verdicts of nights whose alarms are of the machine
-
 
 def size_of(a: Mapping[str, Any]) -> float:
     """fault → µm that it does, at most where that is on record, else the size that was found (of a tilt over 300 mm)."""
@@ -159,17 +157,6 @@ def _todo(a: Mapping[str, Any], u: Units, t: Texts) -> str:
     key = "confirmed.square" if own in (t("part.square_do"), texts()("part.square_do")) else f"confirmed.{a.get('cause')}"
     drifts = a.get("rate_per_day") and a.get("steady", True)  # who was at the machine that night has not made it
     return t(key) if a.get("confirmed") and key in t and not drifts else own
-
-
-def without_full(do: str, a: Mapping[str, Any], record: Mapping[str, Any], t: Texts) -> str:
-    """what to do about an alarm, the alarm, record of the night that raised it, texts → the same; of a location that a whole full
-    measurement has found, which was believed, no other one is asked for.
-    """
-    whole = record.get("kind") == "full" and record.get("status") == "complete" and record.get("verdict") in FOUND
-    drifts = a.get("rate_per_day") and a.get("steady", True)
-    if not whole or drifts or (a.get("cause_key") or a.get("cause")) != "axis_location":
-        return do
-    return do.replace(f"{t('morning.run_full')} ", "")
 
 
 def _part(a: Mapping[str, Any], u: Units, t: Texts) -> str:

@@ -14,12 +14,12 @@ from ..records import Machine
 from ..state.changes import change
 from ..texts import instead
 from ..texts.number import number
-from .alarm import alarm, size_of, without_full
+from .alarm import alarm, size_of
 from .compensated import after, as_loaded, dated
 from .days import day, local_day
 from .plain import plain
 from .reach import instead_of
-from .right import is_right, whole_of, without_compensation
+from .right import is_right, whole_of, without_compensation, without_full
 from .texts import Texts
 from .together import SAME, closed, together
 from .tonight import LENGTHS, by_tonight, by_verdict, is_gone, is_unseen

@@ -15,6 +15,8 @@ ENTERED = {  # what to do that asks for a compensation, and what it is where the
     "part.square_do": "right.square",
     "confirmed.square": "right.confirmed.square",
 }
+ONCE = ("cause.axis_location.do", "right.axis_location")  # which one full measurement answers
+FOUND = ("changed", "out_of_limits")  # verdicts of nights whose alarms are of the machine
 
 
 def whole_of(a: Mapping[str, Any], now: Mapping[str, Any], total: float) -> tuple[float, float, float]:
@@ -36,6 +38,17 @@ def without_compensation(todo: str, t: Texts) -> str:
     for usual, right in ENTERED.items():
         todo = todo.replace(t(usual), t(right))
     return todo
+
+
+def without_full(do: str, a: Mapping[str, Any], record: Mapping[str, Any], t: Texts) -> str:
+    """what to do about an alarm, the alarm, record of the night that raised it, texts → the same; of a location that a whole full
+    measurement has found, which was believed, no other one is asked for.
+    """
+    whole = record.get("kind") == "full" and record.get("status") == "complete" and record.get("verdict") in FOUND
+    if whole and not (a.get("rate_per_day") and a.get("steady", True)):
+        for usual in map(t, ONCE):
+            do = do.replace(usual, usual.replace(f"{t('morning.run_full')} ", ""))
+    return do
 
 
 def by_its_whole(a: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
