@@ -72,6 +72,7 @@ def stopped_in_order(cell, before):
     """The run has ended as after Ctrl-C: its touches are kept, and the rest is measured when somebody resumes."""
     assert "stopped by the user" in (cell / "readings.journal").read_text()
     assert len(readings(cell, "readings.partial.csv").touch) == before
+    until(lambda: not (cell / ".tango.lock").exists())  # the run of a shell has written all, and is still about to end
     again = Result("run", "-C", cell, "--port", f"{Control(cell).url}?listen=no", "--timeout", "20", "--resume")
     assert again.code == 0, again.err
     assert sorted(readings(cell).touch) == [1, 2, 3, 4, 5, 6, 7]
