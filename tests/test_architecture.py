@@ -36,7 +36,7 @@ INTERNAL: dict[str, str | None] = {
     "commission": "records gate plan kinematics duration locate",
     "astray": "records",
     "telling": "records check astray",
-    "reach": "records kinematics",
+    "probe_length": "records kinematics",
     "locate": "records kinematics plan duration astray telling",
     "plan": "records kinematics check",
     "readback": "records kinematics check gate nearest",

@@ -68,7 +68,7 @@ def draft(name: str) -> str:
 def example_input(name: str) -> str:
     """dialect → an input of a probe that its post takes: as in the help of its option, or as a relative's page has it.
 
-    Fails where there is none: a page with the word none is refused by tests/test_probe_state.py.
+    Fails where neither gives one: tests/test_probe_state.py accepts no page that states `probe_state: none`.
     """
     post, made = load(name), golden()
     meant = next(option.meaning for option in post.options if option.name == "probe_state")

@@ -56,7 +56,7 @@ def repaired(folder: Path, nights: int, found: bool) -> Path:
 def test_the_change_has_the_date_of_the_night_that_found_it_after_a_repair_that_did_not_help(
     tmp_path: Path, nights: int, found: bool
 ) -> None:
-    """It was dated one night too early, and the night after the repair was said to be the first one with it."""
+    """Pages gave the change the date of the night before, and called the night after the repair the first night with the change."""
     place = repaired(tmp_path / "one", nights, found)
     with TestClient(create(Settings((place,), late_hours=1e6)), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
         pages = {path: client.get(path).text for path in (f"/machine/{M}", "/", "/alarms", f"/machine/{M}/trend")}
@@ -87,7 +87,7 @@ def test_the_date_of_a_repair_stays_where_the_change_has_another_one() -> None:
 
 
 def test_what_stands_behind_a_limit_is_counted_from_the_knock_of_tonight_and_not_from_what_has_gone_back() -> None:
-    """A repair was said to have left what had gone back the night before; the knock of tonight had brought it there."""
+    """The mail blamed a repair for what the knock of tonight had done. The repaired change had gone back a night earlier."""
     left = say("night.alarms.gone_again_left", told="-0.1 ± 0.3 µm")
     gone = {"parameter": "EY0C", "size": 0.0166, "since": "2026-11-25", "rate_per_day": None, "now": left}
     back = {**gone, "size": -0.0175, "since": "2026-11-28", "now": "", "undoes": {"alarm": "2026-11-28-1"}}

@@ -77,8 +77,8 @@ def test_every_key_is_documented(cause: str, root: Path) -> None:
     if cause not in documented(root) and writing():
         page.write_text(with_row(page.read_text(encoding="utf-8"), cause, row), encoding="utf-8")
     assert documented(root).get(cause) == found, (
-        f"docs/effects.md: this row belongs into the table of its kind, with units and formula; where there is none of {cause}, "
-        f"{WRITE} adds it:\n{row}"
+        f"docs/effects.md has no row that lists exactly the keys of {cause}. {WRITE} adds the row below where there is none. Then "
+        f"move it into the table of its kind, and add units and formula:\n{row}"
     )
 
 

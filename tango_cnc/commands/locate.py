@@ -23,7 +23,7 @@ from ._written import conducted, written
 
 if TYPE_CHECKING:
     from ..locate import Located
-    from ..reach import OtherLength
+    from ..probe_length import OtherLength
     from ..records import Plan, Readings
     from ..telling import OtherSize
 
@@ -82,7 +82,7 @@ def command(
     Eight to eleven slow guarded searches from far, at one indexation. The artefact in its place goes into locate/artefact.yaml; the
     cell's own file stays as it is: look at the numbers, then copy it.
     """
-    from .. import locate, reach, telling
+    from .. import locate, probe_length, telling
     from ..duration import duration, spoken
     from ..link.lock import holding
     from ..plan import by_stylus, plan_hash
@@ -93,7 +93,7 @@ def command(
     agrees = stated or AGREES
     cell = by_stylus(read_cell(folder))[0]  # with the first stylus, where there are several
     if length is not None:
-        reach.agrees(cell.machine, length)
+        probe_length.agrees(cell.machine, length)
     post = writing(cell) if file is None and controller_of(cell) else None
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
@@ -178,15 +178,15 @@ def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -
     """plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
     another length explains as well. Raises InputError where that is more than a short search finds, and nobody has measured.
     """
-    from .. import locate, reach
+    from .. import locate, probe_length
 
     names = list(found.counted)
     here, there = (np.array([table.facets[name].point for name in names]) for table in (made.artefact, found.artefact))
-    other = reach.of_length(made.machine, readings.position, here, there)
+    other = probe_length.of_length(made.machine, readings.position, here, there)
     if not measured and other.beside > locate.KNOWN:
         length = made.machine.probe.length
         raise InputError(
-            f"the touches agree, and yet {other.text(length)}. Measure the probe in the spindle, {reach.WORDS}. If it is "
+            f"the touches agree, and yet {other.text(length)}. Measure the probe in the spindle, {probe_length.WORDS}. If it is "
             f"{length:g} mm, 'tango locate --readings {locate.FILE} --length {length:g}' places the table from these same touches; "
             "nothing moves. If it is not, correct machine.yaml (probe: length) and read the same touches again"
         )

@@ -141,8 +141,8 @@ def _let_be(decision: Any, today: str) -> bool:
 
 
 def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
-    """night that measured nothing, how it is told → alarms of the last night that measured, as far as somebody reports a repair
-    since: the night after a repair does not list them any more.
+    """a night that measured nothing and how it is shown → alarms of the last night that measured which somebody has reported as
+    repaired since then. The record of this night no longer lists them, and nobody has measured the repair yet.
     """
     if how.known is how.record:
         return []
@@ -151,7 +151,9 @@ def _to_be_measured(how: _Today) -> list[Mapping[str, Any]]:
 
 
 def _of_tonight(a: Mapping[str, Any], how: _Today) -> dict[str, Any]:
-    """alarm of the newest night, how it is told → with its moment; read on a later day, its temperature has its date."""
+    """an alarm of the newest night and how it is shown → the alarm with its moment in UTC. On a later day its text gives the date
+    on which the temperature was measured.
+    """
     night = str(how.record.get("night") or "")
     told = {**a, "utc": how.record.get("start_utc")}
     if how.today <= night:
