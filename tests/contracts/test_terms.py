@@ -152,8 +152,8 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
     # A cause with `effects` of its own says how amplitude and coefficient belong together: tests/test_terms_round_trip.py.
     if mine.shape[1] == 1 and "amplitude" in effect and terms.causes()[name].effects is None:
         assert values[0] == pytest.approx(effect["amplitude"], rel=0.01), (
-            f"tango_cnc/terms/{name}.py: the coefficient of this effect is {values[0]:.6g}, its amplitude {effect['amplitude']:.6g}. "
-            f"Make them equal, or let `effects` of the cause say how they belong together"
+            f"tango_cnc/terms/{name}.py: the coefficient of this effect is {values[0]:.6g}, "
+            f"its amplitude {effect['amplitude']:.6g}. Make them equal, or let `effects` of the cause say how they belong together"
         )
 
 
