@@ -176,6 +176,7 @@ def cases(name: str) -> dict[str, Case]:
         found["frames"] = Case(
             "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
         )
+    if spoken == "macro_b" and "alive" not in post.remedies:  # several inputs, but where the post names another remedy (Haas)
         wired = "G31 P1" if usual["skip"] == "G31" else "G31.1"
         found["alive"] = Case("alive", {"habits": {"skip_word": wired}}, {}, {"skip": wired}, "skip")
     if habits.get("macros_ahead"):

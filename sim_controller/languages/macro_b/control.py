@@ -206,7 +206,8 @@ class Control:
             self._feed = before
         for code in m_codes:
             self._note("m", code=code)
-        if any(code in STOPS for code in m_codes):
+        waits = self._profile.waits.replace(" ", "")
+        if any(code in STOPS for code in m_codes) or (waits and block.text == waits):
             self._axes.settle()
         if 98 in m_codes:
             return self._call_subprogram(found, block, depth), None
