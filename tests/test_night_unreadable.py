@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from contextlib import closing, nullcontext
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,6 +24,7 @@ from tango_cnc.files.nightly import Nightly
 from tango_cnc.history import History, opened
 from tango_cnc.nightly import Measured, Ports, PreflightPoint, night
 from tango_cnc.nightly.notify import Notifier
+from tango_cnc.nightly.ports import Busy
 from tango_cnc.records import LinkError, Readings
 
 SETTINGS = "nightly: 1\nowner: Ann Meier\nnotify: ['file://{board}', mailto:ann@shop.example?smtp=127.0.0.1:9]\n"
@@ -210,3 +212,74 @@ def test_a_mistake_before_the_night_has_begun_is_told_too(cell: Path, tmp_path: 
     monkeypatch.setattr("tango_cnc.commands._cell_nights.timed", lambda made: 1 / 0)
     assert isinstance(CliRunner().invoke(tango, ["nightly", "-C", str(cell)]).exception, ZeroDivisionError)
     assert "ZeroDivisionError" in (tmp_path / "board.txt").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class October:
+    """Nights of one folder with a message each, on days of October."""
+
+    folder: Path
+    history: History
+
+    def one(self, day: int, history: History | None = None, lock: Any = None) -> dict[str, Any]:
+        """day, history, lock → the record of that night."""
+        clock, mail = Time(datetime(2026, 10, day, 2, tzinfo=UTC)), Notifier((f"file://{self.folder / f'{day}.txt'}",))
+        past, four = history or self.history, Four()
+        world = Ports(clock, RealDisk(self.folder), four, mail, past, four, lock or nullcontext())
+        return night("M", str(self.folder), Nightly(), world)
+
+    def statuses(self) -> list[str]:
+        """→ date and status of every night on record, oldest first."""
+        return [f"{n.night} {n.status}" for n in reversed(self.history.nights("M"))]
+
+
+@contextmanager
+def taken() -> Iterator[None]:
+    """→ a folder in which a program is at work."""
+    raise Busy("'tango run' is at work in this folder", "'tango run'")
+    yield
+
+
+def test_a_refused_night_names_what_the_next_one_puts_on_record(tmp_path: Path) -> None:
+    """It has not the lock: a mark may be that of the night at work, and one of tonight's date is nobody's business."""
+    disk = RealDisk(tmp_path)
+    with opened(tmp_path / "history.db") as history:
+        nights = October(tmp_path, history)
+        nights.one(1)
+        disk.begin("2026-10-02T020000Z", "2026-10-02T02:00:00Z")  # cut off; on the third no night begins
+        disk.begin("2026-10-04T015959Z", "2026-10-04T01:59:59Z")  # at work
+        refused = nights.one(4, lock=taken())
+        assert nights.statuses() == ["2026-10-01 complete", "2026-10-04 refused"] and len(disk.unfinished()) == 2
+        assert [text[:10] for text in refused["left_behind"]] == ["2026-10-02", "2026-10-03"]
+        assert refused["unmeasured"] == refused["left_behind"]
+        said = (tmp_path / "4.txt").read_text(encoding="utf-8")
+        assert "* 2026-10-02: a night began and is not on record. If it is not the one at work, it was cut off" in said
+        assert "* 2026-10-03: no night is on record" in said and "2026-10-04: a night began" not in said
+        disk.ended("2026-10-04T015959Z")
+        after = nights.one(5)
+        on_record = ["1 complete", "2 failed", "3 missed", "4 refused", "5 complete"]
+        assert nights.statuses() == [f"2026-10-0{text}" for text in on_record] and not disk.unfinished()
+        assert [text[:10] for text in after["unmeasured"]] == ["2026-10-02", "2026-10-03", "2026-10-04"]
+        assert "left_behind" not in after and history.verify() == ()
+
+
+def test_a_night_whose_history_refuses_names_the_nights_that_are_missing(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        nights, read_only = October(tmp_path, history), ReadOnly(history.engine)
+        nights.one(1)
+        assert nights.one(3, read_only)["unmeasured"] == ["2026-10-02: no night is on record"]
+        assert "* 2026-10-02: no night is on record" in (tmp_path / "3.txt").read_text(encoding="utf-8")
+        assert [text[:10] for text in nights.one(4)["unmeasured"]] == ["2026-10-02", "2026-10-03"]
+        assert nights.statuses() == [f"2026-10-0{text}" for text in ("1 complete", "2 missed", "3 failed", "4 complete")]
+
+
+def test_a_result_that_waits_is_no_night_without_a_measurement(tmp_path: Path) -> None:
+    with opened(tmp_path / "history.db") as history:
+        nights, read_only = October(tmp_path, history), ReadOnly(history.engine)
+        nights.one(1)
+        nights.one(2, read_only)
+        waiting = nights.one(3, read_only)
+        assert "unmeasured" not in waiting and waiting["left_behind"][0].startswith("2026-10-02: it measured, and the history")
+        assert waiting["left_behind"][0] in (tmp_path / "3.txt").read_text(encoding="utf-8")
+        nights.one(4)
+        assert nights.statuses() == [f"2026-10-0{text}" for text in ("1 complete", "2 complete", "3 failed", "4 complete")]

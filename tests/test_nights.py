@@ -210,7 +210,7 @@ BUGS = {
         "or False:",
     ),
     "what is ignored is not named": ("nightly.standing", "    if not wanted:\n", "    if wanted:\n"),
-    "a night that never began is not put on record": ("nightly.night", "for i in range(min(missed, MISSED)):", "for i in ():"),
+    "a night that never began is not put on record": ("nightly.left_behind", "for back in reversed(free):", "for back in ():"),
     "the mark stays": ("nightly.night", "            world.disk.ended(stamp)\n        except", "            pass\n        except"),
     "a message that was delivered is sent again": ("nightly.night", "            disk.sent(stamp)\n", "            pass\n"),
     "what waits is not sent": ("nightly.night", "for old, words in [*unsent, (stamp", "for old, words in [(stamp"),

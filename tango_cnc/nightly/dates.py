@@ -39,6 +39,14 @@ def night_of(begun: datetime) -> str:
     return (begun + EVENING).strftime("%Y-%m-%d")
 
 
+def date_at(started: str, now: datetime) -> str:
+    """start of a night (UTC), now in the zone of its clock → date of that night; what is no moment is cut to its date."""
+    try:
+        return night_of(datetime.fromisoformat(started).astimezone(now.tzinfo))
+    except ValueError:
+        return started[:10]
+
+
 def day_of(stamp: str) -> float:
     """2026-11-23T02:00:00Z → days since 1970-01-01 UTC."""
     return datetime.fromisoformat(stamp).timestamp() / 86_400

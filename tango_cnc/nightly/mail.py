@@ -190,7 +190,7 @@ def _earlier(record: Mapping[str, Any], left: Sequence[str], t: Texts) -> list[s
     if newest := record.get("clock_back"):
         lines.append(f"* {t('mail.clock_back', night=record['night'], newest=newest)}")
     lines += [f"* {t.of(text)}" for text in record.get("former") or ()]
-    before = [t.of(text) for text in record.get("unmeasured") or ()]
+    before = list(dict.fromkeys(t.of(text) for key in ("unmeasured", "left_behind") for text in record.get(key) or ()))
     dates = {text[:10] for text in before}
     return [*lines, *(f"* {text}" for text in (*before, *(t.of(x) for x in left if x not in before and x[:10] not in dates)))]
 

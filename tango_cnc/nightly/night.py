@@ -7,45 +7,34 @@ Nothing moves before every point of the preflight has passed. The history has th
 
 from __future__ import annotations
 
-import json
 import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..files.nightly import Nightly
 from ..files.origin import cell_texts
-from ..files.readjson import parse_json
-from ..files.shape import misfit
 from ..history import FORMAT, Knowledge
 from ..history.former import formers
+from ..history.records import stamp_of
 from ..records import InputError, LinkError, NothingSentError, TangoError
 from ..report.age import measured_on, nights_old
 from ..report.texts import texts, texts_of
-from ..texts import carried, joined, say
+from ..texts import say
 from .broken import stopped, unexplained
 from .dates import dated, night_of
 from .edited import asked, edited
+from .left_behind import MISSED, UNKEPT, packed, put_on_record, with_left
 from .mail import message
 from .ports import Busy, Delivery, Disk, Mail, Ports, PreflightPoint
 from .standing import standing, unheard
 from .words import headline
 
-MISSED = 7  # nights that were missed and are put on record one by one
 REACHED = "# has reached "  # below a message that waits for others
-KEPT = {"record": {}, "readings?": str, "knowledge?": {"names": [str], "values": [float], "covariance": [[float]]}}
-UNKEPT = "unkept.json"  # file of a night that the history did not take
 EXIT = {"good": 0, "changed": 1, "out_of_limits": 1, "doubtful": 1, "not_measured": 3}
-
-
-def stamp_of(moment: datetime) -> str:
-    """moment → 2026-11-23T02:00:00Z."""
-    return moment.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def day_of(moment: datetime) -> float:
@@ -72,9 +61,11 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
     left = [*world.noticed]
     # The history is asked once before the machine moves and once after it: minutes may lie between, and answers of somebody.
     before, after = (replace(world, past=world.past.of_now()) for _ in range(2))
+    locked = False
     try:
         with world.lock:
-            left += _left_behind(machine, cell, settings, before, begun)
+            locked = True
+            left += put_on_record(machine, cell, before, settings.every_days, begun)
             base |= known_before(machine, before, cell)
             base |= dated(base, before.past, machine, begun, settings.every_days)
             world.disk.begin(stamp, base["start_utc"])
@@ -83,13 +74,11 @@ def night(machine: str, cell: str, settings: Nightly, world: Ports) -> dict[str,
             return _kept(record, knowledge, files, readings, settings, world, stamp, left)
     except Busy as error:
         record, stamp = _refused(base, error, world, stamp)
+        record = record | _of_nights_before(record, settings, world, begun, stamp, locked)
         return _kept(record, None, {}, None, settings, world, stamp, left)
     except Exception as error:  # whatever it is: no night ends without a message
         record = base | {"why": sentence(error)}
-        try:  # it may have come to nothing before the history was asked
-            record = known_before(machine, world, cell) | record
-        except (TangoError, OSError):
-            record["unread"] = True
+        record = _of_nights_before(record, settings, world, begun, stamp, locked) | record
         return _kept(record, None, {}, None, settings, world, stamp, left)
 
 
@@ -119,9 +108,26 @@ def _refused(base: dict[str, Any], error: Busy, world: Ports, stamp: str) -> tup
         "why": say("night.night.at_work_this_folder", by=error.by),
         "artefacts": {"folder": f"nights/{own}"},
     }
-    with suppress(TangoError, OSError):  # the message names a history that cannot be read with what could not be kept
-        record |= known_before(base["machine"], world)
     return record, own
+
+
+def _of_nights_before(
+    record: dict[str, Any], settings: Nightly, world: Ports, begun: datetime, stamp: str, locked: bool
+) -> dict[str, Any]:
+    """record of a night that was refused or came to nothing, settings, the world, when it began, its stamp, whether it has the lock
+    → what is known of the nights before, those that are not on record yet with them.
+
+    The message names a history that cannot be read with what could not be kept.
+    """
+    machine, cell = record["machine"], record["cell"]
+    try:  # it may have come to nothing before the history was asked
+        known = known_before(machine, world, "" if record["status"] == "refused" else cell)
+    except (TangoError, OSError):
+        return {} if record["status"] == "refused" else {"unread": True}
+    with suppress(TangoError, OSError):
+        known = with_left(known, machine, world, settings.every_days, begun, stamp, locked)
+        known |= dated(known, world.past, machine, begun, settings.every_days)
+    return known
 
 
 def _measured(
@@ -184,93 +190,6 @@ def room(disk: Disk, settings: Nightly) -> PreflightPoint:
     )
 
 
-def _left_behind(machine: str, cell: str, settings: Nightly, world: Ports, now: datetime) -> list[str]:
-    """→ sentences on nights that were begun and never ended, and on those that never began; they are on record when it returns."""
-    said: list[str] = []
-    marks = world.disk.unfinished()
-    known = {n.start_utc for n in world.past.nights(machine, last=30 if marks else 1)} if world.past.knows(machine) else set()
-    for stamp, started in marks:
-        date = _date(started, now)
-        if started not in known and _added(world, stamp):
-            known.add(started)
-            said.append(say("night.night.its_result_was_kept_nights", started=date, stamp=stamp))
-        if started not in known:
-            why = _lost(world, stamp)
-            record = _empty(machine, cell, started, date, "failed", why, stamp)
-            world.past.add_night(record)
-            known.add(started)
-            said.append(joined("", (f"{date}: ", why)))
-        world.disk.ended(stamp)
-    if not known:
-        return said
-    last = datetime.fromisoformat(max(known))
-    period = timedelta(days=settings.every_days)
-    missed = int((now - last) / period + 0.5) - 1
-    for i in range(min(missed, MISSED)):
-        when = now - period * (min(missed, MISSED) - i)
-        why = (
-            say("night.night.no_night_began")
-            if missed <= MISSED or i
-            else say("night.night.no_night_began_nights_missing", missed=missed, last=_date(max(known), now))
-        )
-        world.past.add_night(_empty(machine, cell, stamp_of(when), night_of(when), "missed", why, ""))
-        said.append(joined("", (f"{night_of(when)}: ", why)))
-    return said
-
-
-def _date(started: str, now: datetime) -> str:
-    """start of a night (UTC), now in the zone of its clock → date of that night; what is no moment is cut to its date."""
-    try:
-        return night_of(datetime.fromisoformat(started).astimezone(now.tzinfo))
-    except ValueError:
-        return started[:10]
-
-
-def _lost(world: Ports, stamp: str) -> str:
-    """the world, stamp of a night of which only its mark is left → what became of it, as far as that can be known."""
-    t = texts()
-    try:
-        waits = any(old == stamp for old, _ in world.disk.unsent())
-        whole = world.disk.read(stamp, "readings.csv") is not None
-        kept = whole or world.disk.read(stamp, "readings.partial.csv") is not None
-    except OSError:
-        waits = kept = whole = False
-    why = t("night.cut_off") if waits or kept else t("night.cut_off_silent")
-    if whole:
-        return joined("", (why, t("night.readings_whole", file=f"nights/{stamp}/readings.csv")))
-    return joined("", (why, t("night.readings_left", folder=f"nights/{stamp}") if kept else ""))
-
-
-def _packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge | None) -> str:
-    """record, readings, unknowns of a night that the history did not take → the text that keeps them until it does."""
-    state = None
-    if knowledge is not None:
-        state = {"names": knowledge.names, "values": knowledge.values.tolist(), "covariance": knowledge.covariance.tolist()}
-    return json.dumps({"record": carried(record), "readings": readings, "knowledge": state}, ensure_ascii=False) + "\n"
-
-
-def _added(world: Ports, stamp: str) -> bool:
-    """→ whether the history has now taken a night that it refused when it was measured. Raises LinkError where it still refuses."""
-    text = world.disk.read(stamp, UNKEPT)
-    if text is None:
-        return False
-    try:
-        kept = parse_json(text)
-        state = kept["knowledge"]
-        if misfit(kept, KEPT):
-            return False
-        known = None
-        if state is not None:
-            p, values, covariance = len(state["names"]), np.array(state["values"], float), np.array(state["covariance"], float)
-            if values.shape != (p,) or covariance.shape != (p, p):
-                return False
-            known = Knowledge(tuple(state["names"]), values, covariance)
-        world.past.add_night(kept["record"], kept["readings"], known)
-    except (ValueError, KeyError, TypeError, OverflowError, InputError):  # not whole: the night counts as cut off, its files stay
-        return False
-    return True
-
-
 def known_before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
     """→ date of the last night that measured, and a sentence on each night since that did not; what its cell has under another
     name, of a machine that has nights only as long as an alarm there has no answer.
@@ -291,17 +210,6 @@ def known_before(machine: str, world: Ports, cell: str = "") -> dict[str, Any]:
     waiting = [f.told(machine, False) for f in formers(world.past, machine, Path(cell)) if f.alarms] if cell else []
     found |= {"former": waiting} if waiting else {}
     return found | ({"unmeasured": [f"{n.night}: {n.headline}" for n in reversed(gone)]} if gone else {})
-
-
-def _empty(machine: str, cell: str, start: str, date: str, status: str, why: str, stamp: str) -> dict[str, Any]:
-    record = {
-        **{"format": FORMAT, "machine": machine, "cell": cell, "night": date, "start_utc": start, "end_utc": start},
-        **{"duration_s": 0.0, "kind": "none", "status": status, "why": why, "verdict": "not_measured", "preflight": []},
-        **{"touches": 0, "planned": 0, "machine_time_s": 0.0, "alarms": [], "limits": []},
-    }
-    if stamp:
-        record["artefacts"] = {"folder": f"nights/{stamp}"}
-    return record | {"headline": headline(record)}
 
 
 def _kept(
@@ -346,7 +254,7 @@ def _kept(
         kept = False
         trouble.append(say("night.night.not_kept", why=sentence(error)))
         try:
-            world.disk.write(stamp, UNKEPT, _packed(record, readings, knowledge))
+            world.disk.write(stamp, UNKEPT, packed(record, readings, knowledge))
             world.disk.begin(stamp, record["start_utc"])  # one that came to nothing before it had begun is looked for by its mark
         except OSError as second:
             with suppress(OSError):  # a mark needs little room: by it the next night knows that there was one

@@ -24,9 +24,9 @@ from ..touches import Touches
 
 GAP = Slot("", "stylus", -1)
 WAYS = ("log", "wave", "linear", "touch", "order")  # how a setting may be searched: by factors, in its unit, in whole numbers
+SCALES = ("EXX1", "EYY1", "EZZ1")  # how far a linear axis goes for each mm that is commanded: a scale bar tells them
 # What `role` may be: touches of one moment or pose, which a diagnosis sets aside; shapes kept in learned/ of the cell; what a
 # machine does that is not warm yet; what an interrupted run may have left behind.
-SCALES = ("EXX1", "EYY1", "EZZ1")  # how far a linear axis goes for each mm that is commanded: a scale bar tells them
 ROLES = ("moment", "learned", "warm-up", "interruption")
 
 

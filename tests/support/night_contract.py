@@ -151,6 +151,9 @@ class Contract:
         subject = f"({record['night']})"
         if kept and own and not any(subject in text.partition("\n")[0] for text in own):
             yield "the subject does not have the date of the night"
+        said = [str(text) for text in record.get("left_behind") or ()]
+        if own and (silent := [text for text in said if not any(text in words for words in own)]):
+            yield f"the message does not say {silent[0]!r}"
         self.heard = len(year.heard)
 
     def _remember(self, record: Mapping[str, Any]) -> None:
@@ -214,7 +217,12 @@ def _kept(year: Year, record: Mapping[str, Any], number: int, first: str) -> Ite
     nights = year.history.nights(year.name, 2 * LISTED)
     found = {n.night for n in nights}
     days = [(BEGUN + timedelta(days=number - back)).isoformat() for back in range(min(number, LISTED))]
-    if gone := [day for day in days if day > first and day not in found]:
+    left = {str(text)[:10] for text in record.get("left_behind") or ()}
+    if wrong := left & found:
+        yield f"the record says that {min(wrong)} is not on record, and it is"
+    # A night that has not the lock puts nothing on record but itself: it names what the next one does.
+    named = left if record["status"] == "refused" else set[str]()
+    if gone := [day for day in days if day > first and day not in found | named]:
         yield f"nothing is on record of {gone[-1]}"
     own = next((n for n in nights if n.start_utc == record["start_utc"] and n.status == record["status"]), None)
     if own is None:

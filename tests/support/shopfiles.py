@@ -22,7 +22,7 @@ from tango_cnc.link.lock import NAME, Holder, holding
 from tango_cnc.link.secrets import secret
 from tango_cnc.nc import blocks
 from tango_cnc.nc.follow import Setup, follow
-from tango_cnc.nightly.night import UNKEPT, _added, _packed
+from tango_cnc.nightly.left_behind import UNKEPT, added, packed
 from tango_cnc.plan import plan, plan_hash
 from tango_cnc.program import from_file
 from tango_cnc.records import Cell, InputError, LinkError, Plan
@@ -132,7 +132,7 @@ class _World:
 
 def _unkept(folder: Path) -> Any:
     world = _World(folder)
-    if not _added(world, STAMP):  # type: ignore[arg-type]
+    if not added(world, STAMP):  # type: ignore[arg-type]
         raise InputError("not whole")
     return world.past.found
 
@@ -159,7 +159,7 @@ SHOP: dict[str, Reader] = {
     **{f"part-{language}": _part(language) for language in PARTS},
     **{f"program-{post}": _program(post) for post in posts.names()},
     "lock": Reader(NAME, _lock, _held, refuses=(LinkError,)),
-    "night-kept": Reader(f"nights/{STAMP}/{UNKEPT}", lambda f: _packed(record(1), "touch\n1\n", knowledge(1)).encode(), _unkept),
+    "night-kept": Reader(f"nights/{STAMP}/{UNKEPT}", lambda f: packed(record(1), "touch\n1\n", knowledge(1)).encode(), _unkept),
     "night-begun": Reader(f"nights/begun/{STAMP}", lambda f: b"2026-10-01T02:00:00Z check\n", _left),
     "night-message": Reader(f"nights/outbox/{STAMP}.txt", lambda f: "M: good\n\nNothing has changed, 12 µm\n".encode(), _left),
     "password": Reader("word", lambda f: b"geheim\n", _password),
