@@ -60,6 +60,8 @@ def test_the_command_for_a_machine_of_a_shared_history_names_a_history(tmp_path:
     with opened(tmp_path / "all.db") as history:
         for stored in (night(M, 0), night(M, 1, "changed", alarms=[knock("2026-10-25")])):
             history.add_night(stored)
-    with TestClient(create(Settings((), str(tmp_path / "all.db"))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)) as client:
+    with TestClient(
+        create(Settings((), str(tmp_path / "all.db"))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)
+    ) as client:
         asked = client.get("/alarms").text
     assert f"--history HISTORY --machine {M} --action" in asked and "in place of HISTORY:" in asked and str(tmp_path) not in asked

@@ -208,9 +208,7 @@ def _read(
     )
 
 
-def _held(
-    history: History, name: str, today: str, record: Mapping[str, Any]
-) -> Sequence[tuple[Mapping[str, Any], Decision]]:
+def _held(history: History, name: str, today: str, record: Mapping[str, Any]) -> Sequence[tuple[Mapping[str, Any], Decision]]:
     """history, machine, local date, record of its newest night → alarms that somebody has answered and nobody has closed, a change
     and its way back once, with what was decided.
     """
