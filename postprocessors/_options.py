@@ -119,6 +119,6 @@ def _known(options: tuple[Option, ...], names: Iterable[str]) -> None:
     allowed = sorted(option.name for option in options)
     if unknown := [name for name in names if name not in allowed]:
         raise TypeError(
-            f"options of this family: found {', '.join(unknown)}; allowed: {', '.join(allowed)}. What no profile may state, such as "
+            f"options of this family: found {', '.join(unknown)}; allowed: {', '.join(allowed)}. What no profile may state, as "
             "the word that ends a program, is a field of the words of the family, not an option"
         )

@@ -21,7 +21,7 @@ from support.gates import NEAR, ran
 from support.proof_parts import keys_here
 from support.randomplans import example
 from support.rows import command, writing
-from support.wrongcontrols import Case, cases, pointless, sees, table, turned_round
+from support.wrongcontrols import OPTIONS, Case, by_option, cases, declared, pointless, sees, table, turned_round
 
 from postprocessors import companions, load, program, unverified
 from postprocessors import settings as settings_of
@@ -40,10 +40,18 @@ LIMIT = math.radians(365.0)  # of C: room for 350 deg, and none for 370
 IN_THE_AIR = {e.belief for e in commission.experiments() if not e.touches}  # the others: test_commission_touch.py
 QUICK = ("fanuc", "linuxcnc")  # by default; the others in CI
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
+
+
+def wrong(name: str) -> dict[str, Case]:
+    """dialect → {belief, or option whose usual value is wrong: the control}; what is in both is there once."""
+    known = cases(name)
+    return known | {option: case for option, case in by_option(name).items() if case not in known.values()}
+
+
 CASES = [
     pytest.param(name, belief, marks=() if name == "fanuc" else pytest.mark.long)
     for name in sorted(EVERY)
-    for belief in cases(name)
+    for belief in wrong(name)
 ]
 
 
@@ -224,6 +232,18 @@ def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None
     assert verdicts(what, "FAIL") == ["records"] and not set(NEAR) & set(events)
 
 
+@pytest.mark.parametrize("option", OPTIONS)
+def test_a_dialect_that_declares_such_an_option_has_a_control_on_which_its_usual_value_is_wrong(option: str) -> None:
+    """Only those of one language had one, by a typed list; a control that reads by letter, or widens its fields, needs none."""
+    needless = {"axis_numbers": ("lettered", True), "print_format": ("overflow", "expanded")}
+    key, value = needless.get(option, ("", None))
+    having = [name for name in sorted(EVERY) if option in declared(name) and EVERY[name].settings.get(key, "") != value]
+    assert having and all(option in by_option(name) for name in having), (
+        f"{[name for name in having if option not in by_option(name)]}: the simulated control of it has no habit for {option} "
+        "(tests/support/wrongcontrols.py, by_option)"
+    )
+
+
 def restated(case: Case, number: float, machine: Machine) -> Machine:
     """case, number that was found, machine.yaml → what it states afterwards."""
     assert case.restated is not None
@@ -233,7 +253,7 @@ def restated(case: Case, number: float, machine: Machine) -> Machine:
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "belief"), CASES)
 def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_it(name: str, belief: str) -> None:
-    case = cases(name)[belief]
+    case = wrong(name)[belief]
     what, events = seen(name, case)
     assert not set(NEAR) & set(events)
     asked = ([case.fails] if case.fails else [], case.wrong, case.stated)

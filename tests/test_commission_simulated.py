@@ -89,7 +89,7 @@ def started(cell: Path, dialect: str, *more: object) -> Iterator[None]:
 
 
 def row(dialect: str) -> str:
-    """dialect → its row, or that of a relative of its language; the option that names the language stands there where it is needed."""
+    """dialect → its row, or that of a relative; the option that names the language stands there where it is needed."""
     language = load(dialect).language
     known = any(dialect in of(family).CONTROLS.named for family in families())
     relative_of = next((name for name in (dialect, *sorted(ROWS)) if name in ROWS and load(name).language == language), "")

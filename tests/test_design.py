@@ -338,7 +338,7 @@ def test_a_number_that_is_none_is_refused(option: str, tmp_path: Path, capsys: p
     assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "nan"], standalone_mode=False) == 2
     assert f"'{option}': nan is not in the range" in capsys.readouterr().err
     assert guarded(tango.main, ["design", "-C", str(tmp_path), option, "five"], standalone_mode=False) == 2
-    assert f"'{option}': 'five' is not a number" in capsys.readouterr().err
+    assert f"'{option}': 'five' is not a valid float range" in capsys.readouterr().err
 
 
 def bare(folder: Path) -> Path:

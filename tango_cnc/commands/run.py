@@ -19,10 +19,11 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
+from ._handed import Kept, hands, whole
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, gate_of, obeys, unattended, unproven_of
+from ._start import ask, gate_of, misses_of, obeys, tries_of, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 PLACE = "Measure 50"  # in the list of commands
 
+KEPT = Kept(("port", "most", "timeout", "simulated", "obstructed", "stylus", "until", "readings_file"))
 PAUSE = 0.3  # s between two looks at the journal of another program
 
 
@@ -80,6 +82,7 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     metavar="FILE",
     help="One JSON object a line while it runs, the last one the result; - for stdout.",
 )
+@hands(KEPT)
 def command(
     folder: Path,
     program_file: Path | None,
@@ -174,7 +177,7 @@ class _Job:
         if self.someone and not self.yes:
             cell, post = self.cell, self.post
             doubts, gate, own = unproven_of(cell, post), gate_of(cell, post), obeys(cell, post)
-            ask(program.plan, shown(self.address), positioning_feed(cell), doubts, gate, own)
+            ask(program.plan, shown(self.address), positioning_feed(cell), doubts, gate, own, tries_of(cell, post))
 
 
 def _watched(target: Path, json_file: str | None) -> None:
@@ -227,7 +230,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
         if not job.resume and journal.exists() and not target.exists():  # while another run is at work, nobody gets here
             kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
-            said(f"{kept}; {broken_off(journal)}")
+            said(f"{kept}; {whole(broken_off(journal), KEPT)}")
         wanted = Wanted(
             job.address,
             job.post.link,
@@ -237,6 +240,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
             job.timeout,
             start_patience(job.someone),
             heard,
+            misses=misses_of(job.cell, job.post),
             simulated=job.simulated,
             how=job.how,
             feed=positioning_feed(job.cell),

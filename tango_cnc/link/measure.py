@@ -39,7 +39,8 @@ from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import fits, foreseen, open_port, said_before
+from .transport import Transport, fits, foreseen, open_port, said_before
+from .transport._refused import RefusedError
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -58,7 +59,7 @@ class Wanted:
     timeout: float | None = None  # s of silence
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
-    misses: int = 3  # touches in a row without contact after which a driver that counts them stops
+    misses: int = 3  # touches in a row without contact after which driver or program stop
     then: str = ""  # what to do when it breaks off; '': go on with it
     how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
@@ -123,7 +124,7 @@ def measure(
 
     announced(1)
     confirm(tasks[0].plan, programs[0])
-    transport = open_port(address, rests=not tasks[0].quiet)
+    transport = _opened(address, tasks[0])
     try:
         sensors.start()
         if not before:
@@ -162,6 +163,19 @@ def measure(
     finally:
         sensors.close()
         transport.close()
+
+
+def _opened(address: Address, task: Task) -> Transport:
+    """address, first task → open transport. Raises NothingSentError where the port does not open."""
+    try:
+        return open_port(address, rests=not task.quiet)
+    except RefusedError:
+        raise
+    except LinkError as error:
+        raise NothingSentError(
+            f"{error} Nothing was sent: switch the control on, or correct the port (--port, or controller.port in tango.yaml), and "
+            "start again"
+        ) from None
 
 
 @contextlib.contextmanager
@@ -275,6 +289,7 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
+    due = tuple(QUIET + 1.5 * seconds[touch.number] for touch in part.touches)
     return Task(
         part,
         program.text,
@@ -288,6 +303,7 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
         nonce=secrets.randbelow(0x7FFFFFFE) + 1,
         quiet=quiet,
         misses=wanted.misses,
+        due=due,
     )
 
 

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.dialects import differs, lacking
+from support.rows import command, writing
 
 from postprocessors import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
 from sim_controller.session import families, language
-from support.dialects import differs, lacking
-from support.rows import command, writing
 from tango_cnc import commission, readback
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
@@ -62,8 +62,8 @@ def refused(name: str) -> str:
 
 def test_the_defaults_make_a_program(name: str) -> None:
     assert not refused(name), (
-        f"postprocessors/{name}.py: {refused(name)}. Correct its default; the other tests wait for it. Where the control really has "
-        f"this word, it speaks another language than {load(name).language} (docs/dialects.md, Writing one)"
+        f"postprocessors/{name}.py: {refused(name)}. Correct its default; the other tests wait for it. Where the control has this "
+        f"word, it speaks another language than {load(name).language} (docs/dialects.md, Writing one)"
     )
 
 

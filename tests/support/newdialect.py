@@ -30,8 +30,8 @@ def reader(name: str) -> str:
 
     language = load(name).language
     return (
-        f"postprocessors/{name}.py: the reader of tango_cnc/readback/languages/ named {language} refuses its program. A statement or "
-        f"word that {language} has not, such as another one for printing, makes it another language, with a reader and a simulated "
+        f"postprocessors/{name}.py: the reader of tango_cnc/readback/languages/ named {language} refuses its program. A word that "
+        f"{language} has not, such as another one for printing, makes it another language, with a reader and a simulated "
         "control of its own (docs/dialects.md, Writing one)"
     )
 

@@ -67,29 +67,23 @@ def beside(text: str, head: str, name: str, relatives: Iterable[str], row: str) 
     return text.replace(old, f"| {', '.join(sorted(now) if there == sorted(there) else now)} | {cells}")
 
 
-def listed(names: Iterable[str]) -> str:
+def sentence(names: Iterable[str]) -> str:
     """names → as a sentence of the documentation has them."""
     *most, end = (name.capitalize() for name in sorted(names))
     return f"{', '.join(most)} and {end}" if most else end
 
 
-def said(text: str, before: str, after: str) -> str:
-    """page, words before and behind a list of names → the list. Fails where the page lacks the words."""
-    found = re.search(rf"{_spaced(before)}\s+([A-Z][\w,\s]*?){_spaced(after)}", text)
-    assert found, f"no sentence has {before} … {after}"
-    return re.sub(r"\s+", " ", found[1]).strip()
-
-
 def with_list(text: str, before: str, after: str, now: str) -> str:
-    """page, words before and behind a list of names, list → the page with that list, its paragraph broken into lines anew."""
-    old = re.sub(r" ", r"\\s+", re.escape(said(text, before, after)).replace("\\ ", " "))
+    """page, words before and behind a list of names, list → the page with that list, its paragraph broken into lines anew.
+
+    Fails where the page lacks the words.
+    """
+    around = re.compile(rf"({_spaced(before)}\s+)[A-Z][\w,\s]*?(?=\s*{_spaced(after)})")
     blocks = re.split(r"(\n\n|\n(?=\* ))", text)
-    for i, block in enumerate(blocks):
-        if re.search(rf"{_spaced(before)}\s+{old}", block):
-            words = re.sub(rf"({_spaced(before)}\s+){old}", lambda found: f"{found[1]}{now}", block)
-            indent = "  " if block.startswith("* ") else ""
-            words = re.sub(r"\s+", " ", words)
-            blocks[i] = textwrap.fill(words, 100, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
+    (place,) = [i for i, block in enumerate(blocks) if around.search(block)]
+    words = " ".join(around.sub(lambda found: f"{found[1]}{now}", blocks[place]).split())
+    indent = "  " if words.startswith("* ") else ""
+    blocks[place] = textwrap.fill(words, 100, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
     return "".join(blocks)
 
 

@@ -257,7 +257,7 @@ class Control:
 
     def _dwell(self, milliseconds: Word | None, seconds: Word | None) -> None:
         if milliseconds is not None:
-            whole = self._profile.lettered and milliseconds.literal is not None and "." in milliseconds.literal
+            whole = self._profile.point_seconds and milliseconds.literal is not None and "." in milliseconds.literal
             self._motion.dwell(milliseconds.value / (1 if whole else 1000))  # Haas: P1. is a second, P1 a thousandth
         elif seconds is not None:
             plain = seconds.literal is not None and "." not in seconds.literal

@@ -23,6 +23,7 @@ from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ...report.repeated import before_repair
+from ...report.texts import Texts
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
@@ -104,6 +105,7 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
     return {
         "machine": row.machine,
         "where": _where(row.machine),
+        "typed": _typed(row.machine, state.texts),
         "answer": said,
         "faults": shown,
         "open": asked,
@@ -117,9 +119,16 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
 
 def _where(machine: Served) -> str:
     """machine → the option with which a command finds it from the folder that its cell lies in; no page says where that is."""
-    return (
-        f"--machine {shlex.quote(machine.name)}" if machine.folder is None else f"-C {shlex.quote(machine.folder.resolve().name)}"
-    )
+    if machine.folder is None:
+        return f"--history HISTORY --machine {shlex.quote(machine.name)}"
+    return f"-C {shlex.quote(machine.folder.resolve().name)}"
+
+
+def _typed(machine: Served, t: Texts) -> str:
+    """machine, texts → where that command is typed."""
+    if machine.folder is None:
+        return t("decision.by_hand_shared")
+    return t("decision.by_hand_where", folder=machine.folder.resolve().name)
 
 
 def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:
