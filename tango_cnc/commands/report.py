@@ -38,6 +38,7 @@ from ..texts import Said, joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
+from ._handed import pasted
 from ._progress import said
 from ._trust import NoFit, despite_option, judged, left_out, members, status, told
 from .iso230 import at_20
@@ -104,7 +105,7 @@ def command(
     """
     if output is not None and output.suffix.lower() == ".pdf":
         raise InputError(
-            f"--output: found {output}; this is the page in HTML. 'tango report --pdf {output}' writes the PDF beside it"
+            f"--output: found {output}; this is the page in HTML. 'tango report --pdf {pasted(output)}' writes the PDF beside it"
         )
     if pdf_file is not None and not pdf.available():
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")
