@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from support.effect_parts import names
 from support.effectparts import CELL, EXAMPLES, MACHINE, PLAIN, STYLUS, TOUCHES, early, uses_chance, world
-from support.rows import writing
+from support.rows import command, writing
 
 from sim_controller import effects
 from sim_controller.effects import Disturbance, History, lever
@@ -54,7 +54,7 @@ def documented(root: Path) -> dict[str, set[str]]:
     return found
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_sim_effects.py -k documented"
+WRITE = command("tests/test_sim_effects.py -k documented")
 DESCRIBED = {cause: (keys, what) for cause, keys, what in effects.described()}
 HEAD = "| cause | keys | what happens |"
 

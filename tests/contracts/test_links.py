@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
-from support.rows import added, writing
+from support.rows import added, command, writing
 
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
@@ -29,7 +29,7 @@ from tango_cnc.records import InputError
 FLOW = {"DC1": 0x11, "DC2": 0x12, "DC3": 0x13, "DC4": 0x14}  # ISO/IEC 646 and ISO 6983: send, print, stop sending, end of print
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
 NEEDED = ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. ")  # what the pages of a protocol have to show together
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_links.py"
+WRITE = command("tests/contracts/test_links.py")
 PROTOCOLS = names()
 CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
 

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
 from support.diagnosis_parts import candidate, pattern
-from support.rows import added, writing
+from support.rows import added, command, writing
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
@@ -180,7 +180,7 @@ def row(name: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_terms.py -k catalogue"
+WRITE = command("tests/contracts/test_terms.py -k catalogue")
 HEAD = "| name | what it is | what it means | frame | mistaken for | settings | what to do |"
 
 
