@@ -23,7 +23,7 @@ from ..records import Cell, InputError
 from ..terms import SCALES, Coefficient
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
-from ..uncertainty.inputs import Line, read_budget
+from ..uncertainty.inputs import BudgetLine, read_budget
 from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
@@ -250,7 +250,7 @@ def _compare(
     runs: tuple[str, ...],
     items: Any,
     degree: int,
-    lines: tuple[Line, ...] | None,
+    lines: tuple[BudgetLine, ...] | None,
     json_file: str | None,
     despite: bool,
 ) -> int:
