@@ -675,7 +675,7 @@ def test_figures_are_those_of_tango_iso230_and_what_is_withheld_has_no_number(fa
 
 
 def test_the_page_is_not_written_under_the_name_of_a_pdf(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="tango report --pdf"):
+    with pytest.raises(InputError, match=r"tango report -C \S+ --pdf"):
         CliRunner().invoke(
             tango, ["report", "-C", str(tmp_path), "-o", str(tmp_path / "x.pdf")], standalone_mode=False, catch_exceptions=False
         )

@@ -381,7 +381,7 @@ def _tried(
     seconds: float | None = None
     times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
-        begun |= isinstance(entry, entries.Begun)
+        begun |= isinstance(entry, entries.StartMark)
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):

@@ -114,14 +114,14 @@ def command(
         _watched(target, json_file)
         return
     spared("--readings", target, folder, replaces="readings.csv")
-    whole = read_cell(folder)
-    refuse_inward(whole)
-    cell = cell_of_stylus(whole, stylus)
+    whole_cell = read_cell(folder)
+    refuse_inward(whole_cell)
+    cell = cell_of_stylus(whole_cell, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     controller_of(cell)
     address, post = address_of(cell, port), writing(cell)
     protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
-    _checked(whole, resume, program_file, most, until, obstructed)
+    _checked(whole_cell, resume, program_file, most, until, obstructed)
     goal = None if until is None else wanted_by(cell, until)
     if goal is not None:
         cell = goal.cell
@@ -136,9 +136,9 @@ def command(
     how = resuming(until, obstructed, stylus, readings_file)
     job = _Job(cell, post, made, address, target, program_file, most, resume, timeout, simulated, how, someone, yes)
     _driven(job, folder, goal, transcript, json_file)
-    others = left(whole, cell, "tango run")
+    others = left(whole_cell, cell, "tango run")
     for text in others:
-        said(text)
+        said(whole(text, KEPT))
     if json_file != "-" and readings_file is None and not others:
         ahead(folder, "estimate")
 

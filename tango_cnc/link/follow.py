@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..records import InputError
-from .entries import Doubted, End, Reading, Segment
+from .entries import Doubted, End, ProgramSent, Reading
 from .journal import read_journal
 from .session import News, news_of
 
@@ -24,7 +24,7 @@ def follow(file: Path, watch: Callable[[News], None], pause: Callable[[], None])
     while ended is None:
         entries, _ = read_journal(file)
         for entry in entries[shown:]:
-            if isinstance(entry, Segment):
+            if isinstance(entry, ProgramSent):
                 total, ended, part = max(total, done + len(entry.touches)), None, entry.part
             elif isinstance(entry, Reading):
                 done += 1

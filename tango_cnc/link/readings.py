@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Plan, Readings
-from .entries import Again, Doubted, End, Entry, Identity, Reading, Segment, by_no_machine
+from .entries import Again, Doubted, End, Entry, Identity, ProgramSent, Reading, by_no_machine
 
 Entries = Sequence[Entry]
 
@@ -20,7 +20,7 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
     if not found:
         return None
     # The parts of a run are one segment.
-    begun = accumulate(isinstance(entry, Segment) and entry.part[0] == 1 for entry in entries)
+    begun = accumulate(isinstance(entry, ProgramSent) and entry.part[0] == 1 for entry in entries)
     numbers = [number for number, entry in zip(begun, entries, strict=True) if isinstance(entry, Reading)]
     segment = np.unique(numbers, return_inverse=True)[1].astype(np.int64) + 1  # a segment without a reading is none
     facet = {touch.number: touch.facet for touch in plan.touches}
@@ -56,7 +56,7 @@ def missing(entries: Entries, plan: Plan) -> tuple[int, ...]:
 
 def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[str, Any]:
     """entries of a journal, plan of the whole run, hash of its last line → where the readings come from (readings.json)."""
-    segments = [entry for entry in entries if isinstance(entry, Segment)]
+    segments = [entry for entry in entries if isinstance(entry, ProgramSent)]
     first = segments[0]
     identity = [entry.text for entry in entries if isinstance(entry, Identity)]
     statuses = [entry.status for entry in entries if isinstance(entry, Reading)]

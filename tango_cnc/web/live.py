@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from ..files.checked import read_text
 from ..files.readjson import parse_json
-from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
+from ..link.entries import Doubted, Entry, ProgramSent, Reading, by_no_machine
 from ..link.journal import ReadSoFar, read_on
 from ..link.lock import at_work
 from ..link.progress import QUIET, in_minutes, progress
@@ -34,7 +34,7 @@ class LiveRun:
     state: str  # waiting, running, complete, stopped
     why: str
     started: str  # UTC, of the first segment
-    head: Segment | None  # the last program that went out
+    head: ProgramSent | None  # the last program that went out
     total: int
     readings: tuple[Reading, ...]
     refused: tuple[str, ...]
@@ -107,7 +107,7 @@ def touched_by(file: Path, cell: Cell | str) -> Cell | None:
 
 def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> LiveRun:
     """journal, its entries, its cell → the run."""
-    p, segments = progress(entries), [e for e in entries if isinstance(e, Segment)]
+    p, segments = progress(entries), [e for e in entries if isinstance(e, ProgramSent)]
     facets = _facets(cell)
     left = Counter(facets[n] for n in p.wanted if n not in p.done and n in facets)
     readings = tuple(e for e in entries if isinstance(e, Reading))

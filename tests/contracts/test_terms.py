@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
 from support.diagnosis_parts import candidate, pattern
-from support.rows import added, writing
+from support.rows import added, command, writing
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
@@ -77,7 +77,7 @@ def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str, touc
     assert not unknown, (
         f"{file}: says: found {{{', '.join(unknown)}}}; allowed: {', '.join(sorted(sentences.WORDS))}, and its `words`"
     )
-    assert set(module.refine.values()) <= set(terms.WAYS), f"{file}: refine: allowed: {', '.join(terms.WAYS)}"
+    assert set(module.refine.values()) <= set(terms.SEARCHES), f"{file}: refine: allowed: {', '.join(terms.SEARCHES)}"
     for field in ("refine", "units", "example"):
         assert set(getattr(module, field)) <= set(own), f"{file}: {field}: `make` has no such setting"
     assert module.over in ("", "time", "probe"), f"{file}: over: allowed: time, probe"
@@ -180,7 +180,7 @@ def row(name: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_terms.py -k catalogue"
+WRITE = command("tests/contracts/test_terms.py -k catalogue")
 HEAD = "| name | what it is | what it means | frame | mistaken for | settings | what to do |"
 
 
