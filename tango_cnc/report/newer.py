@@ -60,7 +60,8 @@ def says_no(folder: Path | None, ended_utc: object) -> NewerNo | None:
     if not isinstance(found, dict) or found.get("format") != FORMAT or found.get("no_after") != str(ended_utc):
         return None
     measured, tip, limit = str(found.get("measured") or "")[:LONG], _number(found.get("tip_um")), _number(found.get("limit_um"))
-    return NewerNo(measured, tip, limit, *(_error(found.get("most")) or ()), moved=_error(found.get("moved")))
+    name, value, unit = _error(found.get("most")) or ("", 0.0, "")
+    return NewerNo(measured, tip, limit, name, value, unit, _error(found.get("moved")))
 
 
 def _error(known: Any) -> tuple[str, float, str] | None:

@@ -120,8 +120,9 @@ def newer_no(f: Facts) -> NewerNo:
     if f.tip is None or f.wishes.limit is None or may(f, texts()).answer.state != "out_of_limits":
         return NewerNo(measured)
     tip, limit, own = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters
-    most, moved = ((name, float(own[name].value), own[name].unit) if name else None for name in (most_of_tip(f), moved_most(f)))
-    return NewerNo(measured, tip, limit, *(most or ()), moved=moved)
+    most, moved = ((x, float(own[x].value), own[x].unit) if x else None for x in (most_of_tip(f), moved_most(f)))
+    name, value, unit = most or ("", 0.0, "")
+    return NewerNo(measured, tip, limit, name, value, unit, moved)
 
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:
