@@ -41,8 +41,8 @@ def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
 def newest_run(folder: Path, stamp: str) -> tuple[str, tuple[Entry, ...]]:
     """cell, stamp of tonight → stamp of the last run before that has a journal, and what can be read of it; ("", ()) for none.
 
-    That of a night is the stamp of its night; that of `tango run` is when its last segment began. One that broke off may still be
-    executed by a control that nobody can ask, whoever ended it.
+    That of a night is the stamp of its night; that of `tango run` is when its last program went out. One that broke off may still
+    be executed by a control that nobody can ask, whoever ended it.
     """
     found = [(f.parent.name, f.stat().st_mtime, f) for f in (folder / "nights").glob("*/*.journal")]
     runs = [(night, _read(f)) for night, _, f in sorted(found) if night < stamp][-1:]

@@ -387,7 +387,7 @@ def _tried(
         if isinstance(entry, entries.End):
             marked = entry.stands
             ended = entry.complete or (made.only is not None and entry.stands)
-        if isinstance(entry, entries.Reading | entries.Doubted):
+        if isinstance(entry, entries.Reading | entries.RefusedRecord):
             found = record_of(entry.record, made)
             if found is not None:
                 records[found[0]] = found[1:]

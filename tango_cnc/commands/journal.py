@@ -40,7 +40,7 @@ def list_(folder: Path, json_file: str | None) -> None:
     if write_json(json_file, {"format": "tango-journals/1", "journals": rows}):
         return
     zone = datetime.now().astimezone().strftime("%Z")
-    shown = [["journal", f"begun ({zone})", "segments", "ok", "miss", "early", "end", "state"]]
+    shown = [["journal", f"begun ({zone})", "programs", "ok", "miss", "early", "end", "state"]]
     for row in rows:
         moment = ended_at(row["begun_utc"])
         begun = "" if moment is None else moment.astimezone().strftime("%Y-%m-%d %H:%M")
@@ -152,12 +152,12 @@ def _row(file: Path) -> dict[str, Any]:
         return _counted(file.name, [], None, str(error))
     entries = [line.entry for line in found.lines if line.entry is not None]
     statuses = [entry.status for entry in entries if isinstance(entry, Reading)]
-    segments = [entry for entry in entries if isinstance(entry, ProgramSent)]
+    sent = [entry for entry in entries if isinstance(entry, ProgramSent)]
     last = next((entry for entry in reversed(entries) if isinstance(entry, End | ProgramSent)), None)
     end = "none" if not isinstance(last, End) else "complete" if last.complete else last.why
     return {
-        **_counted(file.name, statuses, segments[0].utc if segments else None, _state(found)),
-        "segments": len(segments),
+        **_counted(file.name, statuses, sent[0].utc if sent else None, _state(found)),
+        "segments": len(sent),
         "end": end,
     }
 

@@ -1,4 +1,8 @@
-"""What a journal says: one frozen record a kind of entry, and plain data ↔ records, shape and values looked at."""
+"""What a journal says: one frozen record a kind of entry, and plain data ↔ records, shape and values looked at.
+
+An event of a client is said in the past, and the entry that a session makes of it is its noun: Identified → Identity, Begun →
+StartMark, Touched → Reading, Refused → RefusedRecord, Ended → End. `kind` is what the file calls it, and older journals too.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +96,7 @@ class Again:
 
 
 @dataclass(frozen=True)
-class Doubted:
+class RefusedRecord:
     """A record that was not believed, and why."""
 
     kind: ClassVar[str] = "refused"
@@ -112,7 +116,7 @@ class End:
     stands: bool = False
 
 
-Entry = Opened | ProgramSent | Identity | StartMark | Reading | Again | Doubted | End
+Entry = Opened | ProgramSent | Identity | StartMark | Reading | Again | RefusedRecord | End
 KINDS: Mapping[str, type[Entry]] = {kind.kind: kind for kind in get_args(Entry)}
 HINTS = {kind: get_type_hints(kind) for kind in get_args(Entry)}
 
@@ -182,5 +186,5 @@ def _judged(entry: Entry) -> None:
         raise ValueError(f"expected_s: found {entry.expected_s}; allowed: 0 and more")
     if isinstance(entry, ProgramSent) and {"post", "port"} - set(entry.controller):
         raise ValueError("controller: post or port is missing")
-    if isinstance(entry, StartMark | Reading | Again | Doubted) and entry.time_s < 0:
+    if isinstance(entry, StartMark | Reading | Again | RefusedRecord) and entry.time_s < 0:
         raise ValueError(f"time_s: found {entry.time_s}; allowed: 0 and more")

@@ -137,7 +137,7 @@ def measure(
                         client = protocol.Client(task, address.options)
                         announced(number)
                         confirm(task.plan, program)
-                    journal.add(_segment(plan, program, task, wanted, (number, len(tasks))))
+                    journal.add(_sent(plan, program, task, wanted, (number, len(tasks))))
                     with _signals() as stop:
                         session = Session(
                             task,
@@ -224,13 +224,13 @@ def _signals() -> Iterator[Callable[[], int]]:
 def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:
     """journal of a run, plan and post of today → its entries, its hash. Raises InputError for none, or another's."""
     entries, _ = read_journal(file)
-    segment = next((entry for entry in entries if isinstance(entry, ProgramSent)), None)
-    if segment is None:
+    sent = next((entry for entry in entries if isinstance(entry, ProgramSent)), None)
+    if sent is None:
         raise InputError(f"{file}: no run was started; leave --resume out")
-    if segment.plan_hash != plan_hash(plan):
-        state = "" if segment.how == "--resume" else f": 'tango run {segment.how}' goes on with it"
+    if sent.plan_hash != plan_hash(plan):
+        state = "" if sent.how == "--resume" else f": 'tango run {sent.how}' goes on with it"
         raise InputError(
-            f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
+            f"{file}: found a run of plan {sent.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
             "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed and --until"
             f"{state}, or run the whole plan without --resume"
         )
@@ -307,7 +307,7 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
     )
 
 
-def _segment(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> ProgramSent:
+def _sent(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> ProgramSent:
     return ProgramSent(
         utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
         tool_version=__version__,

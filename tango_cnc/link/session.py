@@ -15,7 +15,7 @@ from ..plan import last_motion
 from ..records import LinkError, Machine
 from . import entries
 from .client import Asked, Begun, Client, Ended, Event, Failed, Identified, Refused, Task, Touched
-from .entries import Again, Doubted, End, Identity, Reading
+from .entries import Again, End, Identity, Reading, RefusedRecord
 from .journal import Journal
 from .secrets import without
 from .transport import Lost, Transport
@@ -27,7 +27,7 @@ POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the cont
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
 BANNER = re.compile(rb"\bGrbl\w* ", re.IGNORECASE)
 STOOD_STILL = 10.0  # s between two looks; nothing that is done between them takes as long, however bad line and disk are
-TIMED = (entries.StartMark, Reading, Again, Doubted)
+TIMED = (entries.StartMark, Reading, Again, RefusedRecord)
 REFUSALS = 10  # records in a row that are not believed
 
 
@@ -348,7 +348,7 @@ class Session:
             )
 
     def _doubt(self, why: str, text: str) -> None:
-        self._journal.add(Doubted(why, text, round(self._time(), 3)))
+        self._journal.add(RefusedRecord(why, text, round(self._time(), 3)))
         self._doubts += 1
         remark = f"not believed: {text!r}: {why}"
         self._watch(News(self._accepted, len(self._task.numbers), self._time(), None, remark))
