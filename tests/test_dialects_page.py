@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from support.controls import golden
 from support.dialects import EVERY
-from support.rows import beside, command, last, names_in, sentence, with_list, writing
+from support.rows import behind, beside, command, last, names_in, sentence, with_list, writing
 
 from postprocessors import companions, load, names, program
 from sim_controller.session import language
@@ -132,5 +132,7 @@ def test_a_name_comes_to_its_relatives_and_a_list_is_broken_anew() -> None:
     assert "| `y`, `x`, `c` | z |" in beside(page, head, "c", ["x"], "| c | new |")
     assert beside(page, head, "c", [], "| c | new |") == last(page, head, "| c | new |")
     assert "| z |\n| c | new |\n\nEnd" in last(page, head, "| c | new |")
+    ports = f"{head}\n|---|---|\n| `serial` | x |\n| `z://` | y |\n| other | z |\n\nEnd"
+    assert "| `z://` | y |\n| `a://` | w |\n| other" in behind(ports, head, "://", "| `a://` | w |")
     assert set(names_in(page, head)) == {"b", "d", "x", "y"}
     assert "* Of one list it is true on B, C and D. More.\n* Other\n" in with_list(page, "it is true on", ". More", sentence("bcd"))

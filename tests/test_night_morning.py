@@ -547,6 +547,16 @@ def test_a_headline_counts_no_alarm_that_it_names_behind_the_limit_and_says_who_
     assert quiet["headline"].count("nobody has answered") == 2 and "more open" not in quiet["headline"]
 
 
+@pytest.mark.parametrize(
+    ("known", "order"), [("out_of_limits", "Make no parts"), ("doubtful", "Make no parts"), ("good", "Measure")]
+)
+def test_the_mail_of_a_night_without_a_measurement_begins_as_its_page(known: str, order: str) -> None:
+    """91 µm the night before, 75 allowed: "Measure the first part before you go on" in the mail, "Make no parts" on the page."""
+    told = {"verdict": "not_measured", "status": "failed", "kind": "none", "last_measured": "2026-10-04", "last_verdict": known}
+    text = message(night(**told, why="no answer"), (), ())[1]
+    assert text.splitlines()[1].startswith(order), text
+
+
 def test_a_list_of_nights_keeps_the_knock_of_the_night_that_found_it() -> None:
     """Three errors stood behind the limit every night; the list said the same of all nights and left the knock out."""
     limit = {"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}

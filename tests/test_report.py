@@ -828,7 +828,11 @@ def test_a_share_is_one_of_the_number_beside_it(facts: Facts) -> None:
     newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=1e-3))
     told, found = may(newer, texts()), page.context(newer)
     assert told.by_night and f"{1e3 * facts.tip.worst:.0f} µm, 1 µm allowed" in told.answer.numbers
-    assert told.cause.startswith("Most of it comes from") and "122" not in told.cause and "122" not in " ".join(found["todo"])
+    assert (
+        told.cause.startswith("The largest part of it comes from")
+        and "122" not in told.cause
+        and "122" not in " ".join(found["todo"])
+    )
     name = next(iter(effects(facts.result)))
     found_ = facts.result.parameters[name]
     assert found_.unit == "mm" and told.cause.rpartition(": ")[2][0] == ("−" if found_.value < 0 else "+")  # as below it

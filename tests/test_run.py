@@ -30,7 +30,7 @@ from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.files.origin import look_up
-from tango_cnc.link.entries import Reading, Segment
+from tango_cnc.link.entries import ProgramSent, Reading
 from tango_cnc.link.journal import read_journal
 from tango_cnc.link.rest import durations, repeatable
 from tango_cnc.plan import last_motion, plan
@@ -255,7 +255,7 @@ def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
 def test_the_journal_says_how_long_its_plan_takes(cell):
     """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
     run(cell, Control(cell))
-    segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, Segment))
+    segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, ProgramSent))
     checked = Result("check", "-C", cell, "--json", "-")
     predicted = json.loads(checked.out)["predicted_time_s"]
     predicted.pop("prove the probe alive")  # comes before the touches

@@ -239,8 +239,9 @@ def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
 def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator[str]:
     """status, folder of the cell, --history, texts → what is printed."""
     word = t("cli.nightly.no_night" if not found.nights else "cli.nightly.late" if found.late else "cli.nightly.on_time")
-    yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if found.stale else word}"
-    if found.stale:
+    unknown = found.stale and found.newer_no is None  # else its readings know what the nights do not
+    yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if unknown else word}"
+    if unknown:
         yield f"  {t('morning.old_todo')}"
     if found.trouble is not None:
         yield "  " + t("cli.nightly.cannot_begin", why=found.trouble)

@@ -36,6 +36,7 @@ from ..files.origin import look_up
 from ..files.then import at_that_time, machine_and_artefact, moved, with_texts
 from ..files.write import dump
 from ..judgement import Judgement
+from ..judging import traced
 from ..loaded import AS_SEEN, BACK, HELPS, KEPT
 from ..noise import honest
 from ..records import Cell, InputError, Readings
@@ -44,7 +45,7 @@ from . import _compensate
 from ._common import write_json
 from ._handed import pasted
 from ._present import ended, rows, whose_is
-from ._trust import told, traced
+from ._trust import told
 from .check import positioning_feed
 from .design import gate_of
 

@@ -381,13 +381,13 @@ def _tried(
     seconds: float | None = None
     times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
-        begun |= isinstance(entry, entries.Begun)
+        begun |= isinstance(entry, entries.StartMark)
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):
             marked = entry.stands
             ended = entry.complete or (made.only is not None and entry.stands)
-        if isinstance(entry, entries.Reading | entries.Doubted):
+        if isinstance(entry, entries.Reading | entries.RefusedRecord):
             found = record_of(entry.record, made)
             if found is not None:
                 records[found[0]] = found[1:]

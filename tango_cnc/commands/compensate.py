@@ -20,6 +20,7 @@ from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..files.then import at_that_time
 from ..judgement import Judgement
+from ..judging import judged, made_up
 from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..verify.apart import apart
@@ -28,7 +29,7 @@ from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
 from ._handed import pasted
 from ._present import contained, ended, present, rows, whose_is
-from ._trust import despite_option, judged, made_up, usable
+from ._trust import despite_option, usable
 
 PLACE = "Act 10"  # in the list of commands
 

@@ -19,6 +19,7 @@ from ..files.normals import refuse_inward
 from ..files.origin import look_up, made_utc, other_machine
 from ..identify import SUBSETS
 from ..judgement import Judgement
+from ..judging import judged, traced
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
@@ -26,7 +27,7 @@ from ._common import Output, cell_option, dialect, json_option, write_json
 from ._handed import typed
 from ._progress import Progress
 from ._stylus import bought
-from ._trust import despite_option, judged, status, traced, usable
+from ._trust import despite_option, status, usable
 from ._trust import told as doubts
 from .check import positioning_feed
 

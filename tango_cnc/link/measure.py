@@ -31,7 +31,7 @@ from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from .address import Address, linked, parse, spoken
 from .client import Task
-from .entries import End, Entry, Reading, Segment
+from .entries import End, Entry, ProgramSent, Reading
 from .journal import Journal, look_at, read_journal
 from .process import boot, endings
 from .readings import missing, provenance, readings_of
@@ -137,7 +137,7 @@ def measure(
                         client = protocol.Client(task, address.options)
                         announced(number)
                         confirm(task.plan, program)
-                    journal.add(_segment(plan, program, task, wanted, (number, len(tasks))))
+                    journal.add(_sent(plan, program, task, wanted, (number, len(tasks))))
                     with _signals() as stop:
                         session = Session(
                             task,
@@ -193,7 +193,7 @@ def silence_after(before: Sequence[Entry], plan: Plan, timeout: float | None = N
 
     Between two touches a control prints nothing. One that has said that its program came to its end needs no proof.
     """
-    end = next((entry for entry in reversed(before) if isinstance(entry, End | Segment)), None)
+    end = next((entry for entry in reversed(before) if isinstance(entry, End | ProgramSent)), None)
     if end is None or (isinstance(end, End) and end.stands):
         return 0.0
     return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if timeout is None else timeout)
@@ -224,17 +224,17 @@ def _signals() -> Iterator[Callable[[], int]]:
 def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:
     """journal of a run, plan and post of today → its entries, its hash. Raises InputError for none, or another's."""
     entries, _ = read_journal(file)
-    segment = next((entry for entry in entries if isinstance(entry, Segment)), None)
-    if segment is None:
+    sent = next((entry for entry in entries if isinstance(entry, ProgramSent)), None)
+    if sent is None:
         raise InputError(f"{file}: no run was started; leave --resume out")
-    if segment.plan_hash != plan_hash(plan):
-        state = "" if segment.how == "--resume" else f": 'tango run {segment.how}' goes on with it"
+    if sent.plan_hash != plan_hash(plan):
+        state = "" if sent.how == "--resume" else f": 'tango run {sent.how}' goes on with it"
         raise InputError(
-            f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
+            f"{file}: found a run of plan {sent.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
             "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed and --until"
             f"{state}, or run the whole plan without --resume"
         )
-    other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, Segment)} - {post}
+    other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, ProgramSent)} - {post}
     if other:
         raise InputError(
             f"{file}: found a run with post {', '.join(sorted(other))}; the cell now states {post}. Another post "
@@ -307,8 +307,8 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
     )
 
 
-def _segment(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> Segment:
-    return Segment(
+def _sent(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> ProgramSent:
+    return ProgramSent(
         utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
         tool_version=__version__,
         machine=plan.machine.name,
@@ -373,7 +373,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folde
     assert readings is not None  # nothing is missing, and a plan has touches
     origin = provenance(entries, plan, digest)
     journal = file.with_suffix(".journal")
-    how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
+    how = next((entry.how for entry in entries if isinstance(entry, ProgramSent)), "--resume")
     with _written(f"every touch is in {journal}, but the readings", then or f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
         same = file.is_file() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before

@@ -77,7 +77,7 @@ def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str, touc
     assert not unknown, (
         f"{file}: says: found {{{', '.join(unknown)}}}; allowed: {', '.join(sorted(sentences.WORDS))}, and its `words`"
     )
-    assert set(module.refine.values()) <= set(terms.WAYS), f"{file}: refine: allowed: {', '.join(terms.WAYS)}"
+    assert set(module.refine.values()) <= set(terms.SEARCHES), f"{file}: refine: allowed: {', '.join(terms.SEARCHES)}"
     for field in ("refine", "units", "example"):
         assert set(getattr(module, field)) <= set(own), f"{file}: {field}: `make` has no such setting"
     assert module.over in ("", "time", "probe"), f"{file}: over: allowed: time, probe"

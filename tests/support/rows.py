@@ -45,6 +45,15 @@ def last(text: str, head: str, row: str) -> str:
     return f"{begin}{head}\n{table}\n{row}{gap}{after}"
 
 
+def behind(text: str, head: str, words: str, row: str) -> str:
+    """page, first line of a table, words, row → the page with that row behind the last one whose first cell has those words."""
+    begin, _, rest = text.partition(f"{head}\n")
+    table, gap, after = rest.partition("\n\n")
+    rows = table.split("\n")
+    place = max(i for i, other in enumerate(rows) if words in other.split(" | ")[0]) + 1
+    return "\n".join([f"{begin}{head}", *rows[:place], row, *rows[place:]]) + gap + after
+
+
 def names_in(text: str, head: str) -> dict[str, str]:
     """page, first line of a table → {name in the first cell of a row, where several may stand: the row}."""
     rows = text.split(f"{head}\n")[1].split("\n\n")[0].splitlines()[1:]

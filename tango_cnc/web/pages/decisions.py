@@ -16,7 +16,7 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.alarm import decided, sentence, with_its_date
-from ...report.answer import is_moving, measuring
+from ...report.answer import NEWER, is_moving, measuring
 from ...report.days import at, day
 from ...report.faults import earlier, still_open
 from ...report.orders import brief_of
@@ -74,7 +74,16 @@ def _read(state: PagesState) -> dict[str, Any]:
     listed = [a for card in waiting for a in card["open"]]
     missing = sum(a["decision"] is None for a in listed)
     made = bool(waiting) and all(c["simulated"] for c in waiting)
-    return {"waiting": waiting, "simulated": made, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
+    alone = [one for row in state.places.fleet() if (one := _of_readings(row, state)) is not None]
+    return {
+        "newer": [one for one in alone if one["machine"].slug not in waits],
+        "waiting": waiting,
+        "simulated": made,
+        "open": len(listed),
+        "alarms": missing,
+        "past": past[:50],
+        "actions": ACTIONS,
+    }
 
 
 def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
@@ -84,6 +93,17 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
     asked = row.standing.alarms_open or row.standing.alarms_held
     busy = busy_for(run_of(state, row.machine), state) if asked else ""
     return unchanged(row, state, (busy, newer_no(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
+
+
+def _of_readings(row: Row, state: PagesState) -> dict[str, Any] | None:
+    """row, state → the No of newer readings with what it is about, as in the list; None where that is not its answer."""
+    if newer_no(row) is None:
+        return None
+    found = faults_of(row, state)
+    said = answer_of(row, found, state)
+    if said is None or said.state != NEWER or busy_for(run_of(state, row.machine), state):
+        return None
+    return {"machine": row.machine, "answer": said, "told": brief(said, found, False, "", state.texts)}
 
 
 def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
