@@ -70,7 +70,10 @@ def test_what_a_repair_has_put_back_is_a_jump_and_three_nights_show_no_rate() ->
     knocked = {"id": "2026-11-21-1", "parameter": "EY0C", "size": 0.04, "rate_per_day": None, "cause": "axis_location"}
     value, std = 1e-3 * np.array([25.0, 25.0, 65.0, 65.7, 66.3, 26.4, 26.0, 25.8, 26.1, 26.2, 26.0]), np.full(11, 3e-4)
     starts = [f"2026-11-{19 + i}T02:00:00Z" for i in range(11)]
-    done = [Decision("2026-11-21-1", "repaired", "Zoë", utc="2026-11-23T10:00:00Z"), Decision("x", "repaired", "Zoë", utc=starts[8])]
+    done = [
+        Decision("2026-11-21-1", "repaired", "Zoë", utc="2026-11-23T10:00:00Z"),
+        Decision("x", "repaired", "Zoë", utc=starts[8]),
+    ]
     back = by_repairs({2: [knocked]}, done, starts, "EY0C", (value, std))
     assert [place for place, _ in back] == [5] and back[0][1] == pytest.approx(-0.0399)
     assert by_repairs({2: [knocked]}, done, starts, "EX0C", (value, std)) == []

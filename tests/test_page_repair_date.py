@@ -81,7 +81,9 @@ def test_the_second_morning_after_a_repair_that_did_not_help_has_the_same_date(t
         stands = standing(history, M, after, {}, "check")
         history.decide(M, Decision(f"{AFTER}-1", "ignore", "Dora", until="2026-12-10", utc=f"{LAST}T00:30:00Z"))
         silent = unheard(history, M, after, {}, "check")
-    told = message(night(M, 10, "changed", standing=stands, headline=say("night.words.no_alarm_but", text=stands[0]["text"])), (), ())[1]
+    told = message(
+        night(M, 10, "changed", standing=stands, headline=say("night.words.no_alarm_but", text=stands[0]["text"])), (), ()
+    )[1]
     assert f"since the night ending {HIT}: the repair" in told and f"since {GOOD}" not in told
     told = message(night(M, 10, unheard=silent), (), ())[1]
     assert "Dora ignores" in told and f"since the night ending {HIT}: the repair" in told and f"since {GOOD}" not in told
@@ -95,7 +97,9 @@ def test_what_stands_behind_a_limit_has_the_date_of_its_alarm(tmp_path: Path) ->
     cause |= {"on_part": "x", "do": "y"}
     record = night(M, 8, "out_of_limits", alarms=[moved(HIT, text)], behind=[cause])
     told = message(record, (), ())[1]
-    assert f"behind volume: C axis has moved along X by +19.8 µm since the night ending {HIT}" in told and f"since {GOOD}" not in told
+    assert (
+        f"behind volume: C axis has moved along X by +19.8 µm since the night ending {HIT}" in told and f"since {GOOD}" not in told
+    )
     record["headline"] = say("changed.besides", text=text, other="more")
     place = cell(tmp_path / "one", records=[record])
     for words in (["nightly", "-C", str(place), "--status"], ["history", "list", "-C", str(place)], ["fleet", str(place)]):
