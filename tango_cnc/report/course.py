@@ -37,8 +37,9 @@ def jumps_of(
     factor: float,
     back: Collection[Jump] = (),
 ) -> list[Jump]:
-    """{entry: alarms of that night}, entries of a series, parameter, factor to its unit, jumps that repairs have made (in the unit of
-    the parameter) → its jumps, oldest first."""
+    """{entry: alarms of that night}, entries of a series, parameter, factor to its unit, what repairs have put back (unit of the
+    record) → its jumps, oldest first.
+    """
     found, drifts = [(place, size * factor) for place, size in back], _drifts(alarms)
     repaired = {place for place, _ in found}
     for place, entry in enumerate(entries):
