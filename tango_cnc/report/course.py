@@ -1,8 +1,8 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
-A jump is an alarm of a night, or what a repair of one has put back. A drift of an alarm has its words here, from the night before it on. What has moved since
-the last one counts from twice and a half what the two ends are known to. Where the last fortnight goes another way than all since
-then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
+A jump is an alarm of a night, or what a repair of one has put back. A drift of an alarm has its words here, from the night before
+it on. What has moved since the last one counts from twice and a half what the two ends are known to. Where the last fortnight goes
+another way than all since then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
