@@ -299,7 +299,7 @@ def _check(job: Job, words: Words) -> None:
         ("skip", SKIPS, "G31, G31.1 to G31.4, or G31 with P, e.g. G31 P1"),
         ("wait", WAITS, "G53, G103 P1, a dwell such as G4 P0.1, or an M word"),
     ):
-        if not pattern.fullmatch(job.options[key]) and not (key == "wait" and job.options[key] == words.wait):
+        if not pattern.fullmatch(job.options[key]):
             raise InputError(f"controller.{key}: found {job.options[key]!r}; allowed: {allowed}")
     if not 1 <= job.options["program_number"] <= 9995:
         raise InputError(f"controller.program_number: found {job.options['program_number']}; allowed: 1 … 9995")

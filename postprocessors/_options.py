@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -104,16 +104,21 @@ def stated(option: Option, value: Any) -> Any:
 
 
 def settled(options: tuple[Option, ...], *names: str) -> tuple[Option, ...]:
-    """options of a family, names → the same; their defaults are known of this control. Raises KeyError for an unknown name."""
-    for name in names:
-        if name not in {option.name for option in options}:
-            raise KeyError(name)
+    """options of a family, names → the same; their defaults are known of this control. Raises TypeError for an unknown name."""
+    _known(options, names)
     return tuple(replace(option, verified=True) if option.name in names else option for option in options)
 
 
 def with_defaults(options: tuple[Option, ...], **defaults: Any) -> tuple[Option, ...]:
-    """options of a family, name=value → the same with other defaults. Raises KeyError for an unknown name."""
-    for name in defaults:
-        if name not in {option.name for option in options}:
-            raise KeyError(name)
+    """options of a family, name=value → the same with other defaults. Raises TypeError for an unknown name."""
+    _known(options, defaults)
     return tuple(replace(option, default=defaults.get(option.name, option.default)) for option in options)
+
+
+def _known(options: tuple[Option, ...], names: Iterable[str]) -> None:
+    allowed = sorted(option.name for option in options)
+    if unknown := [name for name in names if name not in allowed]:
+        raise TypeError(
+            f"options of this family: found {', '.join(unknown)}; allowed: {', '.join(allowed)}. What no profile may state, as "
+            "the word that ends a program, is a field of the words of the family, not an option"
+        )

@@ -20,6 +20,14 @@ CHANCE = 1e-3  # that touches which met something else, or facets that are not i
 LEAST = 8  # touches that have to agree
 ASTRAY = 1  # touches that may have met something else than their facet: they are left out where eight others agree
 TURNED = 3.0  # deg by which it may be turned then
+MOST_GROWN = 0.05  # a table of so much another size is another table
+FILE = "FILE"  # in messages: that of the readings; who knows its name says it instead
+LOOSER = (
+    "Measure distances between its facets, and compare them with artefact.yaml. "
+    f"'tango locate --readings {FILE} --agrees MM' then places the table from these same touches, and nothing moves: MM is the "
+    "largest difference that you have measured. Where all of them differ by the same share the table has another size: multiply "
+    "all places in artefact.yaml by that share instead"
+)
 
 
 def agreeing(
@@ -67,17 +75,17 @@ def no_proof(
     out, found, residual = best
     kept = [row for row in range(len(facets)) if row != out]
     if (loose := drawn(facets, tip, radius, agrees)) is not None and by_chance(residual[kept], len(facets), loose) > CHANCE:
-        offered = f" 'tango locate --readings FILE --agrees {loose:g}' places the table from all of them, and nothing moves."
+        offered = f" {LOOSER}." if whole else ""
         return (
             f"Either it met something else, or artefact.yaml has the facets in their places to {loose:g} mm only; these touches "
-            f"cannot tell.{offered if whole else ''} If something stood in the way, take it away and touch again"
+            f"cannot tell.{offered} If something stood in the way, take it away and touch again"
         )
     larger, fits = grown(facets, tip, radius)
     if fits <= max(agrees, DRAWN) and abs(larger) > 1e-3:
+        which = of_size(larger) if abs(larger) < MOST_GROWN else "Measure one of its widths: is it the table of artefact.yaml"
         return (
-            f"All of them fit as well a table that is {abs(larger):.1%} {'larger' if larger > 0 else 'smaller'} than artefact.yaml "
-            "says; these touches cannot tell. Is it another table? Measure one of its widths. If it is so, multiply all places in "
-            f"artefact.yaml by {1 + larger:.4f}. If something was met there instead of the facet, take it away and touch again"
+            f"Either something else was met there, or the table has another size; these touches cannot tell. {which}. If its width "
+            "is right, take away what was met, and touch again"
         )
     if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > TURNED:
         return f"The others fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched: is it that of artefact.yaml?"
@@ -90,6 +98,15 @@ def no_proof(
             "artefact.yaml, or another facet is in its place there"
         )
     return ""
+
+
+def of_size(larger: float) -> str:
+    """by which share the table is larger than its file if all touches count → what to measure, and what to correct then."""
+    return (
+        f"All of them fit a table that is {abs(larger):.1%} {'larger' if larger > 0 else 'smaller'} than artefact.yaml says: "
+        "measure one of its widths first. If it is so, multiply all places in artefact.yaml (balls and obstacles, too) by "
+        f"{1 + larger:.4f}, and read these same touches again: 'tango locate --readings {FILE}'"
+    )
 
 
 def grown(facets: Sequence[Facet], tip: Array, radius: float) -> tuple[float, float]:

@@ -18,6 +18,7 @@ import click
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from . import __version__, commands, lean
+from .commands._numbers import advice
 from .commands._signs import written
 from .nearest import printable
 from .records import TangoError
@@ -80,11 +81,13 @@ def guarded(call: Callable[..., Any], *args: Any, **kwargs: Any) -> int:
         result = call(*args, **kwargs)
     except TangoError as error:
         _say(f"tango: {printable(str(error), MESSAGE)}")
+        _advise(advice(str(error), "tango"))
         return error.exit_code
     except click.ClickException as error:
         error.show()
-        if isinstance(error, click.UsageError) and (advice := _folder(error) or _number(error)):
-            _say(advice)
+        if isinstance(error, click.UsageError):
+            typed = error.ctx.command_path if error.ctx else "tango"
+            _advise(_folder(error) or advice(error.message, typed))
         return error.exit_code
     except (KeyboardInterrupt, click.Abort):
         _say("tango: stopped by the user")
@@ -115,15 +118,10 @@ def _folder(error: click.UsageError) -> str:
     return f"The folder of the cell goes behind -C: {error.ctx.command_path} -C {extra[1].split()[0] if extra else 'DIR'}"
 
 
-def _number(error: click.UsageError) -> str:
-    """what click says of a command line → how a number is written, if one has a comma or a unit; else nothing."""
-    found = re.match(r"'([+-]?\d+)(?:[.,](\d+))?\s*([a-zµ°%]*)' is not a valid (?:float|integer)", error.message)
-    if found is None:
-        return ""
-    whole, part, unit = found.groups()
-    if unit:
-        return f"A number stands without its unit: {error.ctx.command_path if error.ctx else 'tango'} --help says which it has"
-    return f"A number is written with a point: {whole}.{part}"
+def _advise(sentence: str) -> None:
+    """sentence, '' for none → said."""
+    if sentence:
+        _say(sentence)
 
 
 def _say(sentence: str) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
-from .astray import AGREES, ASTRAY, LEAST, TURNED, agreeing, drawn, grown, no_proof
+from .astray import AGREES, ASTRAY, FILE, LEAST, LOOSER, MOST_GROWN, TURNED, agreeing, drawn, grown, no_proof, of_size
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
@@ -38,16 +38,14 @@ CLEAR = 6.0  # mm that the stand-off keeps from a facet that is nearer than ever
 LOOSEST = 1.0  # mm: beyond it nothing tells a wrong touch from a table whose file is wrong
 STAYS = 0.5  # mm: an obstacle that has moved by less stands where it stood, for every clearance
 KNOWN = 1.0  # mm: a facet that is not known better than this afterwards, no search of a few mm finds
-MOST_GROWN = 0.05  # a table of so much another size is another table
 NEAR = 5.0  # mm
-FILE = "FILE"  # in messages: that of the readings; who knows its name says it instead
 NEARER = (
     "Measure the place of the table with a rule to 5 mm, correct it in artefact.yaml, then 'tango locate --within 5': its searches "
     "are shorter, and the stem of the stylus meets less"
 )
 FARTHER = (
     "It may stand farther away than these searches reach: measure its place with a rule again, correct it in artefact.yaml, or "
-    "search farther, 'tango locate' without --within"
+    f"search farther, 'tango locate --within {FARTHEST:g}'"
 )
 
 
@@ -345,28 +343,23 @@ def _grown(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) ->
     by, left = grown(facets, tip, radius)
     if len(facets) <= LEAST or left > agrees or not 1e-3 < abs(by) < MOST_GROWN:
         return ""
-    size = f"{abs(by):.1%} {'larger' if by > 0 else 'smaller'}"
-    return (
-        f"All of them fit a table that is {size} than artefact.yaml says: measure one of its widths first. If it is so, multiply "
-        f"all places in artefact.yaml (balls and obstacles, too) by {1 + by:.4f}, and read these same touches again with --readings"
-    )
+    return of_size(by)
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:
-    """as `agreeing` → the sentence that names the smallest `--agrees` with which these touches place the table; '' for none."""
+    """as `agreeing` → what to do where the table is less exact than its file; '' where no `--agrees` places it.
+
+    No number is handed out: that which these touches need would pass a table of another size as well.
+    """
     steps = (step for step in np.round(np.arange(0.1, LOOSEST + 0.01, 0.1), 1) if step > agrees)
 
     def places(step: float) -> bool:
         kept = agreeing(facets, tip, radius, least, step)[0]
         return kept is not None and (len(kept) == len(facets) or drawn(facets, tip, radius, step) is None)
 
-    enough = next((step for step in steps if places(float(step))), None)
-    if enough is None:
+    if not any(places(float(step)) for step in steps):
         return ""
-    return (
-        f" Only if you know that the facets are in their places on the table to {enough:g} mm and no better: 'tango locate "
-        f"--readings {FILE} --agrees {enough:g}' places it from these same touches; nothing moves"
-    )
+    return f" Only if you know that the facets are farther beside their places on the table: {LOOSER[0].lower()}{LOOSER[1:]}"
 
 
 def moved(artefact: Artefact, by: Array, turn: Array) -> Artefact:

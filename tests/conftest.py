@@ -19,6 +19,7 @@ from support.places import history_place, postgres_server  # noqa: E402, F401  (
 pytest_plugins = [
     "support.cpu",
     "support.few",
+    "support.newdialect",
     "support.cells",
     "support.plans",
     "support.rigs",

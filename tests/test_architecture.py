@@ -45,6 +45,7 @@ INTERNAL: dict[str, str | None] = {
     "design": f"{NUMERIC} plan check duration gate iso230 verify report.units plausible.planned",
     "noise": f"{NUMERIC} plausible",
     "plausible": f"{NUMERIC} asked",
+    "judging": f"{NUMERIC} files asked noise plausible",
     "asked": "records kinematics files.shape",
     "uncertainty": f"{NUMERIC} files",
     "diagnose": f"{NUMERIC} files report",

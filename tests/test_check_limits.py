@@ -60,7 +60,6 @@ def box(part: str, air: float) -> Obstacle:
     return Obstacle("box", (-50.0, RADIUS[part] + air, low), (5.0, 200.0, high))
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("part", HELD)
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_a_box_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
@@ -80,7 +79,6 @@ def test_what_carries_the_probe_ends_where_it_ends(beyond: float) -> None:
     assert refusal(artefact, probe=replace(PROBE, nose_radius=0.0)) == ("the body would hit obstacle 1" if beyond < 0 else "")
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize("part", HELD)
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])
 def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
@@ -93,7 +91,6 @@ def test_a_ball_beside_each_part_of_the_probe(part: str, beyond: float) -> None:
     assert (f"the {part} would hit ball b" in why) if beyond < 0 else not why
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize("kind", ["obstacle 1", "ball b"])
 @pytest.mark.parametrize("end", [-5.0, 11.5])  # of the search; where a contact right behind the stand-off sends the probe
 @pytest.mark.parametrize("beyond", [-0.1, LOOK + 0.1])

@@ -169,16 +169,26 @@ def test_what_is_no_number_is_refused_before_anything_is_computed(
 
 
 @pytest.mark.parametrize(
-    ("written", "says"),
+    ("typed", "says"),
     [
-        ("0,3", "A number is written with a point: 0.3"),
-        ("0.3mm", "A number stands without its unit: tango locate --help says which it has"),
-        ("much", ""),
+        ("locate --agrees 0,3", "A number is written with a point: 0.3"),
+        ("locate --agrees 0.3mm", "A number stands without its unit: tango locate --help says which it has"),
+        ("locate --agrees much", "Error: "),
+        ("design --minutes 30,5", "A number is written with a point: 30.5"),
+        ("design --minutes 30min", "A number stands without its unit: tango design --help says which it has"),
+        ("design --within 1.000,5", "A number is written without signs between its thousands: 1000.5"),
+        ("plan --split 3,5", "This is a whole number: 3 or 4"),
+        ("run --split 3.0", "This is a whole number: 3"),
+        ("run --until EX0C=1,5", "Numbers are written with a point and without a unit"),
+        ("design --goal EX0C=1.5um", "Numbers are written with a point and without a unit"),
+        ("design --volume 0:1,5:2", "Numbers are written with a point and without a unit"),
+        ("design --facets table:100mm,50", "Numbers are written with a point and without a unit"),
+        ("run --until EX0C=0,EA0C=5", "tango: --until: found 'EX0C=0'; allowed"),
     ],
 )
 def test_a_number_with_a_comma_or_a_unit_says_how_it_is_written(
-    tmp_path: Path, written: str, says: str, capsys: pytest.CaptureFixture[str]
+    cell: Path, typed: str, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call("locate", "-C", tmp_path, "--agrees", written) == 2
-    said = capsys.readouterr().err
-    assert "is not a valid float" in said and said.splitlines()[-1].startswith(says or "Error: ")
+    command, *options = typed.split()
+    assert call(command, "-C", cell, *options) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith(says)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import subprocess
 import sys
@@ -17,11 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 from support.controls import GOLDEN, Ran, golden
-from support.dialects import EVERY
+from support.dialects import EVERY, differs
 from support.gates import NEAR, ran
 from support.proof_parts import keys_here
 from support.randomplans import example
-from support.wrongcontrols import Case, cases, pointless, sees, table, turned_round
+from support.rows import command, writing
+from support.wrongcontrols import OPTIONS, Case, by_option, cases, declared, pointless, sees, table, turned_round
 
 from postprocessors import companions, load, program, unverified
 from postprocessors import settings as settings_of
@@ -40,10 +40,18 @@ LIMIT = math.radians(365.0)  # of C: room for 350 deg, and none for 370
 IN_THE_AIR = {e.belief for e in commission.experiments() if not e.touches}  # the others: test_commission_touch.py
 QUICK = ("fanuc", "linuxcnc")  # by default; the others in CI
 DIALECTS = [name if name in QUICK else pytest.param(name, marks=pytest.mark.long) for name in sorted(EVERY)]
+
+
+def wrong(name: str) -> dict[str, Case]:
+    """dialect → {belief, or option whose usual value is wrong: the control}; what is in both is there once."""
+    known = cases(name)
+    return known | {option: case for option, case in by_option(name).items() if case not in known.values()}
+
+
 CASES = [
     pytest.param(name, belief, marks=() if name == "fanuc" else pytest.mark.long)
     for name in sorted(EVERY)
-    for belief in cases(name)
+    for belief in wrong(name)
 ]
 
 
@@ -224,13 +232,15 @@ def test_a_windows_with_a_decimal_comma_fails_records_and_nothing_else() -> None
     assert verdicts(what, "FAIL") == ["records"] and not set(NEAR) & set(events)
 
 
-def differs(name: str) -> str:
-    """dialect → where it is said that its control, or a default of its post, is another one than that of its relatives."""
-    language = load(name).language
-    return (
-        f"postprocessors/{name}.py: its program does not fit the simulated control. Where the control has another word, axis "
-        f"number or setting than its relatives, state it in CONTROLS of sim_controller/languages/{language}; where a default of an "
-        "option differs, look at `cases` of tests/support/wrongcontrols.py"
+@pytest.mark.parametrize("option", OPTIONS)
+def test_a_dialect_that_declares_such_an_option_has_a_control_on_which_its_usual_value_is_wrong(option: str) -> None:
+    """Only those of one language had one, by a typed list; a control that reads by letter, or widens its fields, needs none."""
+    needless = {"axis_numbers": ("lettered", True), "print_format": ("overflow", "expanded")}
+    key, value = needless.get(option, ("", None))
+    having = [name for name in sorted(EVERY) if option in declared(name) and EVERY[name].settings.get(key, "") != value]
+    assert having and all(option in by_option(name) for name in having), (
+        f"{[name for name in having if option not in by_option(name)]}: the simulated control of it has no habit for {option} "
+        "(tests/support/wrongcontrols.py, by_option)"
     )
 
 
@@ -243,7 +253,7 @@ def restated(case: Case, number: float, machine: Machine) -> Machine:
 @pytest.mark.few(1)
 @pytest.mark.parametrize(("name", "belief"), CASES)
 def test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_it(name: str, belief: str) -> None:
-    case = cases(name)[belief]
+    case = wrong(name)[belief]
     what, events = seen(name, case)
     assert not set(NEAR) & set(events)
     asked = ([case.fails] if case.fails else [], case.wrong, case.stated)
@@ -317,21 +327,67 @@ def test_a_word_that_the_control_does_not_know_names_the_key_it_comes_from(name:
     assert named in verdict.do and "does not know" in verdict.found
 
 
+def failing(name: str) -> list[str]:
+    """dialect → its beliefs whose case fails, each carried out now, with the first line of what it says."""
+    found = []
+    for belief in cases(name):
+        try:
+            test_where_one_belief_is_wrong_this_one_fails_and_what_the_text_says_mends_it(name, belief)
+        except Exception as error:  # whatever it is: the table would say that it passes
+            found.append(f"{belief}: {str(error).partition(chr(10))[0]}")
+    return found
+
+
+def table_in(page: str) -> str:
+    """docs/commissioning.md → its table dialect × belief."""
+    return page[page.index("| dialect | ") :].partition("\n\n")[0]
+
+
+def with_table(page: str, made: str, fails: Callable[[str], list[str]]) -> tuple[str, dict[str, list[str]]]:
+    """page, table, which cases of a dialect fail → the page with it, {dialect: beliefs that fail}: their rows are not written.
+
+    Only dialects whose rows are new or others than before are asked. The number of cases is written when all rows are.
+    """
+    old = table_in(page)
+    new = [row.split(" | ")[0].strip("| ") for row in made.splitlines()[2:] if row not in old.splitlines()]
+    wrong = {name: beliefs for name in new if (beliefs := fails(name))}
+    rows = {row.split(" | ")[0].strip("| "): row for row in old.splitlines()[2:]}
+    kept = [
+        rows.get(row.split(" | ")[0].strip("| ")) if row.split(" | ")[0].strip("| ") in wrong else row for row in made.splitlines()
+    ]
+    text = page.replace(old, "\n".join(row for row in kept if row is not None))
+    return text if wrong else re.sub(r"\b\d+ cases\)", f"{len(CASES)} cases)", text), wrong
+
+
 def test_the_table_of_the_docs_is_what_these_cases_are() -> None:
-    """A row for each dialect, and how many cases there are; both are written by the command that the failure prints."""
+    """A row for each dialect, and how many cases there are; the command that the failure prints writes both, of cases that pass."""
     page, made = Path(__file__).parent.parent / "docs" / "commissioning.md", table(sorted(EVERY))
-    before = page.read_text(encoding="utf-8")
-    begin = before.index("| dialect | ")
-    end = before.index("\n\n", begin)
-    text = re.sub(r"\b\d+ cases\)", f"{len(CASES)} cases)", before[:begin] + made + before[end:])
-    if os.environ.get("TANGO_GOLDEN") == "write":
+    write, before = command("tests/test_commission.py -k table"), page.read_text(encoding="utf-8")
+    if writing():
+        text, wrong = with_table(before, made, failing)
         page.write_text(text, encoding="utf-8")
+        assert not wrong, (
+            f"docs/commissioning.md, How sure this is: a row says that its cases pass, and these fail: {wrong}. "
+            f"pytest tests/test_commission.py -m 'not campaign' -k '[NAME' says more. {' '.join(map(differs, wrong))}"
+        )
+        before = text
     lacking = sorted(set(made.splitlines()) - set(before.splitlines()))
-    write = "TANGO_GOLDEN=write python -m pytest tests/test_commission.py -k table"
-    assert page.read_text(encoding="utf-8") == text and f"{len(CASES)} cases)" in text, (
+    assert table_in(before) == made and f"{len(CASES)} cases)" in before, (
         f"docs/commissioning.md, How sure this is: the table or the number of cases ({len(CASES)}) is of other dialects. {write} "
-        "writes both. Rows that are missing:\n" + "\n".join(lacking)
+        "carries out the cases of each dialect whose row is missing, some minutes, and writes both where they pass. Rows that are "
+        "missing:\n" + "\n".join(lacking)
     )
+
+
+def test_a_row_is_written_where_its_cases_pass() -> None:
+    """The table said of a dialect that everything passed, and none of its programs had run to its end."""
+    page = "(1 cases)\n\n| dialect | a |\n|---|---|\n| old | x |\n| same | y |\n\nEnd (2 touches)\n"
+    made = "| dialect | a |\n|---|---|\n| new | x |\n| old | z |\n| same | y |"
+    assert with_table(page, made, lambda name: ["a"]) == (page, {"new": ["a"], "old": ["a"]})
+    text, wrong = with_table(page, made, lambda name: ["a"] if name == "new" else [])
+    assert "| old | z |" in text and "new" not in text and "(1 cases)" in text and wrong == {"new": ["a"]}
+    text, wrong = with_table(page, made, lambda name: [])
+    assert table_in(text) == made and f"({len(CASES)} cases)" in text and not wrong and text.endswith("End (2 touches)\n")
 
 
 def keys_with(machine: Machine | None = None, port: str = "", **stated: Any) -> dict[str, str]:

@@ -317,7 +317,7 @@ def test_a_run_asks_before_anything_is_sent_and_says_what_is_not_proven(
 def test_a_run_of_another_post_is_not_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another dialect has other frames and another rounding; the file of the readings would name one of them for all."""
     from tango_cnc.files import read_cell
-    from tango_cnc.link.entries import Segment
+    from tango_cnc.link.entries import ProgramSent
     from tango_cnc.link.journal import Journal
     from tango_cnc.plan import plan, plan_hash
 
@@ -326,7 +326,7 @@ def test_a_run_of_another_post_is_not_gone_on_with(tmp_path: Path, capsys: pytes
     journal = Journal(cell / "readings.journal")
     controller = {"post": "mazak", "port": "socket://127.0.0.1:1"}
     numbers = tuple(touch.number for touch in made.touches)
-    journal.add(Segment("2026-11-23T06:00:00.000+00:00", "1", made.machine.name, controller, plan_hash(made), "0", numbers))
+    journal.add(ProgramSent("2026-11-23T06:00:00.000+00:00", "1", made.machine.name, controller, plan_hash(made), "0", numbers))
     journal.close()
     assert call("run", "-C", cell, "--port", "socket://127.0.0.1:1", "--resume", "--yes") == 2
     said = capsys.readouterr().err

@@ -10,10 +10,11 @@ import pytest
 import yaml
 from support.controls import golden
 from support.dialects import EVERY
-from support.rows import writing
+from support.rows import command, writing
 
 from postprocessors import companions, load, program, settings
 from tango_cnc import readback
+from tango_cnc.commission import experiments
 from tango_cnc.link.protocols import schemes
 from tango_cnc.plan import plan_hash
 from tango_cnc.records import InputError
@@ -21,7 +22,16 @@ from tango_cnc.records import InputError
 PAGES = Path(__file__).parent.parent / "docs" / "controls"
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py"
+WRITE = command("tests/test_controls_pages.py")
+
+
+DOUBT = "doubt"
+
+
+def matter(doubt: str) -> str:
+    """doubt of a post → what a first page calls it: by the experiments that prove it."""
+    found = [f"`{experiment.belief}`" for experiment in experiments() if experiment.settles.search(doubt)]
+    return f"{DOUBT} that {', '.join(found)} settles" if found else DOUBT
 
 
 def draft(name: str) -> str:
@@ -29,7 +39,7 @@ def draft(name: str) -> str:
     post = load(name)
     before, _, last = (PAGES / "brother.md").read_text(encoding="utf-8").partition("## To the first reading")
     first, title = before.partition("## In the cabinet")[0], f"# {post.title}: from the cabinet to the first reading"
-    rows = [f"| {number} | {doubt} | unconfirmed |" for number, doubt in enumerate(post.doubts or ("nothing yet",), 1)]
+    rows = [f"| {matter(doubt)} | {doubt} | unconfirmed |" for doubt in post.doubts or ("nothing yet",)]
     asks = any(option.must and option.name == "probe_state" for option in post.options)
     looking = "`probe_state`: which variable shows the probe; push the stylus aside and watch the page of the variables"
     input_ = example_input(name) if asks else ""
@@ -38,7 +48,8 @@ def draft(name: str) -> str:
         [
             title,
             "",
-            *first.split("\n")[2:],
+            *first.rstrip().split("\n")[2:],
+            "",
             "## In the cabinet",
             "",
             "Not looked up yet. Write which input the probe is wired to, and the line to the control.",
@@ -147,7 +158,7 @@ def test_a_row_whose_source_nobody_can_look_up_says_that_it_is_unconfirmed(name:
 
 def outdated(text: str, doubts: tuple[str, ...]) -> list[str]:
     """page, doubts of its post → those that a first page took from the post, and that the post no longer has."""
-    return [row[1] for row in rows_of(text) if row[0].isdigit() and row[2] == "unconfirmed" and row[1] not in doubts]
+    return [row[1] for row in rows_of(text) if row[0].startswith(DOUBT) and row[2] == "unconfirmed" and row[1] not in doubts]
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
@@ -194,6 +205,7 @@ def test_a_page_is_linked_and_has_no_empty_table(name: str, root: Path) -> None:
 def test_a_first_page_says_nothing_of_another_control() -> None:
     for name in EVERY:
         text = draft(name)
+        assert "\n\n\n" not in text and not re.search(r"(?m)^\| \d+ \|", text), text
         assert "FTP" not in text and ("brother" not in text.lower() or name == "brother"), text
         assert ("| belief |" in text) == bool(load(name).remedies)
 

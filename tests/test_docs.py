@@ -9,13 +9,13 @@ from pathlib import Path
 import click
 import pytest
 from support.imports import modules
-from support.rows import added, writing
+from support.rows import added, command, writing
 
 from tango_cnc.cli import FOR, tango
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_docs.py -k table_of_commands"
+WRITE = command("tests/test_docs.py -k table_of_commands")
 COMMANDS = set(tango.list_commands(click.Context(tango)))
 
 

@@ -62,6 +62,14 @@ def test_all_cases_of_a_plug_in_that_somebody_is_adding_stay(monkeypatch: pytest
     assert by_default(*cases) == [f"tests/test_a.py::test_b[hurco-{i}]" for i in range(3)]
 
 
+def test_the_slow_cases_of_a_plug_in_that_somebody_is_adding_can_be_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`-k facets` ran a hundred tests of others, whose names have this word."""
+    monkeypatch.setattr(few, "new", lambda: frozenset({"facets"}))
+    items = [Item(f"tests/test_a.py::test_of_facets[{name}-8]", pytest.mark.long) for name in ("fanuc", "facets")]
+    by_default(Item("tests/test_a.py::test_facets"), *items)
+    assert ["new" in item.marks for item in items] == [False, True]
+
+
 @pytest.mark.parametrize(("main", "new"), [("main", {"committed", "added", "untracked"}), ("trunk", {"added", "untracked"})])
 def test_a_plug_in_that_the_main_branch_has_not_is_new(tmp_path: Path, main: str, new: set[str]) -> None:
     """Who committed their post before the first default run had none of its cases there."""

@@ -287,7 +287,7 @@ def test_a_run_makes_what_is_left_and_its_readings_have_the_numbers_of_the_strat
 def test_a_run_in_parts_that_stopped_goes_on_with_what_is_left(folder: Path) -> None:
     with controller(folder, "--tcp", "127.0.0.1:0", "--fault", "stop-after=4", once=False) as url:
         result = Result("run", "-C", folder, "--port", url, "--timeout", "1", "--split", "3")
-    assert result.code == 3 and "'tango run --resume'" in result.err
+    assert result.code == 3 and f"'tango run -C {folder} --split 3 --port" in result.err and "--resume'" in result.err
     other = Result("run", "-C", folder, "--port", "socket://127.0.0.1:1", "--resume", "--obstructed", "warn")
     assert other.code == 2 and "restore the files of the cell and state the same --obstructed" in other.err
     with controller(folder, "--tcp", "127.0.0.1:0", once=False) as url:

@@ -150,7 +150,6 @@ def test_a_run_cut_off_below_an_edge_is_resumed_without_meeting_it(cell, targets
     assert [event.flag for event in events if isinstance(event, Touched)] == [1, 1]
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("targets", ["plain", "confirmed"])
 def test_a_work_offset_of_the_control_changes_no_place_that_the_axes_go_to(cell, targets):
     """Targets go out in work coordinates, by what the control says of its offset; what comes back is in those of the machine."""
@@ -253,7 +252,6 @@ def test_a_contact_anywhere_but_on_the_line_of_its_measuring_move_ends_the_run(c
     assert (said in events[-1].why) is not on_it, events[-1].why  # what it then does there is another question
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("firmware", "able"), [("grblHAL", {}), ("FluidNC", {}), ("grblHAL", {"expressions": False}), ("grbl", {})]
 )
@@ -431,7 +429,6 @@ def clamped(turning, arrives=lambda line: line, stated=True, **options):
     return events[-1], happened, sent
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize(("targets", "times"), [("plain", 1), ("confirmed", 2)])
 def test_each_rotary_axis_turns_alone_between_the_words_that_free_and_hold_it(turning, targets, times):
     made, _ = turning

@@ -352,6 +352,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
 
     monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=clock))
     monkeypatch.setattr(measuring, "open_port", opened)
+    monkeypatch.setattr(measuring, "said_before", lambda address: "the file is of yesterday")
     monkeypatch.setattr("tango_cnc.link.journal.os.fsync", lambda handle: None)
     wanted = Wanted("modbus+tcp://localhost:1/1?run=program", "dnc", "fanuc", tmp_path / "readings.csv")
 
@@ -362,7 +363,7 @@ def test_parts_of_a_program_are_brought_one_after_the_other(tmp_path, monkeypatc
     origin = measure(cell, made, wanted, lambda part: parts, seen, brought)
     assert (origin["ok"], origin["missing"]) == (60, [])
     assert order == [
-        "part 1 of 2: 30 touches; the control has to have O8700.nc now: it is not sent",
+        "part 1 of 2: 30 touches; the control has to have O8700.nc now: it is not sent; the file is of yesterday",
         "asked",
         "part 2 of 2: 30 touches; the control has to have O8701.nc now: it is not sent",
         "asked",

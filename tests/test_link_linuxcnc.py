@@ -163,7 +163,7 @@ def stopped(cell: Path, times: int, seed: int) -> Iterator[str]:
             code, said = interrupted(cell, control, attempt > 0, chance, signal.SIGINT)
             if code == 0:
                 break
-            assert code == 3 and "stopped by the user" in said and "'tango run --resume'" in said, said
+            assert code == 3 and "stopped by the user" in said and f"tango run -C {cell} " in said and "--resume" in said, said
             assert "IDLE" in control.tell("get program_status")[0]
             assert clearance(cell, control) > CLEAR, said
             found = on_disk(cell)

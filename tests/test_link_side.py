@@ -528,6 +528,9 @@ def test_journals_are_listed_verified_and_salvaged(cell):
     assert Result("run", "-C", cell, "--port", Control(cell).url, "--timeout", "20").code == 0
     listed = json.loads(Result("journal", "list", "-C", cell, "--json", "-").out)["journals"]
     assert [(row["ok"], row["end"] == "complete", row["state"]) for row in listed] == [(4, False, "whole"), (7, True, "whole")]
+    assert (
+        " programs " in Result("journal", "list", "-C", cell).out.splitlines()[0] and listed[0]["segments"] == 1
+    )  # the file's word
     assert Result("journal", "verify", "-C", cell).out.endswith("every one as it was written\n")
     file = cell / "readings.journal"
     lines = file.read_bytes().splitlines(keepends=True)

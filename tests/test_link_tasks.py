@@ -12,7 +12,7 @@ from support.readback import GOLDEN, golden
 
 from tango_cnc.files import read_cell
 from tango_cnc.link import measure as module
-from tango_cnc.link.entries import End, Entry, Identity, Segment
+from tango_cnc.link.entries import End, Entry, Identity, ProgramSent
 from tango_cnc.link.measure import Wanted, silence_after
 from tango_cnc.link.rest import durations, rest_of
 from tango_cnc.plan import part, plan
@@ -88,7 +88,7 @@ def test_what_is_left_is_refused_where_it_would_not_be_made_as_it_was(
 def test_silence_proves_an_end_where_the_control_did_not_say_it() -> None:
     """Half as long again as the longest way from touch to touch, and five seconds; never longer than --timeout."""
     utc = "2026-05-01T06:00:00.000+00:00"
-    segment = Segment(utc, "1", "m", {"post": "x", "port": "y"}, "A", "B", (1,))
+    segment = ProgramSent(utc, "1", "m", {"post": "x", "port": "y"}, "A", "B", (1,))
     stopped, ended = End(False, "line lost", utc), End(True, "end mark", utc, stands=True)
     longest = 5.0 + 1.5 * max(durations(golden()).values())
     entries: list[tuple[list[Entry], float]] = [

@@ -111,4 +111,4 @@ def test_a_command_that_is_handed_out_states_again_what_was_stated(tmp_path: Pat
     refused = Result("locate", "-C", folder, "--readings", file, "--agrees", 0.3, "--within", 15)
     assert f"'tango locate -C {folder} --within 15 --agrees 0.3 --readings {file} --length 240'" in refused.err, refused.err
     program = Result("locate", "-C", folder, "--program", "--within", 10)
-    assert f"Then 'tango locate -C {folder} --within 10 --port " in program.out, program.out
+    assert f"Then \"tango locate -C {folder} --within 10 --port '" in program.out, program.out

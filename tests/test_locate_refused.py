@@ -358,7 +358,7 @@ def test_the_touch_that_would_tell_the_size_and_met_nothing_is_named(tmp_path: P
         if refused:
             silent += 1
             assert f"Facet {touch.facet} would tell, but nothing was met there" in err and "strategy.yaml" not in err
-            assert f"'tango locate -C {cell} " in err and f" --readings '{file}' --agrees MM'" in err
+            assert f'"tango locate -C {cell} ' in err and f" --readings '{file}' --agrees MM\"" in err
         else:
             assert f"nothing was met at facet {touch.facet}: see why" in out
             assert json.loads((tmp_path / "it.json").read_text())["missed"] == [touch.facet]

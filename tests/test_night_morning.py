@@ -525,6 +525,38 @@ def test_beyond_a_limit_the_headline_names_the_gravest_alarm_that_stands_and_cou
     assert plain["headline"] == "A has moved; more open alarms: 2"
 
 
+def test_a_headline_counts_no_alarm_that_it_names_behind_the_limit_and_says_who_has_it() -> None:
+    """Two open alarms, both named, and "more open alarms: 1" behind them; the one of an earlier night without who has it."""
+    limit = {"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}
+    told = {"night": "2026-10-04", "now": "", "owner": "Ann", "decision": None, "parameter": "EY0C", "since": "2026-10-03"}
+    old = told | {"id": "a-1", "text": "C has moved by +20 µm"}
+    behind = [told | {"what": "volume", "text": "C has moved by +21 µm"}]
+    new = told | {"id": "a-2", "text": "it is warmer", "parameter": "temperature", "since": "2026-10-04"}
+    more = {"limits": [limit], "behind": behind, "verdict": "out_of_limits", "end_utc": "2026-10-05T02:04:00Z"}
+    record = night(**more, alarms=[new], standing=[old])
+    begins = "volume is 75.9 µm, 60 µm are allowed: alarm of 2026-10-04: C has moved by +21 µm; "
+    assert record["headline"] == f"{begins}nobody has answered the alarm of 2026-10-04; it is warmer"
+
+    def said(*alarms: str) -> str:
+        return as_decided(record, [Decision(alarm, "acknowledge", "Bo", "", None, "2026-10-05T08:00:00Z") for alarm in alarms])
+
+    assert said() == record["headline"] and said("a-1") == f"{begins}Bo has it; it is warmer"
+    assert said("a-1", "a-2") == f"{begins}Bo has it; it is warmer; Bo has it"
+    two = [*behind, {**behind[0], "parameter": "EX0C", "text": "C along X"}]
+    quiet = night(**{**more, "behind": two}, standing=[old, {**old, "id": "a-3", "parameter": "EX0C", "text": "C along X"}])
+    assert quiet["headline"].count("nobody has answered") == 2 and "more open" not in quiet["headline"]
+
+
+@pytest.mark.parametrize(
+    ("known", "order"), [("out_of_limits", "Make no parts"), ("doubtful", "Make no parts"), ("good", "Measure")]
+)
+def test_the_mail_of_a_night_without_a_measurement_begins_as_its_page(known: str, order: str) -> None:
+    """91 µm the night before, 75 allowed: "Measure the first part before you go on" in the mail, "Make no parts" on the page."""
+    told = {"verdict": "not_measured", "status": "failed", "kind": "none", "last_measured": "2026-10-04", "last_verdict": known}
+    text = message(night(**told, why="no answer"), (), ())[1]
+    assert text.splitlines()[1].startswith(order), text
+
+
 def test_a_list_of_nights_keeps_the_knock_of_the_night_that_found_it() -> None:
     """Three errors stood behind the limit every night; the list said the same of all nights and left the knock out."""
     limit = {"what": "volume", "value": 75.9, "unit": "µm", "limit": 60.0, "passed": False}

@@ -68,6 +68,20 @@ def test_a_step_that_is_forgotten_is_named(cell: Path, capsys: pytest.CaptureFix
     assert "missing 1 required keyword-only argument: 'record'" in capsys.readouterr().err
 
 
+def test_a_default_of_an_option_that_the_family_has_not_names_those_that_it_has(
+    cell: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The word that ends a program is a field of the words of the family: KeyError: 'end' was all that was said."""
+    (cell / "relative.py").write_text(
+        "from postprocessors._base import Post, with_defaults\nfrom postprocessors._macro_b import OPTIONS, steps\n"
+        "from postprocessors._macro_b_text import Words\n"
+        'POST = Post(title="A", extension="nc", options=with_defaults(OPTIONS, end="M2"), doubts=("a",), **steps(Words()))\n'
+    )
+    assert call("plan", "-C", cell, "--post", cell / "relative.py") == 2
+    said = capsys.readouterr().err
+    assert "found end; allowed: alarm, axis_numbers" in said and "is a field of the words of the family" in said
+
+
 def test_nasty_names_do_not_reach_its_program(cell: Path) -> None:
     machine = cell / "machine.yaml"
     machine.write_text(re.sub(r"(?m)^name:.*$", 'name: "mill) M30 (G0 Z-9 PROGRAM 012345678901"', machine.read_text()))

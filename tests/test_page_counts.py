@@ -68,6 +68,25 @@ def test_json_has_the_headline_of_the_table_with_who_has_answered(tmp_path: Path
         assert "Emil has it" in text, command
 
 
+@pytest.mark.parametrize(("action", "who"), [("acknowledge", "Emil has it since "), ("ignore", "Emil ignores it until ")])
+def test_the_status_lists_an_alarm_that_somebody_has_until_it_is_closed(tmp_path: Path, action: str, who: str) -> None:
+    """It was in no line of its own: only one without an answer was, though the pages counted both as open."""
+    a = alarm(6, 20.0)
+    place = cell(tmp_path / "one", records=[night(M, 6, "changed", alarms=[a]), standing(a)])
+
+    def said() -> tuple[str, list[str], int]:
+        done = CliRunner().invoke(tango, ["nightly", "-C", str(place), "--status"], standalone_mode=False)
+        lines = [x for x in done.output.splitlines() if f"open alarm {a['id']}: " in x]
+        return "".join(lines), [x["id"] for x in told("nightly", "-C", str(place), "--status")["held_alarms"]], done.return_value
+
+    assert "--action acknowledge --owner NAME" in said()[0] and said()[1] == []
+    decide(place, a, action)
+    line, held, status = said()
+    assert who in line and "--action repaired --owner Emil" in line and held == [a["id"]] and status == 1
+    decide(place, a, "accept")
+    assert said()[:2] == ("", [])
+
+
 def test_a_change_has_one_date_in_every_line_of_the_status(tmp_path: Path) -> None:
     """Nine lines apart one change was since the 29th, the night before it, and since the night ending on the 30th."""
     a = alarm(6, 20.0)

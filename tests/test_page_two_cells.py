@@ -17,6 +17,7 @@ pytest.importorskip("starlette")
 from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
+from tango_cnc.history import opened
 from tango_cnc.web.app import create
 from tango_cnc.web.settings import Settings
 
@@ -33,8 +34,11 @@ def test_the_command_of_the_alarms_finds_its_alarm_from_any_folder(tmp_path: Pat
     """Two machines whose timers start at one moment have alarms of one name: the command must say which."""
     records = [night(M, 0), night(M, 1, "changed", alarms=[knock("2026-10-25")])]
     places = [cell(tmp_path / name, name, records=[{**r, "machine": name} for r in records]) for name in ("A one", "B")]
-    commands = re.findall("<code>(tango history decide .*?)</code>", seen("/alarms", *places))
+    asked = seen("/alarms", *places)
+    commands = re.findall("<code>(tango history decide .*?)</code>", asked)
     assert len(commands) == 2 and len(set(commands)) == 2
+    for name in ("A one", "B"):  # a command that is typed where the server was started finds nothing
+        assert f"in the folder that holds the folder {name} of this machine:" in asked
     monkeypatch.chdir(tmp_path)
     for command in commands:
         done = CliRunner().invoke(tango, shlex.split(html.unescape(command))[1:])
@@ -50,3 +54,14 @@ def test_folders_with_one_machine_name_have_series_of_their_own(tmp_path: Path) 
     assert all(f'machine="{M}",cell="' in line for line in lines)
     alone = [x for x in seen("/metrics", places[0]).splitlines() if x.startswith("tango_machine_nights")]
     assert alone == [f'tango_machine_nights{{machine="{M}"}} 1']
+
+
+def test_the_command_for_a_machine_of_a_shared_history_names_a_history(tmp_path: Path) -> None:
+    with opened(tmp_path / "all.db") as history:
+        for stored in (night(M, 0), night(M, 1, "changed", alarms=[knock("2026-10-25")])):
+            history.add_night(stored)
+    with TestClient(
+        create(Settings((), str(tmp_path / "all.db"))), base_url="http://127.0.0.1", client=("127.0.0.1", 5000)
+    ) as client:
+        asked = client.get("/alarms").text
+    assert f"--history HISTORY --machine {M} --action" in asked and "in place of HISTORY:" in asked and str(tmp_path) not in asked

@@ -87,7 +87,6 @@ def between(machine: Machine, pair: Pair, way: dict[str, Array], place: Array) -
     return far - pair.one.shape.radius - pair.other.shape.radius
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize(("own", "others"), [(("B", "C"), ()), (("X", "C"), ("Z", "A")), ((), ("Y", "C", "Z", "A"))])
 def test_two_things_that_turn_are_proven_apart_where_they_are_and_refused_where_they_meet(
     own: tuple[str, ...], others: tuple[str, ...]
@@ -177,7 +176,6 @@ def test_what_was_found_of_a_turn_counts_for_the_same_places_and_angles_alone() 
     assert len(known) == 5
 
 
-@pytest.mark.few(2)
 @pytest.mark.parametrize("own", [("B", "C"), ("C", "X"), ("B", "Z", "C"), ("C",)])
 def test_what_turns_is_proven_right_up_to_how_near_it_gets(own: tuple[str, ...]) -> None:
     """A ball that turns, also with a linear axis between, and one that stands: a hair less is proven, more is not.

@@ -225,4 +225,5 @@ def test_a_part_alone_is_not_sent_as_if_it_were_the_plan(cell: Path) -> None:
     assert Result("plan", "-C", cell, "--split", 3).code == 0
     result = Result("run", "-C", cell, "--program", cell / "program" / "O7705.nc", "--port", "socket://127.0.0.1:1")
     assert result.code == 2
-    assert "found part 2 of 3; a part alone is no whole plan: 'tango run' without --program" in result.err
+    whole = f"found part 2 of 3; a part alone is no whole plan: 'tango run -C {cell} --port socket://127.0.0.1:1' without --program"
+    assert whole in result.err

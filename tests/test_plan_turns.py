@@ -257,7 +257,6 @@ def test_how_far_a_point_gets_in_one_turn_is_what_walking_along_it_finds(seed: i
     assert found == pytest.approx(walked, abs=1e-3)
 
 
-@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(12))
 def test_how_far_a_point_gets_while_two_axes_turn_is_at_most_a_hundredth_more_than_walking_finds(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -309,7 +308,6 @@ def test_which_point_of_its_line_a_rotary_axis_states_does_not_matter(height: fl
     np.testing.assert_allclose([turn.after for turn in near.turns], [turn.after for turn in far.turns], atol=1e-6)
 
 
-@pytest.mark.few(0)
 @given(st.integers(0, 2**32 - 1))
 def test_the_sphere_that_a_table_sweeps_is_as_small_as_two_axes_and_a_middle_allow(seed: int) -> None:
     """Its centre is on the axis that turns all, next to the other; of one axis alone halfway between the ends of its load."""

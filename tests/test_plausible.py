@@ -12,8 +12,8 @@ import pytest
 from click.testing import CliRunner
 from support.trust_parts import usable
 
+from tango_cnc import judging
 from tango_cnc.cli import guarded, tango
-from tango_cnc.commands import _trust
 from tango_cnc.commands.estimate import sound_words
 from tango_cnc.files import artefact_text, machine_text, read_artefact, read_cell, read_machine
 from tango_cnc.judgement import Judgement
@@ -52,10 +52,10 @@ def change(file: Path, old: str, new: str) -> None:
 def test_an_estimate_is_judged_by_its_own_terms_whatever_tango_yaml_states(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Else the larger set that is offered may be the one that was fitted."""
     seen: list[object] = []
-    monkeypatch.setattr(_trust, "honest", lambda result: result)
-    monkeypatch.setattr(_trust, "judge", lambda own, *rest, **more: seen.append(own.terms))
+    monkeypatch.setattr(judging, "honest", lambda result: result)
+    monkeypatch.setattr(judging, "judge", lambda own, *rest, **more: seen.append(own.terms))
     own = read_cell(cell)
-    _trust.judged(own, cast("Any", None), ("S1",), fit=lambda: cast("Any", None))
+    judging.judged(own, cast("Any", None), ("S1",), fit=lambda: cast("Any", None))
     assert seen == [("S1",)] != [own.terms]
 
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from support.controls import GOLDEN, golden, lines_of
 from support.profiles import spoken
-from support.rows import added, writing
+from support.rows import beside, command, writing
 from support.runs import Result
 
 from postprocessors import load, names, unverified
@@ -21,7 +21,7 @@ DOUBT = "the program does not look at the input of the probe (probe_state)"
 DOCS = Path(__file__).parent.parent / "docs"
 TABLE = "| dialect | what looks | leaving it out |"
 NO_KEY = "cannot be left out"
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_probe_state.py -k dialect"
+WRITE = command("tests/test_probe_state.py -k dialect")
 
 
 def rows() -> dict[str, str]:
@@ -44,7 +44,16 @@ def row(name: str) -> str:
 
 def missing(name: str) -> str:
     """dialect → what to do where the table has no row of it."""
-    return f"docs/dialects.md, {TABLE}: this row is missing; correct what looks:\n{row(name)}\n{WRITE} adds it"
+    known = (
+        f"its name stands in no row, which may be that of {', '.join(others)}" if (others := alike(name)) else "this row is missing"
+    )
+    return f"docs/dialects.md, {TABLE}: {known}; correct what looks:\n{row(name)}\n{WRITE} adds it"
+
+
+def alike(name: str) -> list[str]:
+    """dialect → its relatives in the table whose programs are written without the look by the same words."""
+    kept = row(name).rstrip(" |").rpartition(" | ")[2]
+    return [other for other, cell in rows().items() if cell == kept and load(other).language == load(name).language]
 
 
 def out(name: str) -> object:
@@ -60,7 +69,7 @@ WITH_KEY = [name for name in names() if any(option.name == "probe_state" for opt
 def test_the_table_says_of_every_dialect_who_looks_and_how_the_look_is_left_out() -> None:
     for name in names():
         if name not in rows() and writing():
-            page = added((DOCS / "dialects.md").read_text(encoding="utf-8"), TABLE, row(name))
+            page = beside((DOCS / "dialects.md").read_text(encoding="utf-8"), TABLE, name, alike(name), row(name))
             (DOCS / "dialects.md").write_text(page, encoding="utf-8")
         assert name in rows(), missing(name)
         assert (rows()[name] == NO_KEY) == (name not in WITH_KEY), f"docs/dialects.md: {name}: found {rows()[name]}; {row(name)}"
@@ -113,7 +122,7 @@ def example(name: str) -> object:
     return next(option.default for option in load(name).options if option.name == "probe_state")
 
 
-PAGE = "TANGO_GOLDEN=write python -m pytest tests/test_controls_pages.py"
+PAGE = command("tests/test_controls_pages.py")
 
 
 @pytest.mark.parametrize("name", WITH_KEY)

@@ -39,7 +39,6 @@ def edited(post: str, file: str, old: str, new: str, made: Plan | None = None) -
     return files | {file: text.replace(old, new, 1).split("\n")}
 
 
-@pytest.mark.few(28)
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"),
     [

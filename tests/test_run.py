@@ -30,7 +30,7 @@ from tango_cnc.commands.run import resuming
 from tango_cnc.duration import duration
 from tango_cnc.files import read_cell
 from tango_cnc.files.origin import look_up
-from tango_cnc.link.entries import Reading, Segment
+from tango_cnc.link.entries import ProgramSent, Reading
 from tango_cnc.link.journal import read_journal
 from tango_cnc.link.rest import durations, repeatable
 from tango_cnc.plan import last_motion, plan
@@ -76,7 +76,7 @@ def test_a_control_that_stops_leaves_a_partial_file_and_the_old_readings_alone(c
     assert result.code == 3
     assert "silent for longer than" in result.err
     assert "4 of 7 touches are recorded, touch 5 was due" in result.err
-    assert "readings.partial.csv; 'tango run --resume'" in result.err
+    assert re.search(rf"readings\.partial\.csv; \"tango run -C {cell} --port '\S+' --timeout 0\.4 --resume\"", result.err)
     assert (cell / "readings.csv").read_text() == "yesterday's"
     assert len(readings(cell, "readings.partial.csv")) == 4
     assert json.loads((cell / "readings.partial.json").read_text())["missing"] == [5, 6, 7]
@@ -86,8 +86,10 @@ def test_a_control_that_stops_leaves_a_partial_file_and_the_old_readings_alone(c
 def test_a_run_that_is_broken_off_names_the_command_that_goes_on_with_it_wherever_it_is_told(cell):
     """With all that its plan depends on: without it the cell makes another plan, and the rest of the run is refused."""
     how = "'tango run --resume --obstructed warn'"
-    assert how in run(cell, Control(cell, stop=4, hang_up=True), "--obstructed", "warn").err
-    assert f"go on with {how}" in _told(cell, "estimate")
+    said = run(cell, Control(cell, stop=4, hang_up=True), "--obstructed", "warn").err
+    assert re.search(rf"\"tango run -C {cell} --port '\S+' --resume --obstructed warn\" makes", said), said
+    here = how.replace("run ", f"run -C {cell} ")
+    assert f"go on with {here}" in _told(cell, "estimate")
     partial = cell / "readings.partial.csv"
     run_of_it = json.loads(partial.with_suffix(".json").read_text())
     assert f"For the office: {how} makes them" in next(
@@ -95,9 +97,11 @@ def test_a_run_that_is_broken_off_names_the_command_that_goes_on_with_it_whereve
     )
     for file in (partial, partial.with_suffix(".json")):
         file.unlink()
-    assert f"{how} goes on with it" in _told(cell, "estimate")  # a computer that lost its power leaves the journal alone
+    assert f"{here} goes on with it" in _told(cell, "estimate")  # a computer that lost its power leaves the journal alone
     (cell / "strategy.yaml").write_text(STRATEGY.replace("[5, 7]", "[7, 5]"))
-    assert f"{how} goes on with it" in run(cell, Control(cell), "--resume").err
+    assert re.search(
+        rf"tango run -C {cell} --port '\S+' --resume --obstructed warn\" goes on with it", run(cell, Control(cell), "--resume").err
+    )
 
 
 def _told(cell, command):
@@ -251,7 +255,7 @@ def test_a_new_run_keeps_the_journal_of_the_old_one(cell):
 def test_the_journal_says_how_long_its_plan_takes(cell):
     """What 'tango check' predicts: before five touches have shown its pace, pages and terminals say that."""
     run(cell, Control(cell))
-    segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, Segment))
+    segment = next(e for e in read_journal(cell / "readings.journal")[0] if isinstance(e, ProgramSent))
     checked = Result("check", "-C", cell, "--json", "-")
     predicted = json.loads(checked.out)["predicted_time_s"]
     predicted.pop("prove the probe alive")  # comes before the touches

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def test_the_stylus_is_changed_between_two_programs_and_what_was_measured_stays(
     with controller(cell, "--tcp", "127.0.0.1:0", "--stylus", "1") as url:
         first = Result("run", "-C", cell, "--port", url, "--timeout", "10")
     assert first.code == 0, first.err
-    assert "tango run --stylus 2" in first.err, "who has measured with the first stylus is told what comes next"
+    assert re.search(rf"tango run -C {cell} .*--stylus 2", first.err), "what comes next, after the first stylus"
     before = (cell / "readings.csv").read_bytes()
     with controller(cell, "--tcp", "127.0.0.1:0", "--stylus", "1") as url:
         forgotten = Result("run", "-C", cell, "--stylus", "2", "--port", url, "--timeout", "3")

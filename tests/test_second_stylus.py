@@ -170,7 +170,7 @@ def test_the_command_line_from_check_to_iso_figures(cell: Path, capsys: pytest.C
     assert [s["stylus"] for s in data["styli"]] == [1, 2]
     assert {"EAY", "EBY", "ECZ"} <= set(data["figures"]) - set(data["one_stylus"]["figures"])
     assert run(["plan", "-C", str(cell)]) == 0
-    assert "tango plan --stylus 2" in capsys.readouterr().err
+    assert f"tango plan -C {cell} --stylus 2" in capsys.readouterr().err
     assert run(["plan", "-C", str(cell), "--stylus", "2"]) == 0
     assert sorted(f.parent.name for f in (cell / "program").rglob("plan.csv")) == ["program", "stylus2"]
     assert run(["plan", "-C", str(cell), "--stylus", "3"]) == 2

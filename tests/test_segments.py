@@ -10,7 +10,7 @@ from support.runs import cell as seven_touches  # noqa: F401  a fixture
 
 from tango_cnc.commands.init import write_example
 from tango_cnc.files import read_cell
-from tango_cnc.link.entries import Reading, Segment
+from tango_cnc.link.entries import ProgramSent, Reading
 from tango_cnc.link.readings import readings_of
 from tango_cnc.plan import plan
 
@@ -77,7 +77,7 @@ def test_a_resumed_run_numbers_its_readings_and_one_without_interruption_does_no
 
 
 def test_several_programs_of_one_run_are_one_segment(seven_touches):
-    begun = partial(Segment, "2026-01-01T00:00:00+00:00", "1", "M", {}, "P", "N", ())
+    begun = partial(ProgramSent, "2026-01-01T00:00:00+00:00", "1", "M", {}, "P", "N", ())
     entries = [
         begun(part) if part else Reading(touch, "1", (0.0,) * 6, 0.0, "ok", None, None, (0,) * 6, "")
         for part, touch in [([1, 2], 0), (None, 1), ([2, 2], 0), (None, 2), ([1, 1], 0), (None, 3)]

@@ -175,6 +175,7 @@ def test_a_machine_that_only_a_run_has_measured_is_not_called_unmeasured(tmp_pat
             text = site.get(path).text
             assert "No night has measured this machine yet. A run has: " in text and "never measured" not in text, path
         assert "Have the report of the run written" in text and "tango report -C one" in text
+        assert "in the folder that holds the folder one of this machine:" in text or path == "/"
 
 
 def test_no_page_is_green_while_an_alarm_waits(site: TestClient) -> None:

@@ -112,16 +112,16 @@ def test_a_run_page_that_was_open_before_the_run_follows_it(tmp_path: Path) -> N
 
 def test_minutes_to_go_follow_the_pace_since_the_last_start(tmp_path: Path) -> None:
     """96 touches made before an interruption of an hour; at four seconds a touch the other twenty take two minutes."""
-    from tango_cnc.link.entries import Begun, Reading, Segment
+    from tango_cnc.link.entries import ProgramSent, Reading, StartMark
     from tango_cnc.web.live import run_of
 
     def touch(n: int, at: float) -> Reading:
         return Reading(n, "3", (0.0,) * 6, at, "ok", 1.0, None, (0,) * 6, "P")
 
     control, every = {"post": "fanuc", "port": "x"}, tuple(range(1, 31))
-    head = Segment("2026-11-23T06:00:00.000+00:00", "0", "M", control, "p", "3F02A91C77D0", every)
-    entries = [head, Begun("2026-11-23T06:00:01.000+00:00", 0.0), *(touch(n, 60.0 * n) for n in range(1, 6))]
-    entries += [Begun("2026-11-23T07:00:01.000+00:00", 3600.0), *(touch(n, 3600.0 + 4 * (n - 5)) for n in range(6, 11))]
+    head = ProgramSent("2026-11-23T06:00:00.000+00:00", "0", "M", control, "p", "3F02A91C77D0", every)
+    entries = [head, StartMark("2026-11-23T06:00:01.000+00:00", 0.0), *(touch(n, 60.0 * n) for n in range(1, 6))]
+    entries += [StartMark("2026-11-23T07:00:01.000+00:00", 3600.0), *(touch(n, 3600.0 + 4 * (n - 5)) for n in range(6, 11))]
     assert run_of(tmp_path, "1", entries, None).remaining == pytest.approx(80.0)
     rest = [touch(n, 3600.0 + 4 * (n - 5)) for n in range(11, 31)]
     assert not run_of(tmp_path, "1", [*entries, *rest], None).remaining

@@ -14,14 +14,13 @@ import pytest
 from click.testing import CliRunner
 from support.effect_parts import names
 from support.effectparts import CELL, EXAMPLES, MACHINE, PLAIN, STYLUS, TOUCHES, early, uses_chance, world
-from support.rows import writing
+from support.rows import command, writing
 
 from sim_controller import effects
 from sim_controller.effects import Disturbance, History, lever
 from sim_controller.motion import Motion
 from sim_controller.probing import rig
 from sim_controller.simulate import simulate
-from tango_cnc import terms
 from tango_cnc.cli import tango
 from tango_cnc.files import read_cell
 from tango_cnc.records import Approach, Artefact, Facet, Indexation, InputError, Strategy, World
@@ -54,19 +53,38 @@ def documented(root: Path) -> dict[str, set[str]]:
     return found
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/test_sim_effects.py -k documented"
+WRITE = command("tests/test_sim_effects.py -k documented")
 DESCRIBED = {cause: (keys, what) for cause, keys, what in effects.described()}
 HEAD = "| cause | keys | what happens |"
 
 
+def character(cause: str) -> tuple[bool, ...]:
+    """effect → what it changes (gap, work, table, errors, names of facets), and whether later touches are changed otherwise."""
+    slow = replace(TOUCHES, time=2 * TOUCHES.time, warm=2 * TOUCHES.warm)
+    now, later = (effects.disturbance(effects.checked(world(cause).effects), history, 5) for history in (TOUCHES, slow))
+    moved = [[one.gap, one.work, one.table, *(one.errors[name] for name in sorted(one.errors))] for one in (now, later)]
+    timed = any(not np.allclose(a, b, atol=1e-9) for a, b in zip(*moved, strict=True))
+    return (*(bool(np.any(each)) for each in moved[0][:3]), bool(now.errors), now.facet != TOUCHES.facet, timed)
+
+
 def with_row(page: str, cause: str, row: str) -> str:
-    """docs/effects.md, effect, its row → with that row at the end of the table that has most effects of the frame of its cause."""
-    frames = {name: known.frame for name, known in terms.causes().items()}
+    """docs/effects.md, effect, its row → with that row at the end of the table most of whose effects do the same kind of thing."""
     first, *tables = page.split(HEAD)
-    same = [sum(frames.get(other) == frames.get(cause) for other in re.findall(r"(?m)^\| `(\w+)`", table)) for table in tables]
-    kept, gap, after = tables[(at := same.index(max(same)))].partition("\n\n")
+    listed = [re.findall(r"(?m)^\| `(\w+)`", table.partition("\n\n")[0]) for table in tables]
+    alike = [[character(other) == character(cause) for other in some if other in DESCRIBED] for some in listed]
+    share = [sum(same) / max(1, len(same)) for same in alike]
+    kept, gap, after = tables[(at := share.index(max(share)))].partition("\n\n")
     tables[at] = f"{kept}\n{row}{gap}{after}"
     return HEAD.join([first, *tables])
+
+
+@pytest.mark.parametrize("cause", ["error_motion", "thermal_drift", "tip_wear"])
+def test_a_new_row_comes_into_the_table_of_its_kind(cause: str, root: Path) -> None:
+    """The tilt of an axis came to the drifts and events, whose effects are of the same frame."""
+    page = (root / "docs" / "effects.md").read_text(encoding="utf-8")
+    row = next(line for line in page.splitlines() if line.startswith(f"| `{cause}` |"))
+    begun = with_row(page.replace(f"{row}\n", ""), cause, row)
+    assert [row in table for table in begun.split(HEAD)] == [row in table for table in page.split(HEAD)]
 
 
 @pytest.mark.parametrize("cause", DESCRIBED)
@@ -77,8 +95,8 @@ def test_every_key_is_documented(cause: str, root: Path) -> None:
     if cause not in documented(root) and writing():
         page.write_text(with_row(page.read_text(encoding="utf-8"), cause, row), encoding="utf-8")
     assert documented(root).get(cause) == found, (
-        f"docs/effects.md has no row that lists exactly the keys of {cause}. {WRITE} adds the row below where there is none. Then "
-        f"move it into the table of its kind, and add units and formula:\n{row}"
+        f"docs/effects.md has no row that lists exactly the keys of {cause}. {WRITE} adds the row below where there is none, to "
+        f"the effects of its kind. Then add units and formula:\n{row}"
     )
 
 

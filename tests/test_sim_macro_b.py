@@ -492,6 +492,13 @@ def test_machine_positions_are_read_ahead_of_the_moves_unless_something_waits() 
     assert float(run("O1\nG0 X30.\n#1=#5021\nPOPEN\nDPRNT[#1[31]]\nM30", read_ahead="false").lines[0]) == 30.0
 
 
+@pytest.mark.parametrize("block", ["G4 P0.1", "M66"])
+def test_another_block_waits_where_the_profile_says_so(block: str) -> None:
+    """A post may state it as `wait`, and no simulated control could be one on which it is right."""
+    text = f"O1\nG0 X30.\n{block}\n#1=#5021\nPOPEN\nDPRNT[#1[31]]\nM30"
+    assert [float(run(text, waits=waits).lines[0]) for waits in ("", "G4 P0.2", block)] == [0.0, 0.0, 30.0]
+
+
 def test_the_probe_trips_on_the_way_and_the_program_is_over() -> None:
     ran = run(f"O1\nG0 Z{TOP - 5:.3f}\nM30")
     assert ran.alarm is not None and ran.alarm.code == "EX1001"

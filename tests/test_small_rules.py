@@ -17,7 +17,7 @@ from tango_cnc.link import measure
 from tango_cnc.link.client import Begun, Ended
 from tango_cnc.link.protocols import file, linuxcnc, lsv2
 from tango_cnc.readback.languages.klartext import cycle_444
-from tango_cnc.readback.twins import Twin
+from tango_cnc.readback.twins import Twin, stopped_short
 
 
 def test_an_end_is_noticed_in_the_main_thread_and_handlers_are_put_back() -> None:
@@ -110,3 +110,11 @@ def test_a_siemens_program_has_no_stop_that_nothing_jumps_to(key: str, value: An
         jumps = {word for line in lines for word in line.split() if word.startswith("TG_STOP_") and not word.endswith(":")}
         labels = {line.rstrip(":") for line in lines if line.startswith("TG_STOP_") and line.endswith(":")}
         assert jumps == labels and len(labels) == (9 if options else 10)
+
+
+@pytest.mark.parametrize(("way", "short"), [(1.0, 0), (1.001, 4)])
+def test_a_protected_move_is_stopped_short_where_it_is_longer_than_that(way: float, short: int) -> None:
+    """By 1 mm in X, met or not, and by 1 mm on its line; one of 1 mm can only meet something at its very end."""
+    base = Twin("", "", {"X": way}, {"X": way}, {})
+    found = [twin.what for twin in stopped_short(base, {"X": way}, {"X": 0.0}, 1.0, latches=True)]
+    assert len(found) == short + 1 and found[-1] == "a protected move has met something at its very end"

@@ -16,15 +16,15 @@ from tango_cnc.model import known, residual
 from tango_cnc.records import Cell, InputError, Readings, TangoError, World
 from tango_cnc.uncertainty import _batch, coverage, trials
 from tango_cnc.uncertainty.analysis import Analysis, Options, analyse
-from tango_cnc.uncertainty.inputs import Line, Part, Scene, draw, gaussian, parts, read_budget, sources, stated
+from tango_cnc.uncertainty.inputs import BudgetLine, Part, Scene, draw, gaussian, parts, read_budget, sources, stated
 from tango_cnc.uncertainty.study import Study, solve, study
 
 FULL = (
-    Line("repeatability", {"std": 0.0006}),
-    Line("drift", {"shape": "random_walk", "amplitude": 0.002}),
-    Line("lobing", {"amplitude": 0.0035, "order": 2}),
-    Line("form", {"std": 0.0009}),
-    Line("rotary_positioning", {"axis": "B", "std": 0.0003}),
+    BudgetLine("repeatability", {"std": 0.0006}),
+    BudgetLine("drift", {"shape": "random_walk", "amplitude": 0.002}),
+    BudgetLine("lobing", {"amplitude": 0.0035, "order": 2}),
+    BudgetLine("form", {"std": 0.0009}),
+    BudgetLine("rotary_positioning", {"axis": "B", "std": 0.0003}),
 )
 
 
@@ -43,7 +43,7 @@ def found(cell: Cell, readings: Readings) -> dict[str, Estimate]:
     return {terms: estimate(cell.machine, cell.artefact, readings, (terms,)) for terms in ("S3", "S4")}
 
 
-def study_of(e: Estimate, lines: tuple[Line, ...] = FULL) -> Study:
+def study_of(e: Estimate, lines: tuple[BudgetLine, ...] = FULL) -> Study:
     return study(e.model, e.values, e.sigma, parts(Scene(e.model, e.values), lines))
 
 
@@ -93,7 +93,7 @@ def test_gain_is_the_derivative_of_the_whole_estimation(found: dict[str, Estimat
 
 def test_white_noise_and_the_bar_give_the_covariance_of_the_estimate(found: dict[str, Estimate]) -> None:
     for e in found.values():
-        s = study_of(e, (Line("repeatability", {"std": e.sigma}),))
+        s = study_of(e, (BudgetLine("repeatability", {"std": e.sigma}),))
         assert s.std == pytest.approx(e.std, rel=1e-6)
 
 
@@ -128,7 +128,7 @@ def effect_on_gaps(cell: Cell, e: Estimate, effect: dict[str, object], seed: int
 
 def test_lobing_moves_the_readings_as_its_two_columns_say(cell: Cell, found: dict[str, Estimate]) -> None:
     e = found["S3"]
-    (part, _) = parts(Scene(e.model, e.values), (Line("lobing", {"amplitude": 0.003, "order": 3}),))
+    (part, _) = parts(Scene(e.model, e.values), (BudgetLine("lobing", {"amplitude": 0.003, "order": 3}),))
     change = effect_on_gaps(cell, e, {"cause": "probe_lobing", "amplitude": 0.003, "order": 3, "phase": 40.0})
     phase = np.radians(40.0)
     expected = part.factor[: len(change)] @ (np.sqrt(2) * np.array([np.cos(phase), np.sin(phase)]))
@@ -140,7 +140,7 @@ def test_lobing_moves_the_readings_as_its_two_columns_say(cell: Cell, found: dic
 
 def test_warm_up_moves_the_readings_as_its_three_columns_say(cell: Cell, found: dict[str, Estimate]) -> None:
     e = found["S3"]
-    line = Line("drift", {"shape": "warm_up", "amplitude": 0.01, "tau": 900.0})
+    line = BudgetLine("drift", {"shape": "warm_up", "amplitude": 0.01, "tau": 900.0})
     (part, _) = parts(Scene(e.model, e.values), (line,))
     n = len(e.model.touches)
     effect = {"cause": "thermal_drift", "amplitude": 0.01, "tau": 900.0, "direction": [0, 1, 0]}
@@ -157,7 +157,7 @@ def test_warm_up_moves_the_readings_as_its_three_columns_say(cell: Cell, found: 
 def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(found: dict[str, Estimate]) -> None:
     """3 mm/s and 1 ms: positions on a grid of 3 µm, the next one behind the contact."""
     scene = Scene(found["S3"].model, found["S3"].values)
-    (part, *_) = parts(scene, (Line("probe_latch", {"period": 0.001}),))
+    (part, *_) = parts(scene, (BudgetLine("probe_latch", {"period": 0.001}),))
     n = len(scene.touches)
     contact = np.random.default_rng(1).uniform(9.9, 10.1, 20_000)
     late = np.ceil(contact / 0.003) * 0.003 - contact
@@ -165,8 +165,8 @@ def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(fou
     assert part.law == "rectangular" and np.abs(draw(np.random.default_rng(2), 500, *gaussian((part,)))).max() <= 0.0015
     unknown = replace(scene.model, touches=replace(scene.touches, feed=np.full(n, np.nan)))
     with pytest.raises(InputError, match="no column feed"):
-        parts(Scene(unknown, scene.values), (Line("probe_latch", {"period": 0.001}),))
-    (stated_feed, *_) = parts(Scene(unknown, scene.values), (Line("probe_latch", {"period": 0.001, "feed": 60.0}),))
+        parts(Scene(unknown, scene.values), (BudgetLine("probe_latch", {"period": 0.001}),))
+    (stated_feed, *_) = parts(Scene(unknown, scene.values), (BudgetLine("probe_latch", {"period": 0.001, "feed": 60.0}),))
     assert stated_feed.factor[:n] == pytest.approx(part.factor[:n] / 3)
 
 
@@ -174,7 +174,7 @@ def test_a_probe_that_is_looked_at_once_in_a_period_is_late_by_up_to_its_way(fou
 def test_random_walk_has_the_covariance_of_its_part(cell: Cell, found: dict[str, Estimate]) -> None:
     """Eight runs are few: the sum over all touches of what they do, not each entry."""
     e = found["S3"]
-    (part, _) = parts(Scene(e.model, e.values), (Line("drift", {"amplitude": 0.002}),))
+    (part, _) = parts(Scene(e.model, e.values), (BudgetLine("drift", {"amplitude": 0.002}),))
     t, n = e.model.touches.time - e.model.touches.time[0], len(e.model.touches)
     covariance = part.covariance[:n, :n]
     assert np.diag(covariance) == pytest.approx(0.002**2 * t / 3600, abs=1e-16)
@@ -198,7 +198,7 @@ def test_every_source_has_its_contract(found: dict[str, Estimate]) -> None:
     }
     size = len(e.model.touches) + 1
     for name in sources():
-        part = parts(Scene(e.model, e.values), (Line(name, settings.get(name, {})),))[0]
+        part = parts(Scene(e.model, e.values), (BudgetLine(name, settings.get(name, {})),))[0]
         assert part.label == name and part.factor.shape[0] == size
         assert np.all(np.isfinite(part.factor))
         rng = np.random.default_rng(3)
@@ -209,8 +209,8 @@ def test_every_source_has_its_contract(found: dict[str, Estimate]) -> None:
 def test_the_bar_is_never_forgotten(found: dict[str, Estimate]) -> None:
     scene = Scene(found["S3"].model, found["S3"].values)
     assert [line.source for line in stated(scene)] == ["repeatability", "scale_bar"]
-    assert [p.label for p in parts(scene, (Line("drift", {"amplitude": 0.001}),))] == ["drift", "scale_bar"]
-    given = parts(scene, (Line("scale_bar", {"std": 0.004, "distribution": "rectangular"}),))
+    assert [p.label for p in parts(scene, (BudgetLine("drift", {"amplitude": 0.001}),))] == ["drift", "scale_bar"]
+    given = parts(scene, (BudgetLine("scale_bar", {"std": 0.004, "distribution": "rectangular"}),))
     assert [(p.label, p.law) for p in given] == [("scale_bar", "rectangular")]
 
 
@@ -249,7 +249,7 @@ def test_trials_and_propagation_agree_within_3_percent_for_the_thesis_plan(cell:
 @pytest.mark.long
 def test_with_touches_that_scatter_by_50_micrometres_they_do_not_agree(found: dict[str, Estimate]) -> None:
     """S4 is no longer linear over such noise: EB0C spreads by half as much again as the propagation says."""
-    s = study_of(found["S4"], (Line("repeatability", {"std": 0.05}),))
+    s = study_of(found["S4"], (BudgetLine("repeatability", {"std": 0.05}),))
     run = trials.run(s, 4096)
     ratio = dict(zip(s.names, run.deviation.std(axis=0, dtype=float), strict=True))
     assert ratio["EB0C"] > 1.3
@@ -260,7 +260,7 @@ def test_with_touches_that_scatter_by_50_micrometres_they_do_not_agree(found: di
 
 @pytest.mark.long
 def test_a_rectangular_bar_is_not_validated_although_the_standard_deviations_agree(found: dict[str, Estimate]) -> None:
-    lines = (Line("repeatability", {"std": 1e-5}), Line("scale_bar", {"std": 0.002, "distribution": "rectangular"}))
+    lines = (BudgetLine("repeatability", {"std": 1e-5}), BudgetLine("scale_bar", {"std": 0.002, "distribution": "rectangular"}))
     s = study_of(found["S3"], lines)
     run = trials.run(s, 20_000)
     check = coverage.validate(s.std[s.outputs], run.deviation, 0.95, 1)

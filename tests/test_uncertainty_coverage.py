@@ -15,13 +15,13 @@ from tango_cnc.estimate import estimate
 from tango_cnc.files import read_cell
 from tango_cnc.records import Cell, World
 from tango_cnc.uncertainty.analysis import Options, analyse
-from tango_cnc.uncertainty.inputs import Line
+from tango_cnc.uncertainty.inputs import BudgetLine
 
 NOISE, WALK, LOBES = 0.0006, 0.002, 0.0015
 BUDGET = (
-    Line("repeatability", {"std": NOISE}),
-    Line("drift", {"shape": "random_walk", "amplitude": WALK}),
-    Line("lobing", {"amplitude": LOBES, "order": 2}),
+    BudgetLine("repeatability", {"std": NOISE}),
+    BudgetLine("drift", {"shape": "random_walk", "amplitude": WALK}),
+    BudgetLine("lobing", {"amplitude": LOBES, "order": 2}),
 )
 BAR = 0.0005
 SIZE = {"X": 0.02, "Y": 0.02, "Z": 0.02, "A": 3e-5, "B": 3e-5, "C": 3e-5}  # one standard deviation of a true axis location error

@@ -15,10 +15,10 @@ from tango_cnc.files import read_cell
 from tango_cnc.records import Cell, InputError, Readings, World
 from tango_cnc.uncertainty import pooled, process
 from tango_cnc.uncertainty.analysis import Analysis, Options, analyse, compare_runs, compare_subsets
-from tango_cnc.uncertainty.inputs import Line
+from tango_cnc.uncertainty.inputs import BudgetLine
 
 QUICK = Options(trials=2000)
-NOISE = (Line("repeatability", {"std": 0.0007}),)
+NOISE = (BudgetLine("repeatability", {"std": 0.0007}),)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def test_pooling_by_cycles_forgets_what_every_day_does_alike_and_by_days_what_se
 @pytest.mark.long
 def test_pooled_covariance_of_readings_propagates_to_that_of_the_estimates(cell: Cell, days: Readings) -> None:
     """U_y = C U_x Cᵀ of the pooled readings is the pooled covariance of the cycles' own nonlinear estimates."""
-    a = analyse(cell.machine, cell.artefact, days, ("S3",), 3, (*NOISE, Line("scale_bar", {"std": 1e-9})), QUICK)
+    a = analyse(cell.machine, cell.artefact, days, ("S3",), 3, (*NOISE, BudgetLine("scale_bar", {"std": 1e-9})), QUICK)
     assert a.repeated is not None and a.pool == "cycles"
     for kind, std in (("cycles", a.std_by["cycles"]), ("days", a.std_by["days"])):
         rows, dof = pooled.deviations(a.repeated.values, kind)  # type: ignore[arg-type]
@@ -87,7 +87,7 @@ def test_warm_up_widens_the_intervals_by_days_and_not_by_cycles(analysed: Analys
 
 @pytest.mark.long
 def test_what_no_repetition_shows_is_added_from_the_budget(cell: Cell, days: Readings, analysed: Analysis) -> None:
-    lines = (*NOISE, Line("lobing", {"amplitude": 0.003}), Line("form", {"std": 0.001}))
+    lines = (*NOISE, BudgetLine("lobing", {"amplitude": 0.003}), BudgetLine("form", {"std": 0.001}))
     with_them = analyse(cell.machine, cell.artefact, days, ("S3",), 3, lines, QUICK)
     labels = [p.label for p in with_them.study.parts]
     assert labels == ["pooled by cycles", "lobing", "form", "scale_bar"]
@@ -182,7 +182,12 @@ def test_a_remount_moves_the_table_and_no_parameter(cell: Cell) -> None:
 def test_what_acts_on_both_runs_alike_cancels_in_their_difference(cell: Cell) -> None:
     runs = {str(i): simulate(cell.machine, cell.artefact, cell.strategy, world(i)) for i in (1, 2)}
     plain = compare_runs(cell.machine, cell.artefact, runs, ("S3",), 3, NOISE)[0]
-    shared = (*NOISE, Line("lobing", {"amplitude": 0.01}), Line("scale_bar", {"std": 0.01}), Line("form", {"std": 0.01}))
+    shared = (
+        *NOISE,
+        BudgetLine("lobing", {"amplitude": 0.01}),
+        BudgetLine("scale_bar", {"std": 0.01}),
+        BudgetLine("form", {"std": 0.01}),
+    )
     found = compare_runs(cell.machine, cell.artefact, runs, ("S3",), 3, shared)[0]
     assert plain.u_difference is not None and found.u_difference is not None
     assert found.u_difference == pytest.approx(plain.u_difference, rel=0.05)

@@ -10,6 +10,7 @@ import pytest
 from support.controls import Ran, golden
 from support.dialects import ALONE, DRIVEN, klartext
 from support.gates import ran
+from support.wrongcontrols import by_option
 
 from postprocessors import companions, load, names, program, settings
 from sim_controller.motion import Motion
@@ -84,10 +85,12 @@ def test_at_every_alarm_the_probe_is_off_and_the_port_closed(name: str, wrong: s
 
 @pytest.mark.few(12)
 @pytest.mark.parametrize("name", JUMPING)
-@pytest.mark.parametrize("options", [{}, {"macros": "called"}, {"probe_state": 1004}, {"macros": "called", "probe_state": 1004}])
-def test_each_alarm_has_a_way_out_that_closes_the_port(name: str, options: dict[str, Any]) -> None:
+@pytest.mark.parametrize("looks", [False, True])
+@pytest.mark.parametrize("macros", [{}, {"macros": "called"}])
+def test_each_alarm_has_a_way_out_that_closes_the_port(name: str, macros: dict[str, Any], looks: bool) -> None:
     """Every alarm of the text stands behind the words that leave things in order, but those before the port is open."""
-    made = golden()
+    made, state = golden(), by_option(name).get("probe_state")
+    options = macros | (dict(state.mended or {}) if state and looks else {})
     lines = [re.sub(r"\([^()]*\)", "", line) for line in program(load(name), made, OFF | options, plan_hash(made))[2]()]
     file = f"postprocessors/{name}.py"
     assert "POPEN" in lines or load(name).language != "macro_b", f"{file}: a post of macro_b opens its port with POPEN"

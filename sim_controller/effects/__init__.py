@@ -13,9 +13,11 @@ A file `<cause>.py` holds one function and one example of its keys, with which t
 * It works before the first touch, too: with no rows the keys are tried, and what does not go together raises InputError.
 * It returns what it changes, in whichever form is physical (`Disturbance`). A positive `gap` makes the ball read the surface
   early, outside of where it is: the `r` of the catalogue of causes.
+* Tests compare it with the term of its name and hide it among others. A file whose keys are no settings of the term states
+  `OTHERWISE = "why; the test that compares them"`; one that is not to be hidden states `UNDRAWN = "why"`.
 """
 
-from ._apply import Effect, checked, described, disturbance, example, names
+from ._apply import Effect, checked, described, disturbance, example, names, stated
 from ._history import Disturbance, History, lever, unit
 
-__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "example", "lever", "names", "unit"]
+__all__ = ["Disturbance", "Effect", "History", "checked", "described", "disturbance", "example", "lever", "names", "stated", "unit"]

@@ -40,6 +40,12 @@ def example(cause: str) -> dict[str, Any]:
     return dict(module.EXAMPLE)
 
 
+def stated(what: str) -> dict[str, str]:
+    """OTHERWISE or UNDRAWN → cause → what its file states there; causes that state nothing are left out."""
+    modules = {cause: importlib.import_module(f".{cause}", __package__) for cause in names()}
+    return {cause: vars(module)[what] for cause, module in modules.items() if what in vars(module)}
+
+
 def described() -> Iterator[tuple[str, str, str]]:
     """→ cause, its keys (those with a default in brackets), what it is; of every cause."""
     for cause in names():

@@ -8,6 +8,8 @@ from . import Disturbance, History
 from ._kinds import AxisLocation
 
 EXAMPLE = {"name": "EX0C", "amplitude": 0.02}
+OTHERWISE = "a constant of the machine, under `errors` in world.yaml; test_sim_effects.py"
+UNDRAWN = "a constant of the machine, which S3 has"
 
 
 def disturb(history: History, rng: np.random.Generator, *, name: AxisLocation, amplitude: float) -> Disturbance:

@@ -10,6 +10,8 @@ from . import Disturbance, History, unit
 from ._kinds import FacetIds, Positive
 
 EXAMPLE = {"radius": 200}
+OTHERWISE = "its values follow from the radius; test_sim_effects_probe.py"
+UNDRAWN = "it needs a cylinder, and the table of the thesis has none"
 
 ALONG = 1e-3  # cosine: a normal as square to the axis as a file can say it
 

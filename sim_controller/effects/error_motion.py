@@ -11,6 +11,7 @@ from ._kinds import Count, ErrorMotion, Positive
 from ._parts import span_of
 
 EXAMPLE = {"name": "EYX", "amplitude": 0.01}
+OTHERWISE = "its `name` lacks the degree that the term has; test_sim_effects_axes.py"
 
 
 def disturb(

@@ -11,6 +11,7 @@ from ._kinds import RotaryAxis
 from ._parts import displaced, in_axis_frame, positioning
 
 EXAMPLE = {"axis": "B", "amplitude": 0.005, "direction": [0, -1, 0]}
+OTHERWISE = "`direction` and `tilt` here, `component` in the term; test_sim_effects_axes.py"
 
 
 def disturb(

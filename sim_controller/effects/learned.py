@@ -20,6 +20,8 @@ EXAMPLE = {
     "weight": "machine z",
     "values": [0.002, 0.001],
 }
+OTHERWISE = "a file of the cell; test_learned_terms.py"
+UNDRAWN = "a shape without a name; tests/test_learned_terms.py"
 
 WEIGHTS = "none, across, machine [x y z], table [x y z], spindle [x y z], axis X, tilt A of X"
 

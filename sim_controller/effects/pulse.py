@@ -13,6 +13,8 @@ from ._kinds import RotaryAxis
 from ._parts import positioning
 
 EXAMPLE = {"amplitude": 0.004, "direction": [0, 0, 1], "at": 20, "until": 60}
+OTHERWISE = "not drawn; test_sim_effects.py"
+UNDRAWN = "it is set aside before the search; tests/test_diagnose_outside.py"
 
 
 def disturb(

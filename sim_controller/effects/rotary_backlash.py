@@ -8,6 +8,7 @@ from . import Disturbance, History
 from ._kinds import RotaryAxis
 
 EXAMPLE = {"axis": "C", "amplitude": 2e-5}
+UNDRAWN = "S3 has it"
 
 
 def disturb(history: History, rng: np.random.Generator, *, axis: RotaryAxis, amplitude: float) -> Disturbance:

@@ -10,6 +10,8 @@ from . import Disturbance, History
 from ._parts import positioning, wave
 
 EXAMPLE = {"amplitude": 0.001}
+OTHERWISE = "not drawn; test_sim_effects_probe.py"
+UNDRAWN = "random at every touch, as the spindle of the thesis is not oriented"
 
 
 def disturb(history: History, rng: np.random.Generator, *, amplitude: float, order: int = 0, phase: float = 0.0) -> Disturbance:

@@ -10,6 +10,7 @@ from . import Disturbance, History
 from ._kinds import FacetIds
 
 EXAMPLE = {"facets": [16, 17]}
+OTHERWISE = "a mistake in the log and no column"
 
 
 def disturb(history: History, rng: np.random.Generator, *, facets: FacetIds, at: int = 1, until: int = 2**31) -> Disturbance:

@@ -7,6 +7,8 @@ import numpy as np
 from . import Disturbance, History
 
 EXAMPLE = {"delay": 0.001}
+OTHERWISE = "a time that the feed makes a way; test_sim_effects_probe.py"
+UNDRAWN = "one feed makes it the radius of the tip"
 
 
 def disturb(history: History, rng: np.random.Generator, *, delay: float) -> Disturbance:

@@ -13,8 +13,10 @@ from ..link.lock import holding
 from ..plan import plan
 from ..records import Array, Cell
 from ._common import address_of, asks_for_a_finger, controller_of
+from ._handed import whole
 from ._live import Live
 from ._proofs import told
+from ._start import misses_of
 from ._written import conducted, written
 
 if TYPE_CHECKING:
@@ -45,7 +47,7 @@ def touched(
     ready = {name: written(cell, cell.folder / FOLDER / name, post, made, options) for name, made in plans.items()}
     if only_program:
         for programs in ready.values():
-            click.echo(f"{programs[0].file}: 'tango commission --touch' with the port of the cell runs it")
+            click.echo(whole(f"{programs[0].file}: 'tango commission --touch' with the port of the cell runs it"))
         return
     address = address_of(cell, port)
     places: dict[str, dict[int, Array]] = {}
@@ -54,7 +56,19 @@ def touched(
         for name, made in plans.items():
             target = cell.folder / FOLDER / name / "readings.csv"
             read = conducted(
-                cell, post, made, ready[name], address, target, live, gate=gate, yes=yes, then=AGAIN, timeout=timeout, trying=wanted
+                cell,
+                post,
+                made,
+                ready[name],
+                address,
+                target,
+                live,
+                gate=gate,
+                yes=yes,
+                then=AGAIN,
+                timeout=timeout,
+                trying=wanted,
+                misses=misses_of(cell, post),
             )
             good = [row for row in range(len(read)) if read.status[row] == "ok"]
             places[name] = {int(read.touch[row]): read.position[row] for row in good}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shlex
 import sys
 import textwrap
 from collections.abc import Callable, Mapping
@@ -14,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 from unicodedata import combining, east_asian_width
 
 import click
-from click.core import ParameterSource
 
 from ..files import blamed_on, write_text
 from ..files.targets import same, spared, writable
 from ..records import Cell, Controller, InputError
 from . import _trusted
+from ._handed import handed, pasted, spelt
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -42,16 +41,12 @@ class Output(click.Path):
         """text → file. Raises InputError for what cannot be written."""
         if self.stdout and value == "-":
             return value
-        what = _spelt(param) if param is not None else "output"
+        what = spelt(param) if param is not None else "output"
         if not str(value):
             raise InputError(f"{what}: found ''; allowed: the name of a file")
         if ctx is None or not ctx.resilient_parsing:
             writable(what, Path(value))
         return super().convert(value, param, ctx)
-
-
-def _spelt(option: click.Parameter) -> str:
-    return max(option.opts, key=len)
 
 
 def _each(value: Any) -> tuple[Any, ...]:
@@ -68,9 +63,9 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
         for option in options:
             value = given.get(option.name) if option.name is not None else None
             if isinstance(value, float) and not math.isfinite(value):
-                raise InputError(f"{_spelt(option)}: found {value}; allowed: a finite number")
+                raise InputError(f"{spelt(option)}: found {value}; allowed: a finite number")
         files = [
-            (_spelt(o), o.type, Path(path))
+            (spelt(o), o.type, Path(path))
             for o in options
             if isinstance(o.type, click.Path) and o.name is not None
             for path in _each(given.get(o.name))
@@ -83,7 +78,8 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
                 if other != what and same(file, path):
                     raise InputError(f"{what}: found {file}, which {other} names too; allowed: a file of its own for each")
             spared(what, file, given["folder"], replaces=kind.replaces)
-        return call(**given)
+        with handed(names=True):
+            return call(**given)
 
     return kept
 
@@ -111,25 +107,9 @@ json_option: Decorator = click.option(
 )
 
 
-def typed(*without: str) -> str:
-    """names of options → the command line of the command that runs, without these, to be typed once more with others."""
-    context = click.get_current_context()
-    words = ["tango", context.info_name or ""]
-    for option in context.command.params:
-        name = option.name or ""
-        if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        value = context.params[name]
-        words.append(_spelt(option))
-        if not (isinstance(option, click.Option) and option.is_flag):
-            values = value if isinstance(value, tuple) else (value,)
-            words += [f"{each:g}" if isinstance(each, float) else str(each) for each in values]
-    return shlex.join(words)
-
-
 def ahead(folder: Path, *commands: str) -> None:
     """cell, commands → says on stderr what comes next, as it is typed."""
-    where = "" if folder == Path() else f" -C {shlex.quote(str(folder))}"
+    where = "" if folder == Path() else f" -C {pasted(folder)}"
     click.echo(f"Next: {', then '.join(f'tango {command}{where}' for command in commands)}", err=True)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from ..files import readings_text, write_text
 from ..files.readjson import parse_json
 from ..link import lock
-from ..link.entries import Entry, Segment
+from ..link.entries import Entry, ProgramSent
 from ..link.journal import look_at, salvaged
 from ..link.measure import silence_after
 from ..link.process import endings
@@ -41,13 +41,13 @@ def note_planned(folder: Path, kind: str, touches: Sequence[int]) -> None:
 def newest_run(folder: Path, stamp: str) -> tuple[str, tuple[Entry, ...]]:
     """cell, stamp of tonight → stamp of the last run before that has a journal, and what can be read of it; ("", ()) for none.
 
-    That of a night is the stamp of its night; that of `tango run` is when its last segment began. One that broke off may still be
-    executed by a control that nobody can ask, whoever ended it.
+    That of a night is the stamp of its night; that of `tango run` is when its last program went out. One that broke off may still
+    be executed by a control that nobody can ask, whoever ended it.
     """
     found = [(f.parent.name, f.stat().st_mtime, f) for f in (folder / "nights").glob("*/*.journal")]
     runs = [(night, _read(f)) for night, _, f in sorted(found) if night < stamp][-1:]
     own = _read(lock.newest_run(folder))
-    begun = [f"{datetime.fromisoformat(e.utc).astimezone(UTC):{STAMP}}" for e in own if isinstance(e, Segment)]
+    begun = [f"{datetime.fromisoformat(e.utc).astimezone(UTC):{STAMP}}" for e in own if isinstance(e, ProgramSent)]
     runs += [(moment, own) for moment in begun[-1:] if moment < stamp]
     return max(runs, key=lambda run: run[0], default=("", ()))
 
@@ -116,7 +116,7 @@ def from_journal(night: Path, made: Plan) -> tuple[str, dict[str, Any]] | None:
     Raises TangoError, OSError for a journal that cannot be read.
     """
     entries, _ = salvaged(look_at(night / JOURNAL))
-    runs = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    runs = {entry.plan_hash for entry in entries if isinstance(entry, ProgramSent)}
     if runs != {plan_hash(made)} or (readings := readings_of(entries, made)) is None:
         return None
     return readings_text(readings), provenance(entries, made)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from ..identify.selection import SUBSETS
 from ..judgement import Judgement
+from ..judging import judged
 from ..records import Cell, Readings, TangoError, TermItem
-from ._trust import judged, status
+from ._trust import status
 
 LARGEST = SUBSETS[-1]
 DEGREES = (3, 4, 6)  # of the polynomials of the largest set, tried in this order

@@ -14,7 +14,8 @@ import click
 
 from ..files import read_cell
 from ..files.nightly import Nightly, history_of
-from ..history import History, Night, Standing, opened
+from ..history import Decision, History, Night, Standing, opened
+from ..history.answers import of_machine
 from ..history.clock import asks, in_future
 from ..history.clock import told as told_of
 from ..history.former import Former, formers, of_folder
@@ -24,14 +25,16 @@ from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import due, measured_on, night_of_stamp, nights_old
 from ..report.answer import by_newer_no, measuring, of_no_night, said_broken_off, said_cut_off
-from ..report.days import at
+from ..report.days import at, local_day
 from ..report.morning import next_night
 from ..report.newer import NewerNo, says_no
-from ..report.repeated import as_found, shortened
+from ..report.repeated import as_found, shortened, stories
 from ..report.texts import Texts, code
-from ..report.tonight import by_now, by_tonight
+from ..report.tonight import by_now, by_tonight, is_over
 from ..report.units import Units
 from ..report.words import of_its_night
+from ..state.changes import change
+from ..texts import say
 from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
@@ -45,7 +48,8 @@ class Status:
     trouble: str | None  # why no night can begin
     nights: Sequence[Night]  # newest first
     said: Mapping[int, str]  # entry: its headline
-    alarms: Sequence[Mapping[str, Any]]  # open
+    alarms: Sequence[Mapping[str, Any]]  # without an answer
+    held: Sequence[tuple[Mapping[str, Any], Decision]]  # answered and not closed, with who has done that
     coming: Mapping[str, Any]  # the next night; empty: unknown
     standing: Standing | None  # as in the list of all machines
     stale: int  # nights since the machine was measured; 0: not old
@@ -74,6 +78,7 @@ class Status:
             or self.cut
             or self.broken
             or self.alarms
+            or self.held
             or self.newer_no is not None
             or self.trouble is not None
             or any(f.alarms for f in self.renamed)
@@ -95,6 +100,7 @@ class Status:
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
             "open_alarms": list(self.alarms),
+            "held_alarms": [{**alarm, "decision": d.action, "owner": d.owner, "until": d.until} for alarm, d in self.held],
             "nights": [vars(n) | {"headline": self.said.get(n.entry) or n.headline} for n in self.nights],
             "next": self.coming or None,
             "former": [
@@ -186,6 +192,7 @@ def _read(
         nights,
         headlines(history, nights),
         _by_tonight(history.open_alarms(name, today=today), record) if nights else (),
+        _held(history, name, today, record) if nights else (),
         next_night(record, history.decisions(name), before) if nights else {},
         next((s for s in standings if s.machine == name), None),
         nights_old(measured_on(record, before), due(now, before.get("start_utc")), settings.answers_for) if nights else 0,
@@ -201,22 +208,40 @@ def _read(
     )
 
 
+def _held(history: History, name: str, today: str, record: Mapping[str, Any]) -> Sequence[tuple[Mapping[str, Any], Decision]]:
+    """history, machine, local date, record of its newest night → alarms that somebody has answered and nobody has closed, a change
+    and its way back once, with what was decided.
+    """
+    known = of_machine(history, name, today)
+    held = known.held()
+    first = [key for key in held if not stories([known.newest[key][1]]) & set(held) - {key}]
+    told = _by_tonight([known.newest[key][1] for key in first], record)
+    return [(alarm, known.decided[key]) for key, alarm in zip(first, told, strict=True)]
+
+
 def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """open alarms, record of the newest night → the same in the words of that night where it has measured them."""
-    told = {a["id"]: a for a in record.get("standing") or ()}
-    return tuple(
-        {**a, **{key: told[a["id"]][key] for key in ("text", "now", "total")}, **by_tonight(told[a["id"]])}
-        if a["id"] in told
-        else a
-        for a in alarms
-    )
+    """alarms, record of the newest night → the same in the words of that night where it has measured them, what does most to a part
+    first.
+    """
+    stands = {a["id"]: a for a in record.get("standing") or ()}
+
+    def told(a: Mapping[str, Any]) -> Mapping[str, Any]:
+        if (one := stands.get(a["id"])) is None:
+            return a
+        return {**a, **{key: one[key] for key in ("text", "now", "total")}, **by_tonight(one)}
+
+    def place(a: Mapping[str, Any]) -> tuple[bool, bool, float]:
+        return change(a.get("cause")).of_the_probe, is_over(a), -abs(a.get("on_part_um") or 0.0)
+
+    return sorted(map(told, alarms), key=place)
 
 
 def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator[str]:
     """status, folder of the cell, --history, texts → what is printed."""
     word = t("cli.nightly.no_night" if not found.nights else "cli.nightly.late" if found.late else "cli.nightly.on_time")
-    yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if found.stale else word}"
-    if found.stale:
+    unknown = found.stale and found.newer_no is None  # else its readings know what the nights do not
+    yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if unknown else word}"
+    if unknown:
         yield f"  {t('morning.old_todo')}"
     if found.trouble is not None:
         yield "  " + t("cli.nightly.cannot_begin", why=found.trouble)
@@ -228,11 +253,11 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
     yield from _nights(found, t)
     for alarm in found.alarms:
         command = answer(alarm["id"], str(folder), where)
-        night = str(alarm["id"])[:10]
-        dated = as_found(alarm["text"], {"alarms": [{**alarm, "night": night}]})
-        older = bool(found.nights) and found.nights[0].night > night
-        text = by_now(of_its_night(dated, night) if older else dated, alarm)
-        yield "  " + t("cli.nightly.open_alarm", id=alarm["id"], text=text, command=command)
+        yield "  " + t("cli.nightly.open_alarm", id=alarm["id"], text=_told(alarm, found), command=command)
+    for alarm, d in found.held:
+        command = answer(alarm["id"], str(folder), where, d.owner)
+        who = say("cli.nightly.ignores" if d.action == "ignore" else "cli.nightly.has", **_of_decision(d))
+        yield "  " + t("cli.nightly.held_alarm", id=alarm["id"], text=_told(alarm, found), who=who, command=command)
     for stamp in found.waiting:
         yield "  " + t("cli.nightly.waits", stamp=stamp)
     for stamp in found.unfinished:
@@ -240,6 +265,19 @@ def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator
         yield "  " + t(f"cli.nightly.{key}", stamp=stamp if key == "begun" else night_of_stamp(stamp))
     if found.coming:
         yield "  " + t("cli.nightly.next", kind=code(found.coming["kind"]), why=found.coming["why"])
+
+
+def _told(alarm: Mapping[str, Any], found: Status) -> str:
+    """open alarm, status → its sentence with the date of the night that found it, and as it is by now."""
+    night = str(alarm["id"])[:10]
+    dated = as_found(alarm["text"], {"alarms": [{**alarm, "night": night}]})
+    older = bool(found.nights) and found.nights[0].night > night
+    return str(by_now(of_its_night(dated, night) if older else dated, alarm))
+
+
+def _of_decision(d: Decision) -> dict[str, str]:
+    """decision that closes nothing → who has made it, since when, until when."""
+    return {"owner": d.owner, "date": local_day(d.utc) if d.utc else "", "until": d.until or ""}
 
 
 def _nights(found: Status, t: Texts) -> Iterator[str]:

@@ -15,6 +15,7 @@ from ..files.checked import load, read_text
 from ..files.origin import check_values, current, read_origin
 from ..files.then import with_texts
 from ..records import Cell, InputError
+from ._handed import pasted
 
 OWNER = re.compile(r"^\s*#\s*machine\s*[:=]\s*(\S.*)$", re.MULTILINE | re.IGNORECASE)
 WANTED = (
@@ -37,14 +38,14 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
         raise InputError(
             f"--present: found none, and compensation {last.number} ({last.record['target']}) is in the control: together "
             f"with one for {options['target']} the same errors would be corrected twice. Nothing was written; allowed: when "
-            f"{last.number} has been taken out, 'tango compensate -C {folder} --rolled-back {last.number} --reason TEXT' "
+            f"{last.number} has been taken out, 'tango compensate --rolled-back {last.number} --reason TEXT' "
             "first; --dry-run to see what it would be"
         )
     if source is None:
         if last is not None:
             raise InputError(
                 f"--present: found nothing, and compensation {last.number} ({last.record['target']}) is in the control; "
-                f"allowed: --present {last.folder} when the readings were made with it, --present none when without"
+                f"allowed: --present {pasted(last.folder)} when the readings were made with it, --present none when without"
             )
         return None, {}
     if str(source) == "none":
@@ -58,7 +59,7 @@ def present(cell: Cell, options: dict[str, Any]) -> tuple[Present | None, Mappin
         if last is not None and last.record["digest"] != record["digest"]:
             raise InputError(
                 f"--present: found {source}, and compensation {last.number} ({last.record['target']}) is in the control; allowed: "
-                f"--present {last.folder}, or 'tango compensate -C {folder} --rolled-back {last.number} --reason TEXT' when it is "
+                f"--present {pasted(last.folder)}, or 'tango compensate --rolled-back {last.number} --reason TEXT' when it is "
                 "not in it any more"
             )
         if judged and readings.exists() and (why := loop.before(folder, record, rows(readings), ended(readings))):
@@ -86,7 +87,7 @@ def contained(folder: Path, options: dict[str, Any], twice: str = "The program w
         raise InputError(
             f"--readings: found {source}: {why}, and compensation {kept.number} ({kept.record['target']}) is in the control. "
             f"{twice}. Nothing was written; allowed: readings made with the compensation in the control (--readings FILE), or "
-            f"'tango compensate -C {folder} --rolled-back {kept.number} --reason TEXT' when it has been taken out"
+            f"'tango compensate --rolled-back {kept.number} --reason TEXT' when it has been taken out"
         )
 
 
@@ -114,7 +115,7 @@ def _lacking(folder: Path, source: Path, record: Mapping[str, Any], readings: Pa
     return (
         f"--present: found {source} and {readings}: {why}. These readings were made without it: what it takes away would be taken "
         f"away twice. Nothing was written; allowed: readings made with it in the control, with --readings FILE{those}. "
-        f"'tango run -C {folder} --readings after.csv' measures again"
+        f"'tango run --readings after.csv' measures again"
     )
 
 

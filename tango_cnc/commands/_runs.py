@@ -15,10 +15,10 @@ import numpy as np
 from ..estimate import Estimate
 from ..files.origin import look_up
 from ..judgement import Judgement, Suspicion
+from ..judging import judged, run_of, traced
 from ..plausible import ORDER, without_fit
 from ..records import Cell, Readings, TangoError, TermItem
 from ..texts import say
-from ._trust import judged, run_of, traced
 
 
 def judged_apart(

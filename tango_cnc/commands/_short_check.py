@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import shlex
 import shutil
 from collections.abc import Collection, Mapping
 from contextlib import suppress
@@ -37,14 +36,16 @@ from ..files.origin import look_up
 from ..files.then import at_that_time, machine_and_artefact, moved, with_texts
 from ..files.write import dump
 from ..judgement import Judgement
+from ..judging import traced
 from ..loaded import AS_SEEN, BACK, HELPS, KEPT
 from ..noise import honest
 from ..records import Cell, InputError, Readings
 from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
+from ._handed import pasted
 from ._present import ended, rows, whose_is
-from ._trust import told, traced
+from ._trust import told
 from .check import positioning_feed
 from .design import gate_of
 
@@ -196,7 +197,7 @@ def _mend(cell: Cell, asked: Short, touches: Touches, found: Outcome) -> str:
     if minutes is None:
         return f"Measure {whole}: no short check of an hour decides it"
     return (
-        f"Make the touches that 'tango compensate -C {shlex.quote(str(cell.folder))} --short-check {asked.kept.number} --minutes "
+        f"Make the touches that 'tango compensate -C {pasted(cell.folder)} --short-check {asked.kept.number} --minutes "
         f"{minutes[0]:g}' chooses{stated}, or measure {whole}"
     )
 
@@ -266,7 +267,8 @@ def choose(cell: Cell, number: int, options: dict[str, Any]) -> int:
         click.echo(_text(cell, kept, asked, found, place))
         if state == "proposed":
             click.echo(
-                f"not yet noted as in the control: before it is measured, tango compensate -C {cell.folder} --written {number}"
+                "not yet noted as in the control: before it is measured, "
+                f"tango compensate -C {pasted(cell.folder)} --written {number}"
             )
     return 0
 
@@ -307,7 +309,7 @@ def by_hand(cell: Cell, proposal: Proposal, result: Estimate, *, tcp: bool) -> l
             "run the probing program with it on, and state --tcp with --measured"
         ]
     where = " ".join(f"{letter} {v:.0f}" for letter, v in zip("XYZ", turn.feature(asked), strict=True))
-    angle, here = f"{np.degrees(found.angle):g}", f"tango compensate -C {shlex.quote(str(cell.folder))}"
+    angle, here = f"{np.degrees(found.angle):g}", f"tango compensate -C {pasted(cell.folder)}"
     first, second = (
         " ".join(f"{a} {v:+.4f}" for a, v in zip(found.letters, at, strict=True)) for at in (found.without, found.within)
     )
@@ -387,7 +389,8 @@ def _text(cell: Cell, kept: loop.Kept, asked: Short, found: Look, place: Path) -
     return "\n".join(
         [
             *lines,
-            f"  tango run -C {place}",
-            f"  tango compensate -C {cell.folder} --measured {kept.number} --readings {place / 'readings.csv'}{how}",
+            f"  tango run -C {pasted(place)}",
+            f"  tango compensate -C {pasted(cell.folder)} --measured {kept.number} --readings "
+            f"{pasted(place / 'readings.csv')}{how}",
         ]
     )

@@ -19,6 +19,7 @@ from ..records import Cell, InputError, TangoError
 from ..touches import Touches, from_readings
 from . import _compensate
 from ._common import write_json
+from ._handed import pasted
 from ._present import ended, rows, whose_is
 
 BLIND = "no touch feels this change, whatever its sign, so these readings say nothing of it"
@@ -46,8 +47,8 @@ def written(cell: Cell, proposal: Proposal, result: Estimate, options: dict[str,
         f"2. Touch again what was touched{', with tool center point control on, as before' if tcp else ''}; touch {number} (facet "
         f"{facet}) alone is enough where table and stylus stay: it changes by {1e3 * abs(size):.1f} µm, and by its sign "
         f"the sign of the table is known. {trial.ENOUGH} touches or more also show a table that was moved.\n"
-        f"3. tango compensate -C {cell.folder} --sign-of {folder} --readings BEFORE --after AFTER{how}\n4. Load undo/."
-        + (f"\n{WITHOUT}" if tcp else "")
+        f"3. tango compensate -C {pasted(cell.folder)} --sign-of {pasted(folder)} --readings BEFORE --after AFTER{how}\n"
+        "4. Load undo/." + (f"\n{WITHOUT}" if tcp else "")
     )
     return 0
 

@@ -9,11 +9,16 @@ import click
 
 from ..files import blamed_on
 from ..records import Cell, InputError, Plan
+from ._handed import whole
 from ._progress import said
 
 if TYPE_CHECKING:
     from postprocessors import Post
 
+    from ..commission import Experiment
+
+HELD = "deflected"  # the belief that is tried with the stylus held aside
+MISSES = 3  # of a post without that option: its driver counts them
 DANGEROUS = 2  # beliefs up to this danger are named before a run: what they lead to breaks something, or a whole night is lost
 
 
@@ -27,11 +32,35 @@ def unproven_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> list[st
     """cell, its post, beliefs that are tried now → others that can break something and that nothing in its commissioning.yaml
     proves today, in sentences.
     """
+    from ._proofs import proven
+
+    found, left = proven(cell, post), _left(cell, post, trying)
+    return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in left]
+
+
+def _left(cell: Cell, post: Post, trying: Collection[str]) -> list[Experiment]:
     from ._proofs import proven, unproven
 
-    found = proven(cell, post)
-    open_ones = [e for e in unproven(found) if e.danger <= DANGEROUS and e.belief not in trying]
-    return [f"{e.says}{'. It is NOT so: ' + found[e.belief].found if e.belief in found else ''}" for e in open_ones]
+    return [e for e in unproven(proven(cell, post)) if e.danger <= DANGEROUS and e.belief not in trying]
+
+
+def tries_of(cell: Cell, post: Post, trying: Collection[str] = ()) -> str:
+    """cell, its post, beliefs that are tried now → which commands try the others that can break something; '' where none is left.
+
+    A stylus that is held aside is seen by no move of the other programs, in the air or at the table.
+    """
+    left = _left(cell, post, trying)
+    air, them = [e for e in left if not e.touches], "it" if len(left) == 1 else "these"
+    found = []
+    if [e.belief for e in air] == [HELD]:
+        found.append(
+            "'tango commission --held' tries it at a terminal: you hold the stylus aside, and a move of 0.5 mm has to stop"
+        )
+    elif air:
+        found.append(f"'tango commission' tries {them} in minutes, high above the table")
+    if len(air) < len(left):
+        found.append(f"'tango commission --touch' tries {'the rest' if air else them} at the table")
+    return f"{'; '.join(found)}." if found else ""
 
 
 def disproven_of(cell: Cell, post: Post) -> list[tuple[str, str]]:
@@ -62,6 +91,8 @@ def unattended(cell: Cell, post: Post, simulated: bool = False) -> None:
         )
     for text in unproven_of(cell, post):
         said(f"not proven on this control: {text}")
+    if tries := tries_of(cell, post):
+        said(whole(tries))
 
 
 def gate_of(cell: Cell, post: Post) -> str:
@@ -82,18 +113,28 @@ def obeys(cell: Cell, post: Post) -> bool:
         return posts.settings(post, cell.controller.options).get("feed_override") == "acts"
 
 
-def ask(part: Plan, address: str, feed: float | None, unproven: list[str], which: str, dialled: bool = False) -> None:
+def misses_of(cell: Cell, post: Post) -> int:
+    """cell, its post → touches in a row without contact after which its programs stop, by its profile."""
+    import postprocessors as posts
+
+    assert cell.controller is not None
+    with blamed_on(cell.folder / "tango.yaml"):
+        return int(posts.settings(post, cell.controller.options).get("misses", MISSES))
+
+
+def ask(
+    part: Plan, address: str, feed: float | None, unproven: list[str], which: str, dialled: bool = False, tries: str = ""
+) -> None:
     """Raises click.Abort unless the person at the machine agrees, also to what nobody has proven of this control.
 
-    `dialled`: the feed override acts on measuring moves.
+    `dialled`: the feed override acts on measuring moves. `tries`: which commands try what is not proven.
     """
     from ..duration import duration, proof, spoken
 
     for text in unproven:
         click.echo(f"not proven on this control: {text}", err=True)
-    if unproven:
-        click.echo("'tango commission' tries these in minutes: high above the table, and with --touch at the table.", err=True)
-
+    if tries:
+        click.echo(whole(tries), err=True)
     if dialled:
         click.echo("The feed override acts on measuring moves (feed_override: acts): turn it to 100 %, leave it there.", err=True)
     time = spoken(sum(duration(part, feed).values()) + proof(part, which, feed))

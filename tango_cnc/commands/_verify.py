@@ -25,6 +25,7 @@ from ..report import pictures
 from ..verify import cmm, held_out, sphere, summary, volume
 from ..verify.apart import apart
 from ._common import table, write_json
+from ._handed import pasted
 from ._trust import members, status, told
 from .iso230 import thermal_of
 
@@ -79,7 +80,7 @@ def write_sphere(cell: Cell, options: Options) -> None:
     write_text(folder / "tango.yaml", dump(tango))
     count = sum(len(i.facets) for i in strategy.indexations)
     click.echo(f"{folder} holds a cell with {count} touches on a sphere at {len(strategy.indexations)} indexations")
-    click.echo(f"Next: tango run -C {folder}, then tango verify -C {options.folder} --sphere-cell {folder}")
+    click.echo(f"Next: tango run -C {pasted(folder)}, then tango verify -C {pasted(options.folder)} --sphere-cell {pasted(folder)}")
 
 
 def _sphere(cell: Cell, options: Options) -> tuple[Any, Any]:

@@ -13,7 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
-from ._start import ask, obeys, unattended, unproven_of
+from ._start import ask, obeys, tries_of, unattended, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -83,7 +83,8 @@ def conducted(
         if not yes and someone:
             if notice:
                 click.echo(notice, err=True)
-            ask(part, shown(address), positioning_feed(cell), unproven_of(cell, post, trying), gate, obeys(cell, post))
+            doubts, tries = unproven_of(cell, post, trying), tries_of(cell, post, trying)
+            ask(part, shown(address), positioning_feed(cell), doubts, gate, obeys(cell, post), tries)
 
     wanted = Wanted(
         address,

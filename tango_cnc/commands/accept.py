@@ -16,6 +16,7 @@ from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import Origin, check_values, look_up, origin_file
 from ..iso230.signed import Sheet, signed
+from ..judging import judged, rows_alone, said_of_origin
 from ..nc import features
 from ..nc.follow import Setup, zero_of
 from ..nc.predict import along, touched_of
@@ -25,7 +26,7 @@ from ._budget import absent, budget_of
 from ._common import Output, cell_option, json_option, table, write_json
 from ._program import blamed, language_of, opened
 from ._progress import said
-from ._trust import despite_option, judged, members, rows_alone, said_of_origin, told
+from ._trust import despite_option, members, told
 from .iso230 import thermal_of
 from .report import paper
 

@@ -19,6 +19,7 @@ from ..files.write import dump
 from ..records import Cell, InputError
 from ..touches import Touches, from_readings
 from ._common import Output, cell_option, json_option, table, write_json
+from ._handed import pasted
 
 PLACE = "Understand 60"  # in the list of commands
 UNITS = {"duration": " (s)", "tau": " (s)", "temperature": " (K)", "per_kelvin": " (µm/K)", "per_kelvin_std": " (µm/K)"}
@@ -116,8 +117,10 @@ def _write_cell(cell: Cell, kind: Kind, settings: CapabilitySettings, target: Pa
         write_text(target / "world.yaml", (cell.folder / "world.yaml").read_text(encoding="utf-8"))
     write_text(target / "tango.yaml", dump(root | controller))
     touches = sum(len(i.facets) for i in strategy.indexations)
-    click.echo(f"{target} measures {kind} with {touches} touches. Next: tango plan -C {target}, tango run -C {target},")
-    click.echo(f"then tango capability {kind} -C {target}")
+    click.echo(
+        f"{target} measures {kind} with {touches} touches. Next: tango plan -C {pasted(target)}, tango run -C {pasted(target)},"
+    )
+    click.echo(f"then tango capability {kind} -C {pasted(target)}")
 
 
 def _controller(cell: Cell) -> dict[str, Any]:

@@ -13,14 +13,15 @@ import click
 from ..files import read_cell
 from ..files.commissioning import NAME
 from ..records import InputError, LinkError, Plan
+from ._commission_record import record_of
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
-from ._start import in_spindle, obeys
+from ._handed import Kept, hands, whole
+from ._start import HELD, in_spindle, obeys
 from ._written import written
 from .check import positioning_feed
 
+KEPT = Kept(("port", "timeout", "within"), {"touch": ("within",)})
 FOLDER = "commissioning"  # of the cell: program, records and journal of the last try
-WORD = re.compile(r"([A-Z]) *([+-]? *\d*\.?\d+)")
-SUMS = 0.01  # mm: coordinates of a record and their sum K, all rounded
 FAILED = 1
 BY_DIAL = ("feed", "append")  # beliefs that a second program with the feed override turned shows
 SLOW = 60.0  # s that a move may take then
@@ -79,6 +80,7 @@ PLACE = "Measure 30"  # in the list of commands
     help="Seconds without an answer after which the program counts as stopped.",
 )
 @json_option
+@hands(KEPT)
 def command(
     folder: Path,
     port: str | None,
@@ -117,9 +119,8 @@ def command(
     wanted = {experiment.belief for experiment in unproven(known) if experiment.touches == touch}
     if not wanted and not only_program:
         more = "" if touch or not unproven(known) else ", but what only a touched table shows: 'tango commission --touch'"
-        click.echo(
-            f"everything is proven on this control{more}, see {folder / NAME}; 'tango commission --again' tries it once more"
-        )
+        once = f"'tango commission {'--touch ' if touch else ''}--again' tries it once more"
+        click.echo(whole(f"everything is proven on this control{more}, see {folder / NAME}; {once}", KEPT))
         return
     _together(touch, {"--within": within is not None, "--held": held, "--dial": dial, "--said": bool(said)})
     if touch:
@@ -130,14 +131,14 @@ def command(
         raise InputError("--held: found no terminal; allowed: a terminal with a person who holds the stylus aside when asked")
     if dial and not someone and not only_program:
         raise InputError("--dial: found no terminal; allowed: a terminal with a person who turns the feed override when asked")
-    alone = {"deflected", *BY_DIAL}  # what only a second program shows
+    alone = {HELD, *BY_DIAL}  # what only a second program shows
     if not someone and not wanted - alone and not only_program:
         what = " and ".join(sorted(wanted))
-        do = "who holds the stylus aside" if wanted == {"deflected"} else "who does what it asks"
+        do = "who holds the stylus aside" if wanted == {HELD} else "who does what it asks"
         be = "is" if len(wanted) == 1 else "are"
         click.echo(f"only {what} {be} not proven, see {folder / NAME}; it needs a terminal and a person {do}")
         return
-    if wanted == {"deflected"} and held is False and not only_program:
+    if wanted == {HELD} and held is False and not only_program:
         click.echo(f"only deflected is not proven, see {folder / NAME}; --no-held leaves it out")
         return
     moves = flight(cell, commission.MOST if wanted - {"alive", "directions", "override", *alone} else 1, wanted, within)
@@ -161,7 +162,7 @@ def command(
     seen = replace(seen, doubts=unverified(post, controller.options))
     seen = replace(seen, obeys=obeys(cell, post), anew=controller.options.get("records_file") == "anew")
     seen = _explained(at, seen, said)
-    if seen.ended and "deflected" in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
+    if seen.ended and HELD in wanted and (held or (held is None and someone)) and click.confirm(ASIDE, err=True):
         seen, control = _held_aside(at, seen)
     turn = TURN.format(100 * commission.DIAL)
     if seen.ended and wanted & set(BY_DIAL) and (dial or (dial is None and someone)) and click.confirm(turn, err=True):
@@ -229,7 +230,7 @@ def _together(touch: bool, others: Mapping[str, bool | None]) -> None:
 def _before(programs: Sequence[Any], *texts: str) -> None:
     """programs that are not sent, what has to be so before one is started → says both."""
     for program in programs:
-        click.echo(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records")
+        click.echo(whole(f"{program.file}: run it, then 'tango commission' with the port of the cell reads its records", KEPT))
     for text in texts:
         click.echo(f"before it: {text}")
 
@@ -297,7 +298,7 @@ def _afterwards(folder: Path, still: Sequence[str]) -> None:
             "person at the machine who answers what is asked (--held and --dial are asked there, too)",
             err=True,
         )
-    click.echo("Where artefact.yaml is right to some 20 mm only, find the table first: tango locate", err=True)
+    click.echo(whole("Where artefact.yaml is right to some 20 mm only, 'tango locate' finds the table first", KEPT), err=True)
     ahead(folder, "commission --touch", "run")
 
 
@@ -337,11 +338,13 @@ def _broken_off(seen: Any, alone: bool, program: str) -> None:
     if seen.said:
         text += f". {stopped_by(seen.said, seen.doubts, program)}" if alone else ""
     else:
-        text += ". What does the screen of the control show? Pass it on: tango commission --said 'TEXT', or answer at a terminal"
+        text += (
+            ". What does the screen of the control show? Pass it on: 'tango commission --said 'ITS TEXT'', or answer at a terminal"
+        )
     text += ". Then commission again: what has passed is not tried twice"
     if alone:
         raise LinkError(text)
-    click.echo(text, err=True)
+    click.echo(whole(text, KEPT), err=True)
 
 
 def _tried(
@@ -372,19 +375,19 @@ def _tried(
             if isinstance(error, Unwanted):  # nobody is there who could be asked
                 raise LinkError(f"{why}; a control that has its program goes on with it: press feed hold, then reset") from None
             if made.only is None:  # else there is no record to wait for
-                click.echo(why, err=True)
+                click.echo(whole(why, KEPT), err=True)
     records: dict[int, tuple[int, dict[str, float]]] = {}
     refused, control, ended, begun, marked = [], "", False, False, False
     seconds: float | None = None
     times: dict[int, float] = {}
     for entry in read_journal(journal)[0]:
-        begun |= isinstance(entry, entries.Begun)
+        begun |= isinstance(entry, entries.StartMark)
         if isinstance(entry, entries.Identity):
             control = entry.text
         if isinstance(entry, entries.End):
             marked = entry.stands
             ended = entry.complete or (made.only is not None and entry.stands)
-        if isinstance(entry, entries.Reading | entries.Doubted):
+        if isinstance(entry, entries.Reading | entries.RefusedRecord):
             found = record_of(entry.record, made)
             if found is not None:
                 records[found[0]] = found[1:]
@@ -416,17 +419,6 @@ def _stopped(once: Any) -> bool | None:
     text = f"{what} Was the program started, and did the control stop it by itself because of the stylus? y yes, n no, ? not seen"
     answer = click.prompt(text, type=click.Choice(["y", "n", "?"]), default="?", show_choices=False, err=True)
     return True if answer == "y" else None
-
-
-def record_of(text: str, made: Plan) -> tuple[int, int, dict[str, float]] | None:
-    """line of a record → touch, flag, {axis: mm or deg}; None for a line that is no record of this plan, or whose sum is wrong."""
-    values = {letter: float(value.replace(" ", "")) for letter, value in WORD.findall(text)}
-    wanted = [*made.machine.linear, *made.machine.rotary]
-    if not {"P", "H", *wanted} <= set(values) or "," in text or values["P"] not in {touch.number for touch in made.touches}:
-        return None
-    if "K" in values and abs(sum(values[name] for name in (*wanted, "S") if name in values) - values["K"]) > SUMS:
-        return None
-    return int(values["P"]), int(values["H"]), {name: values[name] for name in wanted}
 
 
 def _asked(questions: dict[str, dict[str, str]], how: str) -> dict[str, dict[str, bool]]:

@@ -15,10 +15,11 @@ from ..compare import Comparison, compare, latch
 from ..files import read_cell, read_readings
 from ..files.origin import current
 from ..judgement import Judgement
+from ..judging import NoFit, judged
 from ..plausible import ORDER
 from ..records import Cell, Readings
 from ._common import cell_option, json_option, table, write_json
-from ._trust import NoFit, despite_option, judged, members, status, told
+from ._trust import despite_option, members, status, told
 
 PLACE = "Measure 70"  # in the list of commands
 

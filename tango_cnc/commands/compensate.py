@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -21,14 +20,16 @@ from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..files.then import at_that_time
 from ..judgement import Judgement
+from ..judging import judged, made_up
 from ..loaded import BACK, HELPS, IN_CONTROL
 from ..records import Cell, InputError, TangoError
 from ..verify.apart import apart
 from . import _compensate, _program, _scales, _short_check, _sign_trial
 from ._common import Output, cell_option, json_option, write_json
 from ._compensated import recorded
+from ._handed import pasted
 from ._present import contained, ended, present, rows, whose_is
-from ._trust import despite_option, judged, made_up, usable
+from ._trust import despite_option, usable
 
 PLACE = "Act 10"  # in the list of commands
 
@@ -245,7 +246,7 @@ def _next(folder: Path, kept: loop.Kept, proposal: Proposal, *, counted: bool) -
     steps = "\n".join(f"  {line}" for line in lines)
     names = ", ".join(proposal.files)
     after = (
-        f"When it is in the control:\n  tango compensate -C {folder} --written {kept.number}\n{_measure(folder, kept)}"
+        f"When it is in the control:\n  tango compensate -C {pasted(folder)} --written {kept.number}\n{_measure(folder, kept)}"
         if counted
         else "The folder of -o has no number: --written and --measured know only what was proposed without -o"
     )
@@ -263,7 +264,7 @@ def _written(folder: Path, number: int) -> int:
         raise InputError(
             f"--written: found compensation {number} ({kept.record['target']}), and compensation {other.number} "
             f"({other.record['target']}) is in the control: together they would correct the same errors twice; allowed: when "
-            f"{other.number} has been taken out, 'tango compensate -C {folder} --rolled-back {other.number} --reason TEXT' first"
+            f"{other.number} has been taken out, 'tango compensate --rolled-back {other.number} --reason TEXT' first"
         )
     loop.note(folder, kept, _now(), "written")
     recorded(folder)
@@ -276,7 +277,7 @@ def _written(folder: Path, number: int) -> int:
 
 def _again(folder: Path, kept: loop.Kept) -> str:
     """cell, compensation that was taken out → the command that proposes it anew."""
-    return f"'tango compensate -C {shlex.quote(str(folder))} --target {kept.record['target']}' proposes it anew"
+    return f"'tango compensate -C {pasted(folder)} --target {kept.record['target']}' proposes it anew"
 
 
 def _measure(folder: Path, kept: loop.Kept) -> str:
@@ -291,16 +292,16 @@ def _measure(folder: Path, kept: loop.Kept) -> str:
     tcp = any("uncorrected" in v for v in changed)
     alone = tcp and all("uncorrected" in v for v in changed)  # without tool center point control nothing of it is seen
     how = " --tcp" if alone else " --no-tcp" if tcp else ""
-    check, here = folder / loop.FOLDER / f"{loop.CHECK}{kept.number:03d}", f"  tango compensate -C {folder}"
+    check, here = folder / loop.FOLDER / f"{loop.CHECK}{kept.number:03d}", f"  tango compensate -C {pasted(folder)}"
     short = [
         f"{here} --short-check {kept.number}{how if alone else ''}",
-        f"  tango run -C {check}",
+        f"  tango run -C {pasted(check)}",
         f"{here} --measured {kept.number} --readings {check / 'readings.csv'}{how}",
         "or with the whole strategy, which says more:",
     ]
     lines = [
         *(short if "made_from" in kept.record else []),
-        f"  tango run -C {folder} --readings after.csv",
+        f"  tango run -C {pasted(folder)} --readings after.csv",
         f"{here} --measured {kept.number} --readings after.csv{how}",
         *(["(--tcp in place of --no-tcp where tool center point control was on in that run)"] if tcp and not alone else []),
         *(
@@ -325,7 +326,7 @@ def _rolled_back(folder: Path, number: int, reason: str | None) -> int:
         raise InputError(
             f"--rolled-back: found compensation {number}, and compensation {last.number} was written after it: undo/ of "
             f"{last.number} holds what {number} had written; allowed: load undo/ of {last.number} and note it first, 'tango "
-            f"compensate -C {folder} --rolled-back {last.number} --reason TEXT'"
+            f"compensate -C {pasted(folder)} --rolled-back {last.number} --reason TEXT'"
         )
     loop.note(folder, kept, _now(), "rolled back", text=reason)
     recorded(folder)
@@ -353,7 +354,7 @@ def _measured(cell: Cell, options: dict[str, Any]) -> int:
     if file is None:
         raise InputError(
             "--readings: found none; allowed: readings that were made with the compensation in the control "
-            f"('tango run -C {cell.folder} --readings after.csv' makes them)"
+            f"('tango run -C {pasted(cell.folder)} --readings after.csv' makes them)"
         )
     if file.exists() and (why := loop.older(kept.record, rows(file), ended(file))):
         raise InputError(f"--readings: found {file}: {why}; allowed: readings made with the compensation in the control")

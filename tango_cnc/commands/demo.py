@@ -19,6 +19,7 @@ from ..files import read_world
 from ..records import LinkError, World
 from ..report.units import shown
 from ._common import table
+from ._handed import pasted
 
 PLACE = "Begin 10"  # in the list of commands
 
@@ -41,14 +42,14 @@ def command(context: click.Context, out: Path | None, speed: float) -> int:
     folder = out or next(f for i in count(1) if not (f := Path("demo") / str(i)).exists())
     _says(f"init {folder}")
     context.invoke(init.command, folder=folder)
-    _says(f"check -C {folder}")
+    _says(f"check -C {pasted(folder)}")
     context.invoke(check.command, folder=folder)
-    _says(f"plan -C {folder}")
+    _says(f"plan -C {pasted(folder)}")
     context.invoke(plan.command, folder=folder)
     with _controller(folder, speed) as port:
-        _says(f"run -C {folder} --port {port} --simulated --yes")
+        _says(f"run -C {pasted(folder)} --port {port} --simulated --yes")
         context.invoke(run.command, folder=folder, port=port, simulated=True, yes=True)
-    _says(f"estimate -C {folder} --json {folder / 'estimate.json'}")
+    _says(f"estimate -C {pasted(folder)} --json {pasted(folder / 'estimate.json')}")
     status = context.invoke(estimate.command, folder=folder, json_file=str(folder / "estimate.json"))
     text, worst = _against(json.loads((folder / "estimate.json").read_text(encoding="utf-8")), read_world(folder / "world.yaml"))
     click.echo(text)

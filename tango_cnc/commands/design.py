@@ -19,13 +19,15 @@ from ..files.normals import refuse_inward
 from ..files.origin import look_up, made_utc, other_machine
 from ..identify import SUBSETS
 from ..judgement import Judgement
+from ..judging import judged, traced
 from ..plan import last_motion, plan
 from ..records import Cell, InputError, Readings, TangoError
 from ..touches import Touches, of_facets
-from ._common import Output, cell_option, dialect, json_option, typed, write_json
+from ._common import Output, cell_option, dialect, json_option, write_json
+from ._handed import typed
 from ._progress import Progress
 from ._stylus import bought
-from ._trust import despite_option, judged, status, traced, usable
+from ._trust import despite_option, status, usable
 from ._trust import told as doubts
 from .check import positioning_feed
 
@@ -41,10 +43,6 @@ class Finite(click.FloatRange):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """text → number. Raises click.BadParameter for one that is none, or outside."""
-        try:
-            value = float(value)
-        except ValueError:
-            self.fail(f"{value!r} is not a number.", param, ctx)
         found = super().convert(value, param, ctx)
         if not math.isfinite(found):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)

@@ -21,12 +21,13 @@ from ..files import read_cell, read_readings, read_terms, world_text, write_text
 from ..files.checked import suggestion
 from ..files.learned import FOLDER, learned, learned_text
 from ..files.origin import current
+from ..judging import judged
 from ..records import InputError, Readings
 from ..report.pictures import needed
 from ..terms import causes
 from ._common import Output, ahead, cell_option, json_option, write_json
 from ._progress import Progress
-from ._trust import despite_option, judged, members, status, told
+from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 30"  # in the list of commands
 

@@ -21,6 +21,7 @@ from ..identify import never_seen, summary
 from ..iso230.also import said_also
 from ..iso230.signed import withheld_and_also
 from ..judgement import Judgement
+from ..judging import NoFit, judged
 from ..plausible import worst
 from ..plausible.data import listed
 from ..records import Cell, InputError, Parameter, Readings, TangoError, TermItem
@@ -30,7 +31,7 @@ from ..segments import offsets
 from ..verify import held_out
 from . import _scales
 from ._common import ahead, cell_option, json_option, table, write_json
-from ._trust import NoFit, despite_option, judged, members, status, told
+from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 10"  # in the list of commands
 LEFT_OUT = ("single_touches", "copied_positions")  # mistakes that --exclude-outliers mends where there is no fit

@@ -10,6 +10,7 @@ import click
 import tango_cnc
 
 from ..records import InputError
+from ._handed import pasted
 
 PLACE = "Begin 20"  # in the list of commands
 
@@ -37,7 +38,7 @@ def command(folder: Path, example: str) -> None:
     """Writes a working example cell into the new folder DIR."""
     write_example(folder, example)
     click.echo(f"{folder} holds the example cell {example!r}: {', '.join(sorted(f.name for f in folder.iterdir()))}")
-    click.echo(f"Next: tango check -C {folder}")
+    click.echo(f"Next: tango check -C {pasted(folder)}")
 
 
 def _list(context: click.Context, wanted: bool) -> None:

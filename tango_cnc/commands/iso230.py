@@ -15,10 +15,11 @@ from ..files.origin import current
 from ..iso230.seen import WORTH
 from ..iso230.signed import Sheet, signed
 from ..iso230.temperature import ASSUMED, Known, Thermal, read_thermal, scale, state_of
+from ..judging import judged
 from ..texts import say
 from ._budget import absent, budget_of
 from ._common import ahead, cell_option, json_option, table, write_json
-from ._trust import despite_option, judged, members, status, told
+from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 50"  # in the list of commands
 

@@ -40,7 +40,7 @@ def list_(folder: Path, json_file: str | None) -> None:
     if write_json(json_file, {"format": "tango-journals/1", "journals": rows}):
         return
     zone = datetime.now().astimezone().strftime("%Z")
-    shown = [["journal", f"begun ({zone})", "segments", "ok", "miss", "early", "end", "state"]]
+    shown = [["journal", f"begun ({zone})", "programs", "ok", "miss", "early", "end", "state"]]
     for row in rows:
         moment = ended_at(row["begun_utc"])
         begun = "" if moment is None else moment.astimezone().strftime("%Y-%m-%d %H:%M")
@@ -86,7 +86,7 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
 
     Exit status 1: the journal is damaged or was changed; what is wrong is said as 'tango journal verify' says it.
     """
-    from ..link.entries import Segment
+    from ..link.entries import ProgramSent
     from ..link.journal import look_at, salvaged
     from ..link.readings import readings_of
     from ..plan import by_stylus, plan, plan_hash
@@ -97,7 +97,7 @@ def salvage(folder: Path, file: Path | None, obstructed: str | None, out: Path |
         raise InputError(f"--out: found {target}, which is there already; allowed: a new file. Readings are never overwritten")
     found = look_at(file)
     entries, left_out = salvaged(found)
-    hashes = {entry.plan_hash for entry in entries if isinstance(entry, Segment)}
+    hashes = {entry.plan_hash for entry in entries if isinstance(entry, ProgramSent)}
     plans = [plan(part, obstructed) for part in by_stylus(read_cell(folder))]
     made = next((one for one in plans if plan_hash(one) in hashes), plans[0])
     ours = plan_hash(made)
@@ -143,7 +143,7 @@ def _complaints(file: Path, found: Found) -> list[str]:
 
 def _row(file: Path) -> dict[str, Any]:
     """journal → what a list says of it."""
-    from ..link.entries import End, Reading, Segment
+    from ..link.entries import End, ProgramSent, Reading
     from ..link.journal import look_at
 
     try:
@@ -152,12 +152,12 @@ def _row(file: Path) -> dict[str, Any]:
         return _counted(file.name, [], None, str(error))
     entries = [line.entry for line in found.lines if line.entry is not None]
     statuses = [entry.status for entry in entries if isinstance(entry, Reading)]
-    segments = [entry for entry in entries if isinstance(entry, Segment)]
-    last = next((entry for entry in reversed(entries) if isinstance(entry, End | Segment)), None)
+    sent = [entry for entry in entries if isinstance(entry, ProgramSent)]
+    last = next((entry for entry in reversed(entries) if isinstance(entry, End | ProgramSent)), None)
     end = "none" if not isinstance(last, End) else "complete" if last.complete else last.why
     return {
-        **_counted(file.name, statuses, segments[0].utc if segments else None, _state(found)),
-        "segments": len(segments),
+        **_counted(file.name, statuses, sent[0].utc if sent else None, _state(found)),
+        "segments": len(sent),
         "end": end,
     }
 

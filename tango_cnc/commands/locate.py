@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from ..astray import AGREES
+from ..astray import AGREES, FILE
 from ..files import artefact_text, read_cell, read_readings, write_text
 from ..files.origin import set_aside
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, NothingSentError
-from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, typed, writing
+from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
+from ._handed import Kept, hands, whole
 from ._live import Live
 from ._start import in_spindle
 from ._written import conducted, written
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 PLACE = "Measure 40"  # in the list of commands
 FAILED = 1  # exit status: the touches were made, and do not say where the table stands
+KEPT = Kept(("port", "within", "stated", "length", "out"), {"file": ("port",)})
 FOLDER = "locate"  # of the cell: program, readings and the artefact in its place
 
 
@@ -65,6 +66,7 @@ FOLDER = "locate"  # of the cell: program, readings and the artefact in its plac
 @click.option("--yes", is_flag=True, help="Do not ask before the machine moves.")
 @click.option("-o", "--out", type=Output(), metavar="FILE", help="The artefact in its place; default: locate/artefact.yaml.")
 @json_option
+@hands(KEPT)
 def command(
     folder: Path,
     port: str | None,
@@ -103,12 +105,12 @@ def command(
         if any(option.name == "misses" for option in post.options):
             options["misses"] = enough  # by then too few are left to place the table, and a probe that has died presses on
         programs = written(cell, folder / FOLDER / "program", post, made, options)
-        notice = _notice(made, within, stated)
+        notice = whole(_notice(made, within, stated), KEPT)
         if only_program:
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
-            then = f'{typed("only_program", "port", "yes")} --port "file:///FOLDER/TANGO.TXT?from=last" --yes'
+            then = whole("'tango locate --port 'file:///FOLDER/TANGO.TXT?from=last' --yes'", KEPT)
             click.echo(
-                f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then '{then}' makes readings of "
+                f"{programs[0].file}: run it ({lasts}), so that the control prints into a file. Then {then} makes readings of "
                 "that file and says where the table stands"
             )
             click.echo(f"before it: {notice}")
@@ -132,7 +134,8 @@ def command(
         placed = _by_length(made, readings, found, length is not None)
     except InputError as error:
         click.echo("" if post is None else "\n", nl=False, err=True)  # below the bar of the touches
-        click.echo(f"tango: {_as_typed(str(error), file or target)}{_before(where, before)}", err=True)
+        said = whole(str(error).rstrip("."), KEPT, FILE=file or target)
+        click.echo(f"tango: {said}{_before(where, before)}", err=True)
         raise click.exceptions.Exit(FAILED) from None
     spared("-o", where, folder)
     write_text(where, artefact_text(found.artefact))
@@ -163,17 +166,6 @@ def command(
     _told(found, result, agrees, known[1], other)
 
 
-def _as_typed(said: str, file: Path) -> str:
-    """why a table is not placed, file of the readings → the same with the commands in it as they are typed: what was stated
-    already is stated again, but for what they state anew.
-    """
-    from .. import locate
-
-    anew = [name for name, option in (("stated", "--agrees"), ("length", "--length")) if f" {option} " in said]
-    again = f"{typed('only_program', 'port', 'yes', 'file', *anew)} --readings {quote(str(file))}"
-    return said.rstrip(".").replace(f"tango locate --readings {locate.FILE}", again)
-
-
 def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
     """plan of the cycle, its readings, where the table stands, whether somebody has measured the probe → what a stylus of
     another length explains as well. Raises InputError where that is more than a short search finds, and nobody has measured.
@@ -187,7 +179,7 @@ def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -
         length = made.machine.probe.length
         raise InputError(
             f"the touches agree, and yet {other.text(length)}. Measure the probe in the spindle, {probe_length.WORDS}. If it is "
-            f"{length:g} mm, 'tango locate --readings {locate.FILE} --length {length:g}' places the table from these same touches; "
+            f"{length:g} mm, 'tango locate --readings {FILE} --length {length:g}' places the table from these same touches; "
             "nothing moves. If it is not, correct machine.yaml (probe: length) and read the same touches again"
         )
     return other

@@ -19,7 +19,7 @@ from ..files.plan import Content, plan_lines, write_together
 from ..files.targets import same, spared, writable
 from ..link.lock import holding
 from ..records import Cell, InputError, Plan
-from . import _trusted
+from . import _handed, _trusted
 from ._common import Output, ahead, cell_option, json_option, json_text, writing
 from ._common import dialect as dialect_of
 from ._plan import as_json, as_text, dry, obstructed_option, warnings
@@ -97,7 +97,7 @@ def command(
         cell = replace(cell, artefact=artefact, strategy=strategy)
     made = planner.plan(cell, obstructed)
     for text in (*warnings(made), *(left(whole, cell, "tango plan") if capability is None else ())):
-        click.echo(text, err=True)
+        click.echo(_handed.whole(text), err=True)
     beside = {} if picture is None else {"--picture": (picture, _drawn(made, picture, indexation))}
     if dry_run:
         shown = _parts(chosen, made, most, folder)

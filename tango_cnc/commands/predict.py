@@ -11,6 +11,7 @@ import numpy as np
 from ..acceptance.further import decided
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..judging import judged, made_up
 from ..nc import features, predict
 from ..records import InputError, TangoError
 from ..report import pictures
@@ -18,7 +19,7 @@ from ..verify.apart import apart
 from . import _possible, _program, _scales, _test
 from ._common import Output, ahead, cell_option, json_option, table, write_json
 from ._larger import larger
-from ._trust import despite_option, judged, made_up, usable
+from ._trust import despite_option, usable
 
 SIMULATED = "PREDICTED FROM SIMULATED READINGS: it says nothing of a machine"
 WITHHELD = "what would decide more: tango iso230; --fitted shows the fitted terms alone, as if there were no other error motion"

@@ -22,6 +22,7 @@ from ..files.readjson import read_json
 from ..files.targets import KEPT, sources
 from ..iso230.signed import Sheet, signed
 from ..judgement import Judgement
+from ..judging import NoFit, judged, left_out
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
@@ -38,8 +39,9 @@ from ..texts import Said, joined
 from ..uncertainty.inputs import read_budget
 from ._budget import budget_of
 from ._common import Output, cell_option, json_option, write_json
+from ._handed import pasted
 from ._progress import said
-from ._trust import NoFit, despite_option, judged, left_out, members, status, told
+from ._trust import despite_option, members, status, told
 from .iso230 import at_20
 
 if TYPE_CHECKING:
@@ -104,7 +106,7 @@ def command(
     """
     if output is not None and output.suffix.lower() == ".pdf":
         raise InputError(
-            f"--output: found {output}; this is the page in HTML. 'tango report --pdf {output}' writes the PDF beside it"
+            f"--output: found {output}; this is the page in HTML. 'tango report --pdf {pasted(output)}' writes the PDF beside it"
         )
     if pdf_file is not None and not pdf.available():
         raise InputError("--pdf: typst is not installed; pip install 'tango-cnc[pdf]'")

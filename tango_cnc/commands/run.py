@@ -19,10 +19,11 @@ from ..files.normals import refuse_inward
 from ..files.targets import spared
 from ..records import Cell, InputError, LinkError, Plan
 from ._common import Output, address_of, ahead, attended, cell_option, controller_of, start_patience, writing
+from ._handed import Kept, hands, whole
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, gate_of, obeys, unattended, unproven_of
+from ._start import ask, gate_of, misses_of, obeys, tries_of, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 PLACE = "Measure 50"  # in the list of commands
 
+KEPT = Kept(("port", "most", "timeout", "simulated", "obstructed", "stylus", "until", "readings_file"))
 PAUSE = 0.3  # s between two looks at the journal of another program
 
 
@@ -80,6 +82,7 @@ PAUSE = 0.3  # s between two looks at the journal of another program
     metavar="FILE",
     help="One JSON object a line while it runs, the last one the result; - for stdout.",
 )
+@hands(KEPT)
 def command(
     folder: Path,
     program_file: Path | None,
@@ -111,14 +114,14 @@ def command(
         _watched(target, json_file)
         return
     spared("--readings", target, folder, replaces="readings.csv")
-    whole = read_cell(folder)
-    refuse_inward(whole)
-    cell = cell_of_stylus(whole, stylus)
+    whole_cell = read_cell(folder)
+    refuse_inward(whole_cell)
+    cell = cell_of_stylus(whole_cell, stylus)
     target = readings_file or of_stylus(folder / "readings.csv", cell.machine.stylus)
     controller_of(cell)
     address, post = address_of(cell, port), writing(cell)
     protocol_of(address, post.link)  # a mistyped port is said before a minute of planning
-    _checked(whole, resume, program_file, most, until, obstructed)
+    _checked(whole_cell, resume, program_file, most, until, obstructed)
     goal = None if until is None else wanted_by(cell, until)
     if goal is not None:
         cell = goal.cell
@@ -133,9 +136,9 @@ def command(
     how = resuming(until, obstructed, stylus, readings_file)
     job = _Job(cell, post, made, address, target, program_file, most, resume, timeout, simulated, how, someone, yes)
     _driven(job, folder, goal, transcript, json_file)
-    others = left(whole, cell, "tango run")
+    others = left(whole_cell, cell, "tango run")
     for text in others:
-        said(text)
+        said(whole(text, KEPT))
     if json_file != "-" and readings_file is None and not others:
         ahead(folder, "estimate")
 
@@ -174,7 +177,7 @@ class _Job:
         if self.someone and not self.yes:
             cell, post = self.cell, self.post
             doubts, gate, own = unproven_of(cell, post), gate_of(cell, post), obeys(cell, post)
-            ask(program.plan, shown(self.address), positioning_feed(cell), doubts, gate, own)
+            ask(program.plan, shown(self.address), positioning_feed(cell), doubts, gate, own, tries_of(cell, post))
 
 
 def _watched(target: Path, json_file: str | None) -> None:
@@ -227,7 +230,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
     with holding(folder, "tango run"), elsewhere, Live(json_file) as live, _transcript(transcript) as heard:
         if not job.resume and journal.exists() and not target.exists():  # while another run is at work, nobody gets here
             kept = f"{journal.name} is of a run that was broken off. It is kept under its date, and this run begins anew"
-            said(f"{kept}; {broken_off(journal)}")
+            said(f"{kept}; {whole(broken_off(journal), KEPT)}")
         wanted = Wanted(
             job.address,
             job.post.link,
@@ -237,6 +240,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
             job.timeout,
             start_patience(job.someone),
             heard,
+            misses=misses_of(job.cell, job.post),
             simulated=job.simulated,
             how=job.how,
             feed=positioning_feed(job.cell),

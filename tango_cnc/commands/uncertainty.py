@@ -16,19 +16,20 @@ from ..estimate import Estimate
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
 from ..judgement import Judgement
+from ..judging import judged
 from ..plausible import ORDER
 from ..plausible.bounds import alone, is_backlash
 from ..records import Cell, InputError
 from ..terms import SCALES, Coefficient
 from ..uncertainty import analysis
 from ..uncertainty.fleet import cluster
-from ..uncertainty.inputs import Line, read_budget
+from ..uncertainty.inputs import BudgetLine, read_budget
 from ..uncertainty.repetitions import NAMES
 from ..uncertainty.scatter import LABEL, reached
 from . import _uncertainty as report
 from ._common import ahead, cell_option, json_option, write_json
 from ._runs import judged_apart
-from ._trust import despite_option, judged, members, status, told
+from ._trust import despite_option, members, status, told
 
 PLACE = "Understand 20"  # in the list of commands
 CONTRADICTED = 1.5  # times what the budget allows for that a touch may scatter before the result is doubtful
@@ -249,7 +250,7 @@ def _compare(
     runs: tuple[str, ...],
     items: Any,
     degree: int,
-    lines: tuple[Line, ...] | None,
+    lines: tuple[BudgetLine, ...] | None,
     json_file: str | None,
     despite: bool,
 ) -> int:

@@ -9,10 +9,11 @@ import click
 
 from ..files import read_cell, read_readings, read_terms
 from ..files.origin import current
+from ..judging import judged
 from ..records import InputError
 from ..report import pictures
 from ._common import Output, ahead, cell_option, json_option
-from ._trust import despite_option, judged, status
+from ._trust import despite_option, status
 from ._verify import Options, Verification, write_sphere
 
 PLACE = "Understand 40"  # in the list of commands

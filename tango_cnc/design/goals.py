@@ -51,8 +51,9 @@ def read(text: str, option: str = "--goal", words: Sequence[str] = WORDS) -> Goa
         except ValueError:
             equals = ""
         if not equals or not 0 < limits[name.strip()] < math.inf:
+            whole = part if equals or not part.strip().isdecimal() else text  # 1,5: the comma of a number
             raise InputError(
-                f"{option}: found {part!r}; allowed: {', '.join(words)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
+                f"{option}: found {whole!r}; allowed: {', '.join(words)}, or limits of standard deviations such as EX0C=1,EA0C=5 "
                 f"(µm, µrad, µm/m; above 0){suggestion(name.strip(), words)}"
             )
     return Goal("", limits)

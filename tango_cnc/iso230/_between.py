@@ -7,12 +7,12 @@ import numpy as np
 from ..records import Array, Axis, Machine
 from ..texts import joined, say
 from ._figure import Figure, Tell
-from ._line import Line, reference
+from ._line import AxisLine, reference
 
 PARALLEL = 1e-6
 
 
-def between(machine: Machine, lines: dict[str, Line], tell: Tell) -> list[Figure]:
+def between(machine: Machine, lines: dict[str, AxisLine], tell: Tell) -> list[Figure]:
     """Directions (3, p) and places (3, p) of the reference lines → squareness, parallelism, angle, offset."""
     directions, places = {}, {}
     for branch in (machine.workpiece_branch, machine.tool_branch):

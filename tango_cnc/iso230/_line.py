@@ -18,7 +18,7 @@ POINTS = 201
 
 
 @dataclass(frozen=True)
-class Line:
+class AxisLine:
     """One axis moved alone: regressors along it, (m, p), for each of its six components; those where it rests, (6, p)."""
 
     axis: Axis
@@ -32,7 +32,7 @@ class Line:
     reversal: Array  # (p,) what the last motion adds to the positioning error
 
 
-def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], low: float, high: float) -> Line:
+def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], low: float, high: float) -> AxisLine:
     """machine, axis, coefficients, range (mm or rad) → that axis moved alone through it."""
     command = np.linspace(low, high, POINTS)
     rest = (low + high) / 2 if axis.kind == "linear" and not low <= 0 <= high else 0.0
@@ -56,16 +56,16 @@ def line_of(machine: Machine, axis: Axis, coefficients: Sequence[Coefficient], l
         at_rest[component, j] = value[-1]
         if c.slot.stage == "motion":
             reversal[j] = (c.regressor(forward) - value)[0]
-    return Line(axis, np.eye(3) if frame is None else frame, base, sense, command, along, at_rest, inter, reversal)
+    return AxisLine(axis, np.eye(3) if frame is None else frame, base, sense, command, along, at_rest, inter, reversal)
 
 
-def range_of(line: Line) -> tuple[float, float]:
+def range_of(line: AxisLine) -> tuple[float, float]:
     """axis → its range in mm or degrees."""
     scale = 1.0 if line.axis.kind == "linear" else 180 / np.pi
     return float(line.command[0] * scale), float(line.command[-1] * scale)
 
 
-def straight(line: Line, curve: Array) -> tuple[Array, Array]:
+def straight(line: AxisLine, curve: Array) -> tuple[Array, Array]:
     """(m, p) → slope (p,) of the least-squares line, deviations from it (m, p)."""
     matrix = np.column_stack([np.ones(POINTS), line.command])
     fit = np.linalg.lstsq(matrix, curve, rcond=None)[0]
@@ -83,7 +83,7 @@ class Motion(NamedTuple):
     curve: Array  # (m, p)
 
 
-def motions(line: Line) -> list[Motion]:
+def motions(line: AxisLine) -> list[Motion]:
     """→ the error motions of an axis, positioning first."""
     name, found = line.axis.name, []
     linear = line.axis.kind == "linear"
@@ -124,7 +124,7 @@ def motions(line: Line) -> list[Motion]:
     return found
 
 
-def turned(line: Line, curves: tuple[Array, Array]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def turned(line: AxisLine, curves: tuple[Array, Array]) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """two components across a rotary axis, body frame → (offset of the mean axis, error motion) along both fixed directions.
 
     In the fixed frame d(θ) = R(θ) · components = a + R(θ) b + rest: a places the axis average line, b is how the table sits
@@ -140,12 +140,12 @@ def turned(line: Line, curves: tuple[Array, Array]) -> tuple[tuple[Array, Array]
     return (fit[0], fit[1]), (rest[:POINTS], rest[POINTS:])
 
 
-def across(line: Line) -> tuple[int, int]:
+def across(line: AxisLine) -> tuple[int, int]:
     """axis → the two base vectors across it."""
     return (line.base + 1) % 3, (line.base + 2) % 3
 
 
-def reference(line: Line) -> tuple[Array, Array]:
+def reference(line: AxisLine) -> tuple[Array, Array]:
     """→ (3, p) rad, turn of the reference line, and (3, p) mm, its displacement; machine frame."""
     p = line.inter.shape[1]
     bend, off = np.zeros((3, p)), np.zeros((3, p))

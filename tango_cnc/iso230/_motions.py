@@ -7,10 +7,10 @@ import numpy as np
 from ..records import Array
 from ..texts import say
 from ._figure import Figure, Tell
-from ._line import Line, motions, range_of, straight
+from ._line import AxisLine, motions, range_of, straight
 
 
-def positioning(line: Line, tell: Tell) -> list[Figure]:
+def positioning(line: AxisLine, tell: Tell) -> list[Figure]:
     """axis → its positioning figures: mean bidirectional range M, gain, reversal value B, systematic deviation E."""
     name, unit = f"E{line.axis.name}{line.axis.name}", "µm" if line.axis.kind == "linear" else "µrad"
     factor = 1e3 if unit == "µm" else 1e6
@@ -34,7 +34,7 @@ def positioning(line: Line, tell: Tell) -> list[Figure]:
     return found
 
 
-def motion_figures(line: Line, tell: Tell) -> list[Figure]:
+def motion_figures(line: AxisLine, tell: Tell) -> list[Figure]:
     """axis → figures of all its error motions."""
     found = positioning(line, tell)
     for motion in motions(line):

@@ -16,7 +16,7 @@ import numpy as np
 from ..records import COMPONENTS, Array, Machine
 from ..terms import Coefficient
 from ..texts import say
-from ._line import Line, Motion, across, line_of, motions
+from ._line import AxisLine, Motion, across, line_of, motions
 from .trajectory import Reference, Trajectory, relative, trajectory
 
 PERPENDICULAR = 1e-6
@@ -74,7 +74,7 @@ def asked(
     return found
 
 
-def _total(name: str, line: Line, moves: Mapping[str, Motion], over: tuple[float, float]) -> list[Ask]:
+def _total(name: str, line: AxisLine, moves: Mapping[str, Motion], over: tuple[float, float]) -> list[Ask]:
     """Radial and tilt error motion in the rotating sensitive direction: what a tool or feature that turns with the axis sees."""
     j, k = across(line)
     angle = (line.sense * line.command)[::3, None]

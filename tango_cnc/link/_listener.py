@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ._punched import CODES
-from .client import Client, Ended, Event, Failed, Refused, Task, Touched
+from .client import Asked, Client, Ended, Event, Failed, Refused, Task, Touched
 from .words import SUM
 
 
@@ -18,6 +18,8 @@ class Listener(Client):
         self._letters = (*task.letters, SUM) if task.summed else task.letters
         self._begun = self._over = False
         self._position = 0  # of the next touch in task.numbers
+        self._told = -1  # position for which a late record was noticed
+        self._missed = 0  # touches in a row, up to the last record, that met nothing
         self._silence = 0.0
         self._line = bytearray()
 
@@ -44,6 +46,7 @@ class Listener(Client):
             return self._fail(f"a record came before the start mark: {text!r}. Was another program running?")
         if isinstance(event, Touched) and event.number in self._task.numbers:
             self._position = max(self._position, self._task.numbers.index(event.number) + 1)
+            self._missed = 0 if event.flag else self._missed + 1
         if isinstance(event, Ended):
             if event.mark not in ("", self._task.mark):
                 return [Refused(f"the end mark of another program, {event.mark}; this one is {self._task.mark}", text)]
@@ -57,6 +60,33 @@ class Listener(Client):
         self._silence += seconds
         allowed = self._task.patience[self._position] if self._begun else self._task.start_patience
         return allowed if self._silence > allowed else None
+
+    @property
+    def _ended(self) -> str:
+        """→ why the program may have ended by itself: a sentence without its end. '' where the records do not say so.
+
+        The touch after which it ends is not on record: the alarm comes first.
+        """
+        row = self._task.misses - 1
+        if not 0 < row <= self._missed or self._position >= len(self._task.numbers):
+            return ""
+        names = ", ".join(touch.facet for touch in self._task.plan.touches[self._position - row : self._position])
+        last = f"touch (facet {names})" if row == 1 else f"{row} touches (facets {names})"
+        return (
+            f"the last {last} met nothing. After {self._task.misses} in a row that meet nothing the program ends with the alarm "
+            "NO CONTACT, and sends no more"
+        )
+
+    def _noticed(self) -> list[Event]:
+        """→ what the person is told as soon as a record is late behind touches that met nothing, once for each."""
+        if self._told == self._position or not self._begun or self._position >= len(self._task.due):
+            return []
+        if self._silence <= self._task.due[self._position] or not (why := self._ended):
+            return []
+        self._told = self._position
+        return [
+            Asked(f"{why}. Nothing has come for {self._silence:.0f} s: does the control show that alarm? Then press Ctrl-C here")
+        ]
 
     def _fail(self, why: str, wrong: bool = False) -> list[Event]:
         self._over = True

@@ -39,7 +39,8 @@ class Task:
     quiet: float = 0.0  # s of silence before anything is sent: the control may still execute the program of before
     nonce: int = 1  # of 31 bits, which no other run has, where commands of two programs have to be distinguished
     summed: bool = True  # whether every record ends with K, the sum of its coordinates
-    misses: int = 3  # touches in a row without contact after which a driver that counts them stops: a dead probe guards nothing
+    misses: int = 3  # touches in a row without contact after which driver or program stop: a dead probe guards nothing
+    due: tuple[float, ...] = ()  # s of silence before each touch by which its record should have come
     run: Plan | None = None  # the plan of all programs of the run; None when this is the only one
 
     @cached_property

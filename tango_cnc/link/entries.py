@@ -1,4 +1,8 @@
-"""What a journal says: one frozen record a kind of entry, and plain data ↔ records, shape and values looked at."""
+"""What a journal says: one frozen record a kind of entry, and plain data ↔ records, shape and values looked at.
+
+An event of a client is said in the past, and the entry that a session makes of it is its noun: Identified → Identity, Begun →
+StartMark, Touched → Reading, Refused → RefusedRecord, Ended → End. `kind` is what the file calls it, and older journals too.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +27,7 @@ class Opened:
 
 
 @dataclass(frozen=True)
-class Segment:
+class ProgramSent:
     """A program goes out; `part` is (which, of how many) programs of the plan."""
 
     kind: ClassVar[str] = "segment"
@@ -39,7 +43,7 @@ class Segment:
     expected_s: float | None = None  # s that its touches take by the plan
 
 
-def by_no_machine(entry: Segment) -> bool:
+def by_no_machine(entry: ProgramSent) -> bool:
     """segment of a run → whether a simulated control was to make its touches (`tango run --simulated`)."""
     return entry.controller.get("simulated") == "yes"
 
@@ -53,7 +57,7 @@ class Identity:
 
 
 @dataclass(frozen=True)
-class Begun:
+class StartMark:
     """The start mark came. `clock_s` is the computer's clock that nobody sets, which counts from its start `boot`."""
 
     kind: ClassVar[str] = "begun"
@@ -92,7 +96,7 @@ class Again:
 
 
 @dataclass(frozen=True)
-class Doubted:
+class RefusedRecord:
     """A record that was not believed, and why."""
 
     kind: ClassVar[str] = "refused"
@@ -112,7 +116,7 @@ class End:
     stands: bool = False
 
 
-Entry = Opened | Segment | Identity | Begun | Reading | Again | Doubted | End
+Entry = Opened | ProgramSent | Identity | StartMark | Reading | Again | RefusedRecord | End
 KINDS: Mapping[str, type[Entry]] = {kind.kind: kind for kind in get_args(Entry)}
 HINTS = {kind: get_type_hints(kind) for kind in get_args(Entry)}
 
@@ -172,15 +176,15 @@ def _judged(entry: Entry) -> None:
             raise ValueError(f"direction: found {list(entry.direction)!r:.60}; allowed: -1, 0 or 1 for each axis of position")
     if isinstance(entry, Reading | Again) and entry.touch < 1:
         raise ValueError(f"touch: found {entry.touch}; allowed: 1 and more")
-    if isinstance(entry, Segment | Begun | End) and not UTC.fullmatch(entry.utc):
+    if isinstance(entry, ProgramSent | StartMark | End) and not UTC.fullmatch(entry.utc):
         raise ValueError(f"utc: found {entry.utc!r:.60}; allowed: a time such as 2026-05-01T06:00:00.000+00:00")
-    if isinstance(entry, Segment) and not (len(entry.part) == 2 and 1 <= entry.part[0] <= entry.part[1]):
+    if isinstance(entry, ProgramSent) and not (len(entry.part) == 2 and 1 <= entry.part[0] <= entry.part[1]):
         raise ValueError(f"part: found {list(entry.part)!r:.60}; allowed: [which, of how many]")
-    if isinstance(entry, Segment) and not (entry.how.startswith("--resume") and entry.how.isprintable()):
+    if isinstance(entry, ProgramSent) and not (entry.how.startswith("--resume") and entry.how.isprintable()):
         raise ValueError(f"how: found {entry.how!r:.60}; allowed: --resume and what else 'tango run' has to state")
-    if isinstance(entry, Segment) and (entry.expected_s or 0.0) < 0:
+    if isinstance(entry, ProgramSent) and (entry.expected_s or 0.0) < 0:
         raise ValueError(f"expected_s: found {entry.expected_s}; allowed: 0 and more")
-    if isinstance(entry, Segment) and {"post", "port"} - set(entry.controller):
+    if isinstance(entry, ProgramSent) and {"post", "port"} - set(entry.controller):
         raise ValueError("controller: post or port is missing")
-    if isinstance(entry, Begun | Reading | Again | Doubted) and entry.time_s < 0:
+    if isinstance(entry, StartMark | Reading | Again | RefusedRecord) and entry.time_s < 0:
         raise ValueError(f"time_s: found {entry.time_s}; allowed: 0 and more")

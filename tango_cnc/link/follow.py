@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..records import InputError
-from .entries import Doubted, End, Reading, Segment
+from .entries import End, ProgramSent, Reading, RefusedRecord
 from .journal import read_journal
 from .session import News, news_of
 
@@ -24,12 +24,12 @@ def follow(file: Path, watch: Callable[[News], None], pause: Callable[[], None])
     while ended is None:
         entries, _ = read_journal(file)
         for entry in entries[shown:]:
-            if isinstance(entry, Segment):
+            if isinstance(entry, ProgramSent):
                 total, ended, part = max(total, done + len(entry.touches)), None, entry.part
             elif isinstance(entry, Reading):
                 done += 1
                 watch(news_of(entry, done, total))
-            elif isinstance(entry, Doubted):
+            elif isinstance(entry, RefusedRecord):
                 watch(News(done, total, entry.time_s, None, f"not believed: {entry.record!r}: {entry.why}"))
             elif isinstance(entry, End):
                 more = entry.complete and part[0] < part[1]

@@ -35,7 +35,7 @@ HASH = 32  # hexadecimal digits of SHA-256
 
 
 @dataclass(frozen=True)
-class Line:
+class JournalLine:
     """One line of a journal: its entry, its number in the file, and what is wrong with it, '' for nothing."""
 
     number: int
@@ -51,12 +51,12 @@ class Line:
 class Found:
     """A journal as it is on disk; `unfinished`: bytes of a last line that was never finished."""
 
-    lines: tuple[Line, ...]
+    lines: tuple[JournalLine, ...]
     unfinished: int
     returns: bool = False  # whether another program has ended its lines with CR LF; they are read all the same
 
     @property
-    def wrong(self) -> Line | None:
+    def wrong(self) -> JournalLine | None:
         """→ the first line that is damaged or was changed."""
         return next((line for line in self.lines if line.wrong), None)
 
@@ -112,7 +112,7 @@ def look_at(file: Path) -> Found:
 def _looked_at(data: bytes, known: ReadSoFar) -> Found:
     """bytes of a journal, what was read before them → every line of these bytes."""
     *lines, rest = data.split(b"\n")
-    found: list[Line] = []
+    found: list[JournalLine] = []
     before, due, chained = known.digest, len(known.entries), known.chained
     for number, line in enumerate(lines, due + 1):
         n, entry, digest, wrong, was = None, None, digest_of(line), "", None
@@ -129,7 +129,7 @@ def _looked_at(data: bytes, known: ReadSoFar) -> Found:
                     wrong = f"the hash of line {number - 1} is another one here: that line, or this one, was changed afterwards"
         except ValueError as error:
             wrong = str(error)
-        found.append(Line(number, entry, wrong, digest, len(line) + 1, chained, was if isinstance(was, str) else ""))
+        found.append(JournalLine(number, entry, wrong, digest, len(line) + 1, chained, was if isinstance(was, str) else ""))
         before, due = digest, (n if type(n) is int else due) + 1
     if found and found[-1].wrong.startswith("a damaged line") and not rest:  # its blocks reached the disk in another order
         return Found(tuple(found[:-1]), found[-1].size)
@@ -156,10 +156,10 @@ def salvaged(found: Found) -> tuple[list[Entry], list[int]]:
     return entries, out
 
 
-def chosen_of(found: Found, without: Collection[int] = ()) -> dict[int, Line]:
+def chosen_of(found: Found, without: Collection[int] = ()) -> dict[int, JournalLine]:
     """journal, numbers of lines that do not count → {touch: the line that has its reading}."""
     named, seen = {line.before for line in found.lines}, {""}
-    best: dict[int, tuple[int, Line]] = {}
+    best: dict[int, tuple[int, JournalLine]] = {}
     for line in found.lines:
         reading = line.entry
         if isinstance(reading, Reading) and line.number not in without and max(map(abs, reading.position), default=0.0) <= FARTHEST:

@@ -26,7 +26,7 @@ from ..files.readjson import parse_json
 from ..files.shape import misfit
 from ..nearest import printable
 from ..records import LinkError
-from .entries import Begun, End, Reading
+from .entries import End, Reading, StartMark
 from .process import alive, born
 
 NAME = ".tango.lock"
@@ -182,7 +182,7 @@ def _goes_on(journal: Path) -> bool:
         except ValueError:  # the first is cut where the tail begins, the last where a plug was pulled
             continue
         found += [entry] if isinstance(entry, dict) else []
-    if not any(entry.get("kind") in (Begun.kind, Reading.kind) for entry in found):
+    if not any(entry.get("kind") in (StartMark.kind, Reading.kind) for entry in found):
         return False
     last = found[-1]
     return last.get("kind") != End.kind or not (last.get("complete") or last.get("stands"))

@@ -31,7 +31,7 @@ from ..records import Cell, InputError, LinkError, NothingSentError, Plan
 from . import protocols
 from .address import Address, linked, parse, spoken
 from .client import Task
-from .entries import End, Entry, Reading, Segment
+from .entries import End, Entry, ProgramSent, Reading
 from .journal import Journal, look_at, read_journal
 from .process import boot, endings
 from .readings import missing, provenance, readings_of
@@ -39,7 +39,8 @@ from .rest import durations, repeatable, rest_of
 from .secrets import shown
 from .sensors import read_sensors
 from .session import Moved, News, Session
-from .transport import fits, foreseen, open_port, said_before
+from .transport import Transport, fits, foreseen, open_port, said_before
+from .transport._refused import RefusedError
 from .transport._sensors import Watch
 
 QUIET = 5.0  # s beyond one and a half times the longest predicted time from touch to touch
@@ -58,7 +59,7 @@ class Wanted:
     timeout: float | None = None  # s of silence
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
-    misses: int = 3  # touches in a row without contact after which a driver that counts them stops
+    misses: int = 3  # touches in a row without contact after which driver or program stop
     then: str = ""  # what to do when it breaks off; '': go on with it
     how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
@@ -123,7 +124,7 @@ def measure(
 
     announced(1)
     confirm(tasks[0].plan, programs[0])
-    transport = open_port(address, rests=not tasks[0].quiet)
+    transport = _opened(address, tasks[0])
     try:
         sensors.start()
         if not before:
@@ -136,7 +137,7 @@ def measure(
                         client = protocol.Client(task, address.options)
                         announced(number)
                         confirm(task.plan, program)
-                    journal.add(_segment(plan, program, task, wanted, (number, len(tasks))))
+                    journal.add(_sent(plan, program, task, wanted, (number, len(tasks))))
                     with _signals() as stop:
                         session = Session(
                             task,
@@ -164,6 +165,19 @@ def measure(
         transport.close()
 
 
+def _opened(address: Address, task: Task) -> Transport:
+    """address, first task → open transport. Raises NothingSentError where the port does not open."""
+    try:
+        return open_port(address, rests=not task.quiet)
+    except RefusedError:
+        raise
+    except LinkError as error:
+        raise NothingSentError(
+            f"{error} Nothing was sent: switch the control on, or correct the port (--port, or controller.port in tango.yaml), and "
+            "start again"
+        ) from None
+
+
 @contextlib.contextmanager
 def _written(what: str, then: str, kind: type[LinkError] = LinkError) -> Iterator[None]:
     """what is written, what to do when it cannot be, kind of error → within it, an error of the disk becomes one that says so."""
@@ -179,7 +193,7 @@ def silence_after(before: Sequence[Entry], plan: Plan, timeout: float | None = N
 
     Between two touches a control prints nothing. One that has said that its program came to its end needs no proof.
     """
-    end = next((entry for entry in reversed(before) if isinstance(entry, End | Segment)), None)
+    end = next((entry for entry in reversed(before) if isinstance(entry, End | ProgramSent)), None)
     if end is None or (isinstance(end, End) and end.stands):
         return 0.0
     return min(QUIET + 1.5 * max(durations(plan).values()), math.inf if timeout is None else timeout)
@@ -210,17 +224,17 @@ def _signals() -> Iterator[Callable[[], int]]:
 def _started(file: Path, plan: Plan, post: str) -> tuple[list[Entry], str]:
     """journal of a run, plan and post of today → its entries, its hash. Raises InputError for none, or another's."""
     entries, _ = read_journal(file)
-    segment = next((entry for entry in entries if isinstance(entry, Segment)), None)
-    if segment is None:
+    sent = next((entry for entry in entries if isinstance(entry, ProgramSent)), None)
+    if sent is None:
         raise InputError(f"{file}: no run was started; leave --resume out")
-    if segment.plan_hash != plan_hash(plan):
-        state = "" if segment.how == "--resume" else f": 'tango run {segment.how}' goes on with it"
+    if sent.plan_hash != plan_hash(plan):
+        state = "" if sent.how == "--resume" else f": 'tango run {sent.how}' goes on with it"
         raise InputError(
-            f"{file}: found a run of plan {segment.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
+            f"{file}: found a run of plan {sent.plan_hash}; the cell now makes plan {plan_hash(plan)}. "
             "Readings of two plans do not go together: restore the files of the cell and state the same --obstructed and --until"
             f"{state}, or run the whole plan without --resume"
         )
-    other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, Segment)} - {post}
+    other = {entry.controller.get("post", post) for entry in entries if isinstance(entry, ProgramSent)} - {post}
     if other:
         raise InputError(
             f"{file}: found a run with post {', '.join(sorted(other))}; the cell now states {post}. Another post "
@@ -275,6 +289,7 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
     if wanted.timeout is not None:
         patience = [wanted.timeout] * len(patience)
     start = wanted.start_timeout if wanted.timeout is None else wanted.timeout
+    due = tuple(QUIET + 1.5 * seconds[touch.number] for touch in part.touches)
     return Task(
         part,
         program.text,
@@ -288,11 +303,12 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
         nonce=secrets.randbelow(0x7FFFFFFE) + 1,
         quiet=quiet,
         misses=wanted.misses,
+        due=due,
     )
 
 
-def _segment(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> Segment:
-    return Segment(
+def _sent(plan: Plan, program: Program, task: Task, wanted: Wanted, part: tuple[int, int]) -> ProgramSent:
+    return ProgramSent(
         utc=datetime.now(UTC).isoformat(timespec="milliseconds"),
         tool_version=__version__,
         machine=plan.machine.name,
@@ -357,7 +373,7 @@ def _finish(entries: Sequence[Entry], digest: str, plan: Plan, file: Path, folde
     assert readings is not None  # nothing is missing, and a plan has touches
     origin = provenance(entries, plan, digest)
     journal = file.with_suffix(".journal")
-    how = next((entry.how for entry in entries if isinstance(entry, Segment)), "--resume")
+    how = next((entry.how for entry in entries if isinstance(entry, ProgramSent)), "--resume")
     with _written(f"every touch is in {journal}, but the readings", then or f"make room, then 'tango run {how}' writes them"):
         text = readings_text(readings)
         same = file.is_file() and file.read_text(encoding="utf-8") == text  # of this run, which was finished before

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..records import TangoError
-from .entries import Again, Begun, Doubted, End, Entry, Reading, Segment
+from .entries import Again, End, Entry, ProgramSent, Reading, RefusedRecord, StartMark
 from .journal import read_on
 from .lock import JOURNAL, at_work, begun, newest_run
 
@@ -50,16 +50,16 @@ def journals(folder: Path) -> list[Path]:
 
 def progress(entries: Sequence[Entry]) -> Progress:
     """entries of a journal → how far its run has come."""
-    segments = [e for e in entries if isinstance(e, Segment)]
+    sent = [e for e in entries if isinstance(e, ProgramSent)]
     done = frozenset(e.touch for e in entries if isinstance(e, Reading))
-    wanted = tuple(dict.fromkeys(n for s in segments for n in s.touches))
+    wanted = tuple(dict.fromkeys(n for s in sent for n in s.touches))
     last = entries[-1] if entries else None
-    part = segments[-1].part if segments else (1, 1)
-    state, why = ("running", "") if any(isinstance(e, Begun) for e in entries) else ("waiting", "")
+    part = sent[-1].part if sent else (1, 1)
+    state, why = ("running", "") if any(isinstance(e, StartMark) for e in entries) else ("waiting", "")
     if isinstance(last, End) and not (last.complete and part[0] < part[1]):
         state, why = ("complete" if last.complete else "stopped"), last.why
-    seconds = max((e.time_s for e in entries if isinstance(e, Begun | Reading | Again | Doubted)), default=0.0)
-    pace = _pace(entries) or _expected(segments)
+    seconds = max((e.time_s for e in entries if isinstance(e, StartMark | Reading | Again | RefusedRecord)), default=0.0)
+    pace = _pace(entries) or _expected(sent)
     remaining = pace * (len(wanted) - len(done)) if pace is not None and state == "running" else None
     return Progress(state, why, wanted, done, seconds, remaining)
 
@@ -70,7 +70,7 @@ def newest_complete(folder: Path) -> str:
         with suppress(TangoError, OSError):
             entries = read_on(file).entries
             if progress(entries).state == "complete":
-                return next((e.utc for e in entries if isinstance(e, Segment)), "")
+                return next((e.utc for e in entries if isinstance(e, ProgramSent)), "")
     return ""
 
 
@@ -89,9 +89,9 @@ def minutes_left(folder: Path, now: float) -> int | None:
     return None
 
 
-def _expected(segments: Sequence[Segment]) -> float | None:
-    """segments of a run → s a touch by the plan of the last one; None where its journal does not say it."""
-    last = segments[-1] if segments else None
+def _expected(sent: Sequence[ProgramSent]) -> float | None:
+    """programs sent of a run → s a touch by the plan of the last one; None where its journal does not say it."""
+    last = sent[-1] if sent else None
     return last.expected_s / len(last.touches) if last is not None and last.expected_s and last.touches else None
 
 
@@ -99,7 +99,7 @@ def _pace(entries: Sequence[Entry]) -> float | None:
     """entries of a journal → s a touch since the last start mark (what was made before an interruption has another clock), and of
     few touches since then s a touch before it; None where neither is known.
     """
-    last = max((i for i, e in enumerate(entries) if isinstance(e, Begun)), default=0)
+    last = max((i for i, e in enumerate(entries) if isinstance(e, StartMark)), default=0)
     for part in (entries[last:], entries):
         times = [e.time_s for e in part if isinstance(e, Reading)]
         if len(times) >= PACED and times[-1] > times[0]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..records import Array, Plan, Readings
-from .entries import Again, Doubted, End, Entry, Identity, Reading, Segment, by_no_machine
+from .entries import Again, End, Entry, Identity, ProgramSent, Reading, RefusedRecord, by_no_machine
 
 Entries = Sequence[Entry]
 
@@ -20,7 +20,7 @@ def readings_of(entries: Entries, plan: Plan) -> Readings | None:
     if not found:
         return None
     # The parts of a run are one segment.
-    begun = accumulate(isinstance(entry, Segment) and entry.part[0] == 1 for entry in entries)
+    begun = accumulate(isinstance(entry, ProgramSent) and entry.part[0] == 1 for entry in entries)
     numbers = [number for number, entry in zip(begun, entries, strict=True) if isinstance(entry, Reading)]
     segment = np.unique(numbers, return_inverse=True)[1].astype(np.int64) + 1  # a segment without a reading is none
     facet = {touch.number: touch.facet for touch in plan.touches}
@@ -56,8 +56,8 @@ def missing(entries: Entries, plan: Plan) -> tuple[int, ...]:
 
 def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[str, Any]:
     """entries of a journal, plan of the whole run, hash of its last line → where the readings come from (readings.json)."""
-    segments = [entry for entry in entries if isinstance(entry, Segment)]
-    first = segments[0]
+    sent = [entry for entry in entries if isinstance(entry, ProgramSent)]
+    first = sent[0]
     identity = [entry.text for entry in entries if isinstance(entry, Identity)]
     statuses = [entry.status for entry in entries if isinstance(entry, Reading)]
     ends = [entry for entry in entries if isinstance(entry, End)]
@@ -68,7 +68,7 @@ def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[
         "machine": first.machine,
         "controller": {**first.controller, "identity": identity[0] if identity else None},
         **({"resume": first.how} if first.how != "--resume" else {}),
-        **({"simulated": True} if any(by_no_machine(s) for s in segments) else {}),
+        **({"simulated": True} if any(by_no_machine(s) for s in sent) else {}),
         "start_utc": first.utc,
         "end_utc": ends[-1].utc if ends else None,
         "tool_version": first.tool_version,
@@ -76,11 +76,9 @@ def provenance(entries: Entries, plan: Plan, digest: str | None = None) -> dict[
         "touches": len(plan.touches),
         **{status: statuses.count(status) for status in ("ok", "miss", "early")},
         "missing": list(missing(entries, plan)),
-        "refused": [{"record": entry.record, "why": entry.why} for entry in entries if isinstance(entry, Doubted)],
+        "refused": [{"record": entry.record, "why": entry.why} for entry in entries if isinstance(entry, RefusedRecord)],
         "repeated": [{"touch": e.touch, "status": e.status, "moved_mm": e.moved_mm} for e in entries if isinstance(e, Again)],
-        "segments": [
-            {"start_utc": entry.utc, "program_hash": entry.program_hash, "touches": len(entry.touches)} for entry in segments
-        ],
+        "segments": [{"start_utc": entry.utc, "program_hash": entry.program_hash, "touches": len(entry.touches)} for entry in sent],
         "left_out": list(plan.left_out.values()),
         "left_out_touches": list(plan.left_out),
     }

@@ -12,7 +12,7 @@ from .secrets import named_only, secret
 
 FILE = "sensors.yaml"
 NAME = re.compile(r"[A-Za-z0-9_]{1,40}")
-WAYS = {"mtconnect": ("http", "https"), "mqtt": ("mqtt", "mqtts")}
+SCHEMES = {"mtconnect": ("http", "https"), "mqtt": ("mqtt", "mqtts")}
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def _sensor(name: str, node: Node) -> Sensor:
     named_only(url)
     try:
         parts = urlsplit(url)
-        known = parts.scheme in WAYS[way] and bool(parts.hostname) and parts.port != 0
+        known = parts.scheme in SCHEMES[way] and bool(parts.hostname) and parts.port != 0
     except ValueError:  # brackets that hold no address, a port that is none
         known = False
     if not known or (way == "mqtt" and not parts.path.strip("/")):

@@ -15,7 +15,7 @@ from ..plan import last_motion
 from ..records import LinkError, Machine
 from . import entries
 from .client import Asked, Begun, Client, Ended, Event, Failed, Identified, Refused, Task, Touched
-from .entries import Again, Doubted, End, Identity, Reading
+from .entries import Again, End, Identity, Reading, RefusedRecord
 from .journal import Journal
 from .secrets import without
 from .transport import Lost, Transport
@@ -27,7 +27,7 @@ POLL = 0.25  # s, the longest wait for bytes: Ctrl-C and the silence of the cont
 BLOCKED = 0.01  # s between attempts while the line takes no bytes
 BANNER = re.compile(rb"\bGrbl\w* ", re.IGNORECASE)
 STOOD_STILL = 10.0  # s between two looks; nothing that is done between them takes as long, however bad line and disk are
-TIMED = (entries.Begun, Reading, Again, Doubted)
+TIMED = (entries.StartMark, Reading, Again, RefusedRecord)
 REFUSALS = 10  # records in a row that are not believed
 
 
@@ -283,10 +283,10 @@ class Session:
 
     def _begun(self) -> None:
         moment, today = self._clock(), self._now()
-        first = next((entry for entry in self._journal.entries if isinstance(entry, entries.Begun)), None)
+        first = next((entry for entry in self._journal.entries if isinstance(entry, entries.StartMark)), None)
         before = max((entry.time_s for entry in self._journal.entries if isinstance(entry, TIMED)), default=0.0)
         self._zero = moment - max(_since(first, self._boot, moment, today), before)
-        self._journal.add(entries.Begun(_stamp(today), round(self._time(), 3), self._boot or None, round(moment, 3)))
+        self._journal.add(entries.StartMark(_stamp(today), round(self._time(), 3), self._boot or None, round(moment, 3)))
         self._watch(News(0, len(self._task.numbers), self._time()))
 
     def _time(self) -> float:
@@ -348,7 +348,7 @@ class Session:
             )
 
     def _doubt(self, why: str, text: str) -> None:
-        self._journal.add(Doubted(why, text, round(self._time(), 3)))
+        self._journal.add(RefusedRecord(why, text, round(self._time(), 3)))
         self._doubts += 1
         remark = f"not believed: {text!r}: {why}"
         self._watch(News(self._accepted, len(self._task.numbers), self._time(), None, remark))
@@ -370,7 +370,7 @@ def _pose(machine: Machine, facet: str, position: Sequence[float]) -> tuple[str,
     return (facet, *turned)
 
 
-def _since(first: entries.Begun | None, boot: str, moment: float, today: datetime) -> float:
+def _since(first: entries.StartMark | None, boot: str, moment: float, today: datetime) -> float:
     """first start mark of the run, start of this computer, its clock s, time of day → s since then.
 
     The clock that nobody sets counts as long as the computer has not been started anew; only then the time of day does.

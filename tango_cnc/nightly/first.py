@@ -25,7 +25,8 @@ def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:
         return [f"{t('may.ask')} {told.word}. {t('morning.cut_off_todo')}"]
     if record.get("stale_nights") or record["status"] == "refused":
         return []
-    if verdict in ("out_of_limits", "doubtful"):
+    known = record.get("last_verdict") if verdict == "not_measured" else verdict  # nothing has said otherwise since
+    if known in ("out_of_limits", "doubtful"):
         return [t("may.brief_no")]
     if verdict not in ("changed", "not_measured") and all(x.get("passed") is not None for x in limits):
         return []

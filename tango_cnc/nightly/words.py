@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from ..report.repeated import stories
+from ..report.repeated import is_alarm, named_open, open_alarm_of, stories
 from ..report.texts import texts
 from ..report.tonight import is_gone, is_over, moved_on
 from ..report.units import shown
@@ -68,7 +68,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         return say("night.words.readings_not_be_relied_on", reason=reasons[0])
     beyond = [limit for limit in record["limits"] if limit["passed"] is False]
     if alarms and not beyond:
-        return joined("", (every(alarms), more)) if (more := _more(record, 0)) else every(alarms)
+        return joined("", (every(alarms), more)) if (more := _more(record)) else every(alarms)
     part = (
         say("night.words.stopped_after_touches", touches=record["touches"], planned=record["planned"])
         if record["status"] == "partial"
@@ -79,11 +79,12 @@ def _headline(record: Mapping[str, Any]) -> str:
         b = max(beyond, key=lambda limit: limit["value"] / limit["limit"])
         behind = [_as_it_stands(x, record) for x in record.get("behind") or () if x["what"] == b["what"]]
         by_alarm = {alarm.get("parameter") for alarm in alarms}
-        why = [x["text"] for x in behind if x.get("parameter") not in by_alarm]
-        own = [every(alarms)] if alarms else []
+        why = [_of_its_alarm(x, record) for x in behind if x.get("parameter") not in by_alarm]
+        own, named_ = [every(alarms)] if alarms else [], named_open(record)
         why = [*own, *why] if behind and behind[0].get("parameter") in by_alarm else [*why, *own]  # what does most comes first
-        why = why if alarms else _with_open(behind, record)
-        cause = joined("", (": ", joined("; ", why), _more(record, 0 if alarms else 1))) if why else ""
+        if not alarms and named_ and not any(is_alarm(x, named_[0]) for x in behind):
+            why.append(_open(named_[0], named_[0]["text"]))
+        cause = joined("", (": ", joined("; ", why), _more(record, named_))) if why else ""
         crossed = say(
             "night.words.allowed",
             what=what_of(b["what"]),
@@ -98,7 +99,7 @@ def _headline(record: Mapping[str, Any]) -> str:
         return _who_ignores(crossed, record, {x.get("parameter") for x in behind})
     if standing := record.get("standing"):
         first = standing[0]
-        more = _more(record, 1)
+        more = _more(record, standing[:1])
         by_now = joined("; ", (first.get("now"), (first.get("ahead") or {}).get("text")))
         now = joined("", (" (", by_now, ")")) if by_now else ""
         who = _who(first)
@@ -146,17 +147,12 @@ def _headline(record: Mapping[str, Any]) -> str:
     return joined("", (first_word if first_time else nothing, part, told, gap, old_name))
 
 
-def _with_open(behind: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> list[Said]:
-    """what stands behind a limit, record of a night without an alarm of its own → what the headline says of it, with the gravest
-    alarm that stands: a change that is both is said once, with the size that it has by now where that is another number.
+def _of_its_alarm(x: Mapping[str, Any], record: Mapping[str, Any]) -> Any:
+    """what stands behind a limit, record → what the headline says of it: a change that is an open alarm is said once, as that, with
+    the size that it has by now where that is another number.
     """
-    first: Mapping[str, Any] = next(iter(record.get("standing") or ()), {})
-    key = first.get("parameter"), first.get("since")
-    one = next((x for x in behind if all(key) and (x.get("parameter"), x.get("since")) == key), None)
-    if one is None:
-        return [*(x["text"] for x in behind), *_open(record)]
-    told = say("night.words.open_alarm", night=first["night"], text=one["text"], who=_who(first))
-    return [told if x is one else x["text"] for x in behind]
+    one = open_alarm_of(x, record)
+    return x["text"] if one is None else _open(one, x["text"])
 
 
 def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -170,13 +166,9 @@ def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[st
     return x
 
 
-def _open(record: Mapping[str, Any]) -> list[Said]:
-    """record of a night without an alarm of its own → the gravest alarm that stands, in one sentence; [] where none stands."""
-    standing = record.get("standing")
-    if not standing:
-        return []
-    first = standing[0]
-    return [say("night.words.open_alarm", night=first["night"], text=first["text"], who=_who(first))]
+def _open(alarm: Mapping[str, Any], text: Any) -> Said:
+    """alarm that stands, how it is told → the same with its night and who has it."""
+    return say("night.words.open_alarm", night=alarm["night"], text=text, who=_who(alarm))
 
 
 def _who(alarm: Mapping[str, Any]) -> Said:
@@ -186,10 +178,9 @@ def _who(alarm: Mapping[str, Any]) -> Said:
     return say("night.words.nobody_has_answered_alarm", night=alarm["night"])
 
 
-def _more(record: Mapping[str, Any], told: int) -> str:
+def _more(record: Mapping[str, Any], named_: Sequence[Mapping[str, Any]] = ()) -> str:
     """record, standing alarms that the headline names → how many more stand; '' for none."""
-    standing = record.get("standing") or ()
-    count = len(stories(standing) - stories([*record["alarms"], *standing[:told]]))
+    count = len(stories(record.get("standing") or ()) - stories([*record["alarms"], *named_]))
     return say("night.words.more_wait", count=count) if count > 0 else ""
 
 

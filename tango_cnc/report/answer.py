@@ -285,10 +285,10 @@ def by_newer_no(
     known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine | None = None, night: Mapping[str, Any] | None = None
 ) -> Answer:
     """answer of the newest night, the No of readings that came after it, units, texts, chain of axes, record of the last night that
-    measured → that No, with its number, what most of it comes from, and what the night has of that; what is No already, or unknown
-    because the machine may still move, stays.
+    measured → that No, with its number, what the largest part of it comes from, and what has moved since the night; what is No
+    already, or unknown because the machine may still move, stays. Nights that are too old know less than these readings.
     """
-    if known.may not in ("yes", "but") or known.state in ("cut_off", "moved"):
+    if known.may == "no" or (known.may == "unknown" and known.state != "old") or known.state in ("cut_off", "moved"):
         return known
     why, date = t("may.newer_no", answer=known.word), day(local_day(no.measured), t)
     if no.parameter:
@@ -305,15 +305,17 @@ def by_newer_no(
 
 
 def _moved_since(no: NewerNo, night: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
-    """the No of newer readings, record of the night before them, units, texts, chain of axes → what most of their error comes from
-    has by them, and by the night, as a sentence; '' where the night does not know it, or has the same (95 %, of two like it).
+    """the No of newer readings, record of the night before them, units, texts, chain of axes → what has moved most since then (of a
+    report that does not say it: what the largest part of their error comes from) by them, and by the night, as a sentence; ''
+    where the night does not know it, or has the same (95 %, of two like it).
     """
-    there = (night.get("parameters") or {}).get(no.parameter)
-    if there is None or abs(no.value - float(there["value"])) <= 2 * math.sqrt(2) * float(there.get("std") or 0.0):
+    name, value, own = no.moved or (no.parameter, no.value, no.unit)
+    there = (night.get("parameters") or {}).get(name)
+    if there is None or abs(value - float(there["value"])) <= 2 * math.sqrt(2) * float(there.get("std") or 0.0):
         return ""
-    factor, unit = shown(no.unit)
-    here, then = (f"{'−' if x < 0 else ''}{amount(abs(x) * factor, unit, u, t)}" for x in (no.value, float(there["value"])))
-    what = spoken(no.parameter, machine, t)
+    factor, unit = shown(own)
+    here, then = (f"{'−' if x < 0 else ''}{amount(abs(x) * factor, unit, u, t)}" for x in (value, float(there["value"])))
+    what = spoken(name, machine, t)
     return t("may.moved_since", what=f"{what[:1].upper()}{what[1:]}", here=here, there=then, date=day(night.get("night"), t))
 
 

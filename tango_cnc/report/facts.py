@@ -22,7 +22,7 @@ from ..records import Array, Cell, Machine, Readings, TangoError, TermItem
 from ..state.volume import Volume, of_estimate
 from ..texts import Said
 from ..uncertainty.analysis import prepare
-from ..uncertainty.inputs import Line
+from ..uncertainty.inputs import BudgetLine
 from ..uncertainty.scatter import reached, with_rest
 from ..uncertainty.study import study
 from ..verify import held_out, volume
@@ -63,7 +63,7 @@ class Wishes:
     limit: float | None = None
     stated: float | None = None  # that of nightly.yaml, where `limit` was asked for in its place
     units: Units = field(default_factory=Units)
-    budget: tuple[Line, ...] | None = None
+    budget: tuple[BudgetLine, ...] | None = None
     diagnosis: bool = True
     pictures: bool = True
 

@@ -13,9 +13,10 @@ from .age import nights_old
 from .answer import Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
-from .facts import Facts, effects
+from .facts import Facts
 from .orders import is_stopped, under_a_no
 from .plain import length, signed
+from .states import most_of_tip
 from .texts import Texts
 from .units import shown
 from .verdict import worst_of
@@ -186,8 +187,8 @@ def _behind(f: Facts, newest: bool, own: Answer, t: Texts) -> str:
 
 def _most(f: Facts, own: Answer, t: Texts) -> str:
     """facts, their answer, texts → which error does most, where the tool tip is beyond its limit or close to it; else nothing."""
-    name = next(iter(effects(f.result)), None)
-    if own.state not in ("out_of_limits", "undecided") or name is None:
+    name = most_of_tip(f)
+    if own.state not in ("out_of_limits", "undecided") or not name:
         return ""
     factor, unit = shown(f.result.parameters[name].unit)
     size = signed(f.result.parameters[name].value * factor, unit, f.wishes.units, t)

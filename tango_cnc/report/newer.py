@@ -21,7 +21,8 @@ UNIT = re.compile(r"(mm|rad)(/(mm|rad)[²³]?)?")
 @dataclass(frozen=True)
 class NewerNo:
     """What a report says No by: when its readings were made (UTC), largest error at the tool tip and its limit (µm), which error
-    most of it comes from ('': not said), its value and unit (mm, rad, mm/mm).
+    the largest part of it comes from ('': not said), its value and unit (mm, rad, mm/mm); the error that has moved most since that
+    night, with value and unit.
     """
 
     measured: str
@@ -30,6 +31,7 @@ class NewerNo:
     parameter: str = ""
     value: float = 0.0
     unit: str = ""
+    moved: tuple[str, float, str] | None = None
 
 
 def report_of(folder: Path | None) -> Path | None:
@@ -57,14 +59,18 @@ def says_no(folder: Path | None, ended_utc: object) -> NewerNo | None:
         return None
     if not isinstance(found, dict) or found.get("format") != FORMAT or found.get("no_after") != str(ended_utc):
         return None
-    most = found.get("most")
-    known = most if isinstance(most, dict) else {}
-    name, unit, value = (known.get(key) for key in ("parameter", "unit", "value"))
     measured, tip, limit = str(found.get("measured") or "")[:LONG], _number(found.get("tip_um")), _number(found.get("limit_um"))
+    name, value, unit = _error(found.get("most")) or ("", 0.0, "")
+    return NewerNo(measured, tip, limit, name, value, unit, _error(found.get("moved")))
+
+
+def _error(known: Any) -> tuple[str, float, str] | None:
+    """what a file has of an error → its name, value and unit; None for anything else."""
+    name, unit, value = (known.get(key) if isinstance(known, dict) else None for key in ("parameter", "unit", "value"))
     size = _number(value)
     if not (isinstance(name, str) and len(name) <= LONG and isinstance(unit, str) and UNIT.fullmatch(unit)) or size is None:
-        return NewerNo(measured, tip, limit)
-    return NewerNo(measured, tip, limit, name, size, unit)
+        return None
+    return name, size, unit
 
 
 def _number(x: Any) -> float | None:
@@ -77,6 +83,8 @@ def answer_text(may: str, no_after: str | None, told: NewerNo) -> str:
     → text of its report.json.
     """
     kept: Mapping[str, Any] = asdict(told)
-    most = {key: kept[key] for key in ("parameter", "value", "unit")} if told.parameter else None
-    own = {key: kept[key] for key in ("measured", "tip_um", "limit_um")} | {"most": most}
+    names = ("parameter", "value", "unit")
+    most = {key: kept[key] for key in names} if told.parameter else None
+    moved = None if told.moved is None else dict(zip(names, told.moved, strict=True))
+    own = {key: kept[key] for key in ("measured", "tip_um", "limit_um")} | {"most": most, "moved": moved}
     return json.dumps({"format": FORMAT, "may_make_parts": may, "no_after": no_after or None} | own, indent=1) + "\n"

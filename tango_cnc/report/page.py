@@ -24,7 +24,7 @@ from .figures import iso, iso_at, not_seen, uncertainty, withheld
 from .may import Told, grown, may, parts_first
 from .newer import NewerNo
 from .plain import digits, office, shop, tilt, value_text
-from .states import of_night, since_then
+from .states import most_of_tip, moved_most, of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, texts, texts_of
 from .units import Units, shown
@@ -119,9 +119,10 @@ def newer_no(f: Facts) -> NewerNo:
     measured = str(f.paper.measured)
     if f.tip is None or f.wishes.limit is None or may(f, texts()).answer.state != "out_of_limits":
         return NewerNo(measured)
-    name = next(iter(effects(f.result)), "")
-    tip, limit, of = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters.get(name)
-    return NewerNo(measured, tip, limit) if of is None else NewerNo(measured, tip, limit, name, float(of.value), of.unit)
+    tip, limit, own = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters
+    most, moved = ((x, float(own[x].value), own[x].unit) if x else None for x in (most_of_tip(f), moved_most(f)))
+    name, value, unit = most or ("", 0.0, "")
+    return NewerNo(measured, tip, limit, name, value, unit, moved)
 
 
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:

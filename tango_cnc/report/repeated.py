@@ -37,7 +37,11 @@ def as_decided(record: Mapping[str, Any], decisions: Sequence[Any]) -> str:
         return told
     since = [d for d in decisions if d.alarm == alarms[0].get("id") and d.utc >= str(record.get("end_utc") or "")]
     since = [d for d in since if d.action in DECIDED]
-    return joined("; ", (told, _decided(since[-1]))) if since else told
+    if not since:
+        return told
+    own, who = alarms[0]["text"], _decided(since[-1])
+    placed = _put(told, own, joined("; ", (own, who))) if record.get("standing") else told  # at the end "it" would be another one
+    return placed if placed != told else joined("; ", (told, who))
 
 
 def _decided(d: Any) -> Said:
@@ -55,18 +59,51 @@ def _standing(record: Mapping[str, Any], headline: Said, decisions: Sequence[Any
     since = [d for d in decisions if d.utc >= str(record.get("end_utc") or "") or d.alarm in known]
     since = [d for d in since if d.action in DECIDED]
     closed = {d.alarm: d.action in CLOSED for d in since}  # the last one counts
-    named = record.get("alarms") if tonight else standing[:1]
-    others = len(stories([a for a in standing if not closed.get(a["id"], False)]) - stories(named or ()))
+    named = named_open(record)
+    still = stories([a for a in standing if not closed.get(a["id"], False)])
+    others = len(still - stories([*(record.get("alarms") or ()), *named]))
     more = say(MORE, count=others) if others else ""
-    own = [d for d in since if standing and not tonight and d.alarm == standing[0]["id"]]
-    who = _decided(own[-1]) if own else None
+    last = {d.alarm: _decided(d) for d in since}
     if headline.key == BEYOND:
-        own = _answered(_of_night(headline, _found_on(record)), more, who)
+        who = {key: last[a["id"]] for a in named if a["id"] in last for key in _as_told(a, record)}
+        own = _of_night(_answered(headline, more, who), _found_on(record))
         return str(own if tonight else as_found(own, record))
     if headline.key not in STANDING:
-        return str(_answered(headline, more, None)) if standing and tonight else str(headline)
+        return str(_answered(headline, more, {})) if standing and tonight else str(headline)
     headline = headline.but(more=more)
-    return headline if who is None else headline.but(who=who)
+    return headline.but(who=last[standing[0]["id"]]) if standing and standing[0]["id"] in last else headline
+
+
+def is_alarm(x: Mapping[str, Any], a: Mapping[str, Any]) -> bool:
+    """what stands behind a limit, alarm of another night → whether that is the same change."""
+    key = a.get("parameter"), a.get("since")
+    return all(key) and (x.get("parameter"), x.get("since")) == key
+
+
+def open_alarm_of(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """what stands behind a limit, record of its night → the alarm of another night that is the same change; None for none."""
+    return next((a for a in record.get("standing") or () if is_alarm(x, a)), None)
+
+
+def named_open(record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """record of a night → alarms of other nights that its headline names: the gravest one where it found none itself, and those
+    that stand behind the limit that is crossed most. The others are counted there.
+    """
+    alarms, standing = record.get("alarms") or (), record.get("standing") or ()
+    named, beyond = list(standing[: 0 if alarms else 1]), [x for x in record.get("limits") or () if x["passed"] is False]
+    if beyond:
+        most, own = max(beyond, key=lambda x: x["value"] / x["limit"])["what"], {a.get("parameter") for a in alarms}
+        behind = [x for x in record.get("behind") or () if x["what"] == most and x.get("parameter") not in own]
+        named += [a for x in behind if (a := open_alarm_of(x, record)) is not None and a not in named]
+    return named
+
+
+def _as_told(a: Mapping[str, Any], record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """alarm that a headline names, record of its night → (its night, its sentence) there: its own, or of what stands behind the
+    limit.
+    """
+    texts = [a["text"], *(x["text"] for x in record.get("behind") or () if is_alarm(x, a))]
+    return [(str(a["night"]), str(text)) for text in texts]
 
 
 def _of_besides(record: Mapping[str, Any], told: Any, decisions: Sequence[Any]) -> str:
@@ -123,8 +160,8 @@ def _put(text: Any, old: str, new: str) -> Any:
     return text.but(**{name: _put(x, old, new) for name, x in text.values.items() if isinstance(x, Said) or x == old})
 
 
-def _answered(text: Any, more: str, who: str | None) -> Any:
-    """sentence with standing alarms, how many more stand by now, who has answered the one it names since (None: nobody) → the same
+def _answered(text: Any, more: str, who: Mapping[tuple[str, str], str]) -> Any:
+    """sentence with standing alarms, how many more stand by now, {(night, sentence) of one: who has answered it since} → the same
     as it is now.
     """
     if not isinstance(text, Said):
@@ -132,7 +169,8 @@ def _answered(text: Any, more: str, who: str | None) -> Any:
     if text.key == MORE:
         return more
     values = {name: _answered(x, more, who) for name, x in text.values.items()}
-    return text.but(**values | ({"who": who} if text.key == OPEN and who is not None else {}))
+    own = who.get((str(text.values["night"]), str(text.values["text"]))) if text.key == OPEN else None
+    return text.but(**values | ({} if own is None else {"who": own}))
 
 
 def _found_on(record: Mapping[str, Any]) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..state.volume import levers_of
 from .days import day
 from .facts import Facts, effects
 from .plain import amount, value_text
@@ -21,6 +22,32 @@ def _moved(f: Facts, name: str) -> float | None:
     return float(p["value"]) if apart > 2 * float(np.hypot(float(p.get("std") or 0.0), here.std)) else None
 
 
+def most_of_tip(f: Facts) -> str:
+    """facts → the error that the largest part of the largest error at the tool tip comes from: without it that error would be
+    smallest. Where nothing is known of the tool tip, the one that does most to the touches; '' for none.
+    """
+    lever, gone = levers_of(f.result), None if f.control is None else f.control.gone
+    have = f.result.values if gone is None else f.result.values - gone
+    whole, left = lever @ have, dict[str, float]()
+    for i, name in enumerate(map(f.result.selection.label, f.result.model.names)):
+        if name in f.result.parameters and lever[:, :, i].any():
+            left[name] = float(np.linalg.norm(whole - lever[:, :, i] * have[i], axis=1).max())
+    return min(left, key=left.__getitem__) if f.tip is not None and left else next(iter(effects(f.result)), "")
+
+
+def moved_most(f: Facts) -> str:
+    """facts → the error that these readings have otherwise than the newest night and whose change does most to the tool tip; ''
+    where they agree.
+    """
+    lever, found = levers_of(f.result), dict[str, float]()
+    places = {f.result.selection.label(name): i for i, name in enumerate(f.result.model.names)}
+    for name in effects(f.result):
+        if (there := _moved(f, name)) is not None:
+            most = float(np.linalg.norm(lever[:, :, places[name]], axis=1).max())
+            found[name] = most * abs(f.result.parameters[name].value - there)
+    return max(found, key=found.__getitem__, default="")
+
+
 def of_night(f: Facts, name: str, t: Texts) -> str:
     """facts, parameter, texts → its value of the newest night where that is another one; else nothing."""
     value = _moved(f, name)
@@ -35,10 +62,9 @@ def since_then(f: Facts, t: Texts, key: str = "report.since_then") -> str:
     """facts, texts, key of the sentence → what the newest night has otherwise than these readings, the most telling first; nothing
     where they agree.
     """
-    differ = [name for name in effects(f.result) if _moved(f, name) is not None]
-    if not differ or f.nights is None:
+    name, machine = moved_most(f), f.cell.machine
+    if not name or f.nights is None:
         return ""
-    name, machine = differ[0], f.cell.machine
     size, unit = shown(f.result.parameters[name].unit)
     here, there = f.result.parameters[name].value * size, (_moved(f, name) or 0.0) * size
     values = {key: amount(value, unit, f.wishes.units, t) for key, value in (("here", here), ("there", there))}

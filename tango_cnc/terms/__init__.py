@@ -23,10 +23,10 @@ from ..records import Array, InputError, Machine, TermItem
 from ..touches import Touches
 
 GAP = Slot("", "stylus", -1)
-WAYS = ("log", "wave", "linear", "touch", "order")  # how a setting may be searched: by factors, in its unit, in whole numbers
+SEARCHES = ("log", "wave", "linear", "touch", "order")  # how a setting may be searched: by factors, in its unit, in whole numbers
+SCALES = ("EXX1", "EYY1", "EZZ1")  # how far a linear axis goes for each mm that is commanded: a scale bar tells them
 # What `role` may be: touches of one moment or pose, which a diagnosis sets aside; shapes kept in learned/ of the cell; what a
 # machine does that is not warm yet; what an interrupted run may have left behind.
-SCALES = ("EXX1", "EYY1", "EZZ1")  # how far a linear axis goes for each mm that is commanded: a scale bar tells them
 ROLES = ("moment", "learned", "warm-up", "interruption")
 
 
@@ -72,7 +72,7 @@ class Cause(Family):
     says: str  # the finding as a sentence; the words in braces come from tango_cnc/diagnose/sentences.py
     meaning: str  # what it does to parts, for a person at the machine
     advice: str  # what that person does about it
-    refine: Mapping[str, str] = field(default_factory=dict)  # what is searched between `variants`: name → one of `WAYS`
+    refine: Mapping[str, str] = field(default_factory=dict)  # what is searched between `variants`: name → one of `SEARCHES`
     example: Setting = field(default_factory=dict)  # a setting of it, for tests on a plan of which `variants` offers none
     variants: Callable[[Touches], Iterator[dict[str, Any]]] = lambda touches: iter(())  # settings that are worth trying
     spread: Callable[[Touches], Spread] | None = None  # → settings, variances (n,) or covariances (n, n) of unit size

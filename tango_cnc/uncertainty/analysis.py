@@ -11,7 +11,7 @@ from ..estimate import Estimate, estimate
 from ..identify import Selection
 from ..records import Array, Artefact, InputError, Machine, Readings, TermItem
 from . import coverage, pooled, process, trials
-from .inputs import Line, Part, Scene, parts, stated
+from .inputs import BudgetLine, Part, Scene, parts, stated
 from .repetitions import Repetitions, repetitions
 from .scatter import reached, with_rest
 from .study import Study, study
@@ -73,7 +73,7 @@ def prepare(
     readings: Readings,
     terms: Sequence[TermItem],
     degree: int,
-    lines: Sequence[Line] | None,
+    lines: Sequence[BudgetLine] | None,
     robust: Estimate | None = None,
 ) -> tuple[Estimate, tuple[Part, ...]]:
     """cell, readings of one run, budget (None: what the cell states) → its estimate and the parts of the budget.
@@ -91,7 +91,7 @@ def analyse(
     readings: Readings,
     terms: Sequence[TermItem],
     degree: int = 3,
-    lines: Sequence[Line] | None = None,
+    lines: Sequence[BudgetLine] | None = None,
     options: Options | None = None,
     robust: Estimate | None = None,
 ) -> Analysis:
@@ -224,7 +224,7 @@ def compare_subsets(
     readings: Readings,
     terms: Sequence[TermItem],
     degree: int,
-    lines: Sequence[Line] | None,
+    lines: Sequence[BudgetLine] | None,
     choices: Mapping[str, Sequence[int]],
     robust: Estimate | None = None,
 ) -> tuple[process.Comparison, list[float]]:
@@ -269,7 +269,7 @@ def compare_runs(
     runs: dict[str, Readings],
     terms: Sequence[TermItem],
     degree: int,
-    lines: Sequence[Line] | None,
+    lines: Sequence[BudgetLine] | None,
 ) -> list[process.Comparison]:
     """cell, readings by label (strategies, before and after a remount) → comparisons (thesis Tables 8-2 and 8-3).
 
@@ -300,7 +300,12 @@ def compare_runs(
 
 
 def _prepare_run(
-    machine: Machine, artefact: Artefact, readings: Readings, terms: Sequence[TermItem], degree: int, lines: Sequence[Line] | None
+    machine: Machine,
+    artefact: Artefact,
+    readings: Readings,
+    terms: Sequence[TermItem],
+    degree: int,
+    lines: Sequence[BudgetLine] | None,
 ) -> tuple[Estimate, tuple[Part, ...], list[str], Array]:
     kept, _, _, _ = pooled.split(readings)
     found, own = prepare(machine, artefact, kept[0], terms, degree, lines)

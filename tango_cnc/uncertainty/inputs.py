@@ -100,7 +100,7 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Line:
+class BudgetLine:
     """One checked line of a budget: a source and its settings."""
 
     source: str
@@ -118,12 +118,12 @@ def _module(name: str) -> ModuleType:
     return importlib.import_module(f"{__package__}.sources.{name}")
 
 
-def read_budget(file: Path) -> tuple[Line, ...]:
+def read_budget(file: Path) -> tuple[BudgetLine, ...]:
     """uncertainty.yaml → its lines. Raises InputError for sources, keys and values that do not exist (docs/uncertainty.md)."""
     return tuple(_line(node) for node in load(file).fields(["contributions"])["contributions"].list())
 
 
-def _line(node: Node) -> Line:
+def _line(node: Node) -> BudgetLine:
     given = dict(node.items())
     if "source" not in given:
         raise node.wrong("a mapping with the key 'source'", "no source")
@@ -139,7 +139,7 @@ def _line(node: Node) -> Line:
     for key, parameter in keys.items():
         if key not in given and parameter.default is inspect.Parameter.empty:
             raise node.wrong(f"a value for {key!r}, which {name} requires", f"no {key!r}")
-    return Line(name, settings)
+    return BudgetLine(name, settings)
 
 
 def _size(node: Node) -> float:
@@ -163,23 +163,23 @@ def _setting(node: Node, kind: Any) -> Any:
     return tuple(item.identifier() for item in node.list())
 
 
-def stated(scene: Scene) -> tuple[Line, ...]:
+def stated(scene: Scene) -> tuple[BudgetLine, ...]:
     """scene → the budget when none is given: repeatability as in machine.yaml and whatever artefact.yaml says is known."""
-    return _complete(scene, (Line("repeatability", {}),))
+    return _complete(scene, (BudgetLine("repeatability", {}),))
 
 
-def _complete(scene: Scene, lines: tuple[Line, ...]) -> tuple[Line, ...]:
+def _complete(scene: Scene, lines: tuple[BudgetLine, ...]) -> tuple[BudgetLine, ...]:
     """The uncertainty of what the estimate takes for known is never left out, whether the file names it or not."""
     given = {line.source for line in lines}
     more = []
     if scene.model.bar is not None and "scale_bar" not in given:
-        more.append(Line("scale_bar", {}))
+        more.append(BudgetLine("scale_bar", {}))
     if scene.model.calibrated and "calibrated_facets" not in given:
-        more.append(Line("calibrated_facets", {}))
+        more.append(BudgetLine("calibrated_facets", {}))
     return (*lines, *more)
 
 
-def parts(scene: Scene, lines: tuple[Line, ...]) -> tuple[Part, ...]:
+def parts(scene: Scene, lines: tuple[BudgetLine, ...]) -> tuple[Part, ...]:
     """scene, lines of a budget → their parts, labels made unique. Raises InputError for settings that do not fit the machine."""
     found: list[Part] = []
     for line in _complete(scene, lines):

@@ -14,7 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from ..files.checked import read_text
 from ..files.readjson import parse_json
-from ..link.entries import Doubted, Entry, Reading, Segment, by_no_machine
+from ..link.entries import Entry, ProgramSent, Reading, RefusedRecord, by_no_machine
 from ..link.journal import ReadSoFar, read_on
 from ..link.lock import at_work
 from ..link.progress import QUIET, in_minutes, progress
@@ -33,8 +33,8 @@ class LiveRun:
     version: str  # changes with every entry
     state: str  # waiting, running, complete, stopped
     why: str
-    started: str  # UTC, of the first segment
-    head: Segment | None  # the last program that went out
+    started: str  # UTC, when the first program went out
+    head: ProgramSent | None  # the last program that went out
     total: int
     readings: tuple[Reading, ...]
     refused: tuple[str, ...]
@@ -107,13 +107,13 @@ def touched_by(file: Path, cell: Cell | str) -> Cell | None:
 
 def run_of(file: Path, version: str, entries: Sequence[Entry], cell: Cell | None) -> LiveRun:
     """journal, its entries, its cell → the run."""
-    p, segments = progress(entries), [e for e in entries if isinstance(e, Segment)]
+    p, sent = progress(entries), [e for e in entries if isinstance(e, ProgramSent)]
     facets = _facets(cell)
     left = Counter(facets[n] for n in p.wanted if n not in p.done and n in facets)
     readings = tuple(e for e in entries if isinstance(e, Reading))
-    refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, Doubted))[-5:]
-    head, started = (segments[-1], segments[0].utc) if segments else (None, "")
-    made = any(by_no_machine(s) for s in segments)
+    refused = tuple(f"{e.record!r}: {e.why}" for e in entries if isinstance(e, RefusedRecord))[-5:]
+    head, started = (sent[-1], sent[0].utc) if sent else (None, "")
+    made = any(by_no_machine(s) for s in sent)
     counts = (len(p.wanted), readings, refused, dict(left), p.seconds, p.remaining)
     return LiveRun(file, version, p.state, p.why, started, head, *counts, simulated=made)
 

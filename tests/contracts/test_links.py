@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from support.linkparts import job
-from support.rows import added, writing
+from support.rows import behind, command, writing
 
 from sim_controller.languages.macro_b import control as macro_b
 from sim_controller.protocols import dnc as sim_dnc
@@ -29,7 +29,7 @@ from tango_cnc.records import InputError
 FLOW = {"DC1": 0x11, "DC2": 0x12, "DC3": 0x13, "DC4": 0x14}  # ISO/IEC 646 and ISO 6983: send, print, stop sending, end of print
 TRANSCRIPTS = Path(__file__).parents[1] / "transcripts"
 NEEDED = ("=> Touched", "=> Ended", "=> Failed", "!! closed", ".. ")  # what the pages of a protocol have to show together
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_links.py"
+WRITE = command("tests/contracts/test_links.py")
 PROTOCOLS = names()
 CONVERSATIONS = [(name, file) for name in PROTOCOLS for file in sorted((TRANSCRIPTS / name).glob("*.txt"))]
 
@@ -339,7 +339,7 @@ def test_every_scheme_leads_to_its_protocol_alone_and_travels_some_way_there_is(
     for scheme in module.SCHEMES:
         page = LINKS.read_text(encoding="utf-8")
         if f"{scheme}://" not in page and writing():
-            page = added(page, HEAD, row(protocol, scheme))
+            page = behind(page, HEAD, "://", row(protocol, scheme))
             LINKS.write_text(page, encoding="utf-8")
         assert f"{scheme}://" in page, (
             f"docs/link.md, Ports: the table lacks this row; {WRITE} -k {protocol} adds it, for you to correct:\n"

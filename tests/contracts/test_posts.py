@@ -2,12 +2,11 @@
 
 Programs are compared with tests/golden/<dialect>/. After a change that is meant, look at the difference and write them anew with
 
-    TANGO_GOLDEN=write python -m pytest tests/contracts/test_posts.py
+    TANGO_GOLDEN=write .venv/bin/python -m pytest tests/contracts/test_posts.py
 """
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -16,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support.dialects import differs, lacking
+from support.rows import command, writing
 
 from postprocessors import Job, Leg, Post, comment, companions, load, mark_of, names, program, settings, unverified
-from sim_controller.session import families
+from sim_controller.session import families, language
 from tango_cnc import commission, readback
 from tango_cnc.files import read_cell
 from tango_cnc.files.plan import plan_lines
@@ -28,7 +29,7 @@ from tango_cnc.plan import part, plan, plan_hash
 from tango_cnc.records import Cell, InputError, Plan
 
 GOLDEN = Path(__file__).parent.parent / "golden"
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_posts.py"
+WRITE = command("tests/contracts/test_posts.py")
 MOVES = ("retract", "clear", "index", "approach", "probe", "back", "record")
 WHOLE = ("begin", "probe_on", "probe_off", "end")
 
@@ -60,7 +61,10 @@ def refused(name: str) -> str:
 
 
 def test_the_defaults_make_a_program(name: str) -> None:
-    assert not refused(name), f"postprocessors/{name}.py: correct its default; the other tests wait for it"
+    assert not refused(name), (
+        f"postprocessors/{name}.py: {refused(name)}. Correct its default; the other tests wait for it. Where the control has this "
+        f"word, it speaks another language than {load(name).language} (docs/dialects.md, Writing one)"
+    )
 
 
 def test_its_language_is_one_that_is_read_and_run(name: str) -> None:
@@ -70,6 +74,12 @@ def test_its_language_is_one_that_is_read_and_run(name: str) -> None:
         "For another one, write tango_cnc/readback/languages/<language>.py and sim_controller/languages/<language>.py "
         "(docs/dialects.md, Writing one); the other tests wait for it"
     )
+
+
+def test_the_simulated_control_of_its_name_has_a_row_that_goes_with_its_defaults(name: str) -> None:
+    if load(name).language in {*readback.names()} & {*families()}:
+        stated = name in language(load(name).language).CONTROLS.named and not lacking(name)
+        assert stated, differs(name)
 
 
 @pytest.fixture
@@ -91,7 +101,7 @@ def code_of(text: str) -> list[str]:
 
 
 def compare(file: Path, text: str) -> None:
-    if os.environ.get("TANGO_GOLDEN") == "write":
+    if writing():
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
     assert file.is_file(), f"{file} is missing; write it with: {WRITE} -k {file.parent.name}"

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from support import blind
 from support.diagnosis_parts import candidate, pattern
-from support.rows import added, writing
+from support.rows import added, command, writing
 
 from sim_controller import effects
 from sim_controller.simulate import simulate
@@ -77,7 +77,7 @@ def test_every_cause_uses_words_and_ways_of_searching_that_exist(name: str, touc
     assert not unknown, (
         f"{file}: says: found {{{', '.join(unknown)}}}; allowed: {', '.join(sorted(sentences.WORDS))}, and its `words`"
     )
-    assert set(module.refine.values()) <= set(terms.WAYS), f"{file}: refine: allowed: {', '.join(terms.WAYS)}"
+    assert set(module.refine.values()) <= set(terms.SEARCHES), f"{file}: refine: allowed: {', '.join(terms.SEARCHES)}"
     for field in ("refine", "units", "example"):
         assert set(getattr(module, field)) <= set(own), f"{file}: {field}: `make` has no such setting"
     assert module.over in ("", "time", "probe"), f"{file}: over: allowed: time, probe"
@@ -119,19 +119,7 @@ def test_a_setting_that_a_cause_does_not_have_is_an_input_error(name: str, bench
         terms.find({"cause": name, "colour": "red"}, bench.cell.machine)
 
 
-# Causes whose effect is not drawn here, or states its setting in other words than the term does, and which.
-OTHERWISE = {
-    "axis_location": "a constant of the machine, under `errors` in world.yaml; test_sim_effects.py",
-    "cylinder_cosine": "its values follow from the radius; test_sim_effects_probe.py",
-    "error_motion": "`name` lacks the degree there; test_sim_effects_axes.py",
-    "gravity_sag": "`direction` and `tilt` there, `component` here",
-    "learned": "a file of the cell; test_learned_terms.py",
-    "pulse": "not drawn; test_sim_effects.py",
-    "spindle_orientation": "not drawn; test_sim_effects_probe.py",
-    "swapped_facets": "a mistake in the log and no column",
-    "trigger_latency": "a time that the feed makes a way; test_sim_effects_probe.py",
-}
-ALIKE = sorted((set(PATTERNS) & set(effects.names())) - set(OTHERWISE))
+ALIKE = sorted((set(PATTERNS) & set(effects.names())) - set(effects.stated("OTHERWISE")))
 
 
 def shared(name: str, effect: dict[str, Any]) -> dict[str, Any]:
@@ -158,18 +146,22 @@ def test_the_simulated_machine_does_what_the_term_says(name: str, bench: blind.B
     mine = pattern(touches, candidate(touches, name, shared(name, effect)).coefficients)
     values, *_ = np.linalg.lstsq(mine, change, rcond=None)
     assert np.abs(change - mine @ values).max() < 0.01 * np.abs(change).max(), (
-        f"{name}: the term is not what the effect does. Where they state a setting in other words, say so in OTHERWISE, above"
+        f"tango_cnc/terms/{name}.py is not what sim_controller/effects/{name}.py does. Where their settings have other names, "
+        f'state there which, and the test that compares them: OTHERWISE = "…"'
     )
-    if mine.shape[1] == 1 and "amplitude" in effect:
-        assert values[0] == pytest.approx(effect["amplitude"] / effect.get("span", 1.0), rel=0.01)
+    # A cause with `effects` of its own says how amplitude and coefficient belong together: tests/test_terms_round_trip.py.
+    if mine.shape[1] == 1 and "amplitude" in effect and terms.causes()[name].effects is None:
+        assert values[0] == pytest.approx(effect["amplitude"], rel=0.01), (
+            f"tango_cnc/terms/{name}.py: the coefficient of this effect is {values[0]:.6g}, "
+            f"its amplitude {effect['amplitude']:.6g}. Make them equal, or let `effects` of the cause say how they belong together"
+        )
 
 
 def test_the_campaign_of_hidden_effects_draws_every_cause_or_says_why_not(bench: blind.Bench) -> None:
-    """A new one is drawn as its EXAMPLE says; more settings by chance go into `draw` of tests/support/blind.py."""
-    known = {*blind.DRAWN, *blind.RARE, *blind.NOT_DRAWN}
-    left = {*PATTERNS} & {*effects.names()} - known
-    assert not left, f"tests/support/blind.py: neither DRAWN nor RARE nor NOT_DRAWN has {', '.join(sorted(left))}"
+    """A new one is drawn as its EXAMPLE says unless its file states UNDRAWN; `draw` of tests/support/blind.py has more settings."""
+    known = {*blind.DRAWN, *blind.RARE, *blind.UNDRAWN}
     assert known <= {*CAUSES}, f"tests/support/blind.py: causes that do not exist: {', '.join(sorted(known - {*CAUSES}))}"
+    assert not {*blind.FIRST, *blind.RARE} & {*blind.UNDRAWN}, "an effect states UNDRAWN, and it is drawn all the same"
     for name in blind.DRAWN:
         assert blind.expected(name)
         effects.checked([blind.draw(bench, name, np.random.default_rng(5))], bench.cell.machine, bench.cell.artefact)
@@ -188,7 +180,7 @@ def row(name: str) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-WRITE = "TANGO_GOLDEN=write python -m pytest tests/contracts/test_terms.py -k catalogue"
+WRITE = command("tests/contracts/test_terms.py -k catalogue")
 HEAD = "| name | what it is | what it means | frame | mistaken for | settings | what to do |"
 
 

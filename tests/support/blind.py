@@ -63,19 +63,8 @@ S3 = ("EXX1", "EYY1", "EZZ1", *LOCATIONS, "EXXb", "EYYb", "EBBb", "ECCb")  # of 
 LARGEST = ((1e-4, 0.1), (0.0, 1e-3))  # mm; rad, mm/mm: what no machine has would be needed to see it, by the least drawn amplitude
 PLAY = ("EXXb", "EYYb", "EZZb")
 RARE = ("swapped_facets", "backlash")  # drawn alone: one has the size that it has, the other one is in S3
-NOT_DRAWN = {
-    "axis_location": "a constant of the machine, which S3 has",
-    "cylinder_cosine": "it needs a cylinder, and the table of the thesis has none",
-    "indexation_seating": "a spread and no pattern",
-    "learned": "a shape without a name; tests/test_learned_terms.py",
-    "noise_level": "a spread and no pattern",
-    "pulse": "it is set aside before the search; tests/test_diagnose_outside.py",
-    "rotary_backlash": "S3 has it",
-    "spindle_orientation": "random at every touch, as the spindle of the thesis is not oriented",
-    "surface_form": "a spread and no pattern",
-    "trigger_latency": "one feed makes it the radius of the tip",
-}
-DRAWN = (*FIRST, *sorted({*terms.patterns()} & {*simulated.names()} - {*FIRST, *RARE, *NOT_DRAWN}))
+UNDRAWN = simulated.stated("UNDRAWN")  # a file of an effect says why it is not drawn
+DRAWN = (*FIRST, *sorted({*terms.patterns()} & {*simulated.names()} - {*FIRST, *RARE, *UNDRAWN}))
 TWIN = 0.99  # part of a visible pattern that another cause explains as well: nobody can tell these two
 
 

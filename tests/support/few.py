@@ -69,12 +69,15 @@ def concerns(nodeid: str, names: frozenset[str]) -> bool:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """`@pytest.mark.few(n)`: of the cases of this test the default run has n, and those of a plug-in that is new; others are long.
 
-    `make mutants` asks all.
+    `make mutants` asks all. Cases of a new plug-in are marked `new`.
     """
     tests: dict[str, list[pytest.Item]] = {}
     for item in items:
         if item.get_closest_marker("few") is not None and item.get_closest_marker("long") is None:
             tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for item in items:
+        if "[" in item.nodeid and concerns(item.nodeid, new()):
+            item.add_marker("new")
     for test, cases in tests.items():
         mark = cases[0].get_closest_marker("few")
         kept = chosen(test, len(cases), mark.args[0]) if mark else set()

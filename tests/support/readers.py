@@ -47,7 +47,7 @@ from tango_cnc.files.plan import plan_lines, read_plan
 from tango_cnc.files.targets import sources, spared
 from tango_cnc.instruments import read_measured
 from tango_cnc.iso230.temperature import read_thermal
-from tango_cnc.link.entries import Begun, End, Reading, Segment
+from tango_cnc.link.entries import End, ProgramSent, Reading, StartMark
 from tango_cnc.link.journal import Journal, digest_of, look_at, read_journal, salvaged
 from tango_cnc.link.layout import STANDARD, read_layout
 from tango_cnc.link.measure import protocol_of
@@ -237,8 +237,8 @@ def _journal(folder: Path) -> bytes:
     file = folder / "made.journal"
     file.unlink(missing_ok=True)
     journal = Journal(file, [])
-    journal.add(Segment(UTC, "1", "small", {"post": "fanuc", "port": "x"}, "0A", "0B", (1, 2)))
-    journal.add(Begun(UTC, 0.0, "boot", 12.5))
+    journal.add(ProgramSent(UTC, "1", "small", {"post": "fanuc", "port": "x"}, "0A", "0B", (1, 2)))
+    journal.add(StartMark(UTC, 0.0, "boot", 12.5))
     journal.add(Reading(1, "top", (1.0, 2.5), 1.5, "ok", 0.5, None, (1, -1), "P1 H1 X1"))
     journal.add(End(True, "done", UTC))
     journal.close()

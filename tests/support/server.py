@@ -12,7 +12,7 @@ from typing import Any
 
 from support.nights import into, thirty
 from tango_cnc.history import opened
-from tango_cnc.link.entries import Begun, End, Reading, Segment
+from tango_cnc.link.entries import End, ProgramSent, Reading, StartMark
 from tango_cnc.link.journal import Journal
 from tango_cnc.link.lock import holding
 
@@ -51,14 +51,14 @@ class Recorded:
         self.journal = Journal(folder / "readings.journal")
         numbers = tuple(range(1, touches + 1))
         controller = {"post": "fanuc", "port": "x"} | ({"simulated": "yes"} if simulated else {})
-        head = Segment("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers, expected_s=expected)
+        head = ProgramSent("2026-11-23T06:00:00.000+00:00", "0", "M", controller, "p", "3F02A91C77D0", numbers, expected_s=expected)
         self.journal.add(head)
         self.made = 0
         self._held = holding(folder, "tango run")
 
     def begin(self) -> None:
         self._held.__enter__()
-        self.journal.add(Begun("2026-11-23T06:00:01.000+00:00", 0.0))
+        self.journal.add(StartMark("2026-11-23T06:00:01.000+00:00", 0.0))
 
     def touch(self, facet: str = "3", status: str = "ok", deviation: float | None = 12.5, drift: float | None = None) -> None:
         self.made += 1

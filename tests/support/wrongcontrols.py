@@ -9,19 +9,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
+import yaml
 
-from postprocessors import Post, load
+from postprocessors import Post, load, program
+from sim_controller.session import language
 from sim_controller.world import nominal_machine, tip_in_table
+from support.controls import GOLDEN, golden
 from support.dialects import EVERY
-from tango_cnc.records import Cell, Machine, Plan
+from tango_cnc.files import read_cell
+from tango_cnc.plan import plan_hash
+from tango_cnc.records import Cell, InputError, Machine, Plan
 
 BRAKE = 11
 IN_MACHINE = ("klartext", "rs274", "siemens")  # languages that say machine positions, which nothing mirrors
 FAR = 12_000.0  # mm
+WORDS = ("G31 P1", "G31.1", "G131")  # of other skip inputs; the last one is of a builder
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,60 @@ def looks(post: Post) -> bool:
     return bool(stated.get("probe_state", True))
 
 
+OPTIONS = ("skip", "axis_numbers", "probe_state", "print_format")  # whose dialects `by_option` finds by what they declare
+NUMBERS = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}  # of a builder who has X and Y the other way round
+
+
+def must(post: Post) -> bool:
+    """dialect → whether its profile has to state the input of the probe."""
+    return any(option.name == "probe_state" and option.must for option in post.options)
+
+
+def declared(name: str) -> tuple[str, ...]:
+    """dialect → which of `OPTIONS` its post declares."""
+    return tuple(option.name for option in load(name).options if option.name in OPTIONS)
+
+
+def by_option(name: str) -> dict[str, Case]:
+    """dialect → {option that its post declares: the control on which its usual value is wrong}.
+
+    No list of dialects: a habit is one that the simulated control of the dialect has. Without that there is no case.
+    """
+    known, spoken = {option.name: option for option in load(name).options}, language(EVERY[name].family)
+    settings = EVERY[name].settings
+    profile = spoken.default_profile(read_cell(GOLDEN).machine)
+    has = {one.name for one in fields(profile)}
+    found = {}
+    if "skip" in known and "skip_word" in has:
+        usual = str(known["skip"].default)
+        other = next(word for word in WORDS if word != usual and _taken(name, {"skip": word}))
+        found["skip"] = Case("alive", {"habits": {"skip_word": other}}, {}, {"skip": other}, "skip")
+    if "axis_numbers" in known and not settings.get("lettered"):
+        counted: dict[str, Any] = {"numbered": "YXZBC"} if "numbered" in has else {"axes": tuple("YXZBC")}
+        found["axis_numbers"] = Case("frames", {"habits": counted}, {}, {"axis_numbers": NUMBERS}, "axis_numbers")
+    if (state := known.get("probe_state")) is not None and state.must:
+        example = yaml.safe_load(re.search(r"e\.g\. ([^;,\s]+)", state.meaning)[1])  # type: ignore[index]
+        wired = {"habits": {"probe_variable": example}} if "probe_variable" in has else {}
+        found["probe_state"] = Case("deflected", wired, {}, {"probe_state": example}, "probe_state")
+    elif state is not None:  # the usual program looks
+        off = type(state.default)()
+        going_on = {"habits": {"deflected": "ignore"}} if "deflected" in has else {}
+        found["probe_state"] = Case("deflected", going_on, {"probe_state": off}, {"probe_state": state.default}, "probe_state")
+    if "print_format" in known and settings.get("overflow") != "expanded" and str(known["print_format"].default) < "5":
+        found["print_format"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
+    return found
+
+
+def _taken(name: str, stated: Mapping[str, Any]) -> bool:
+    """dialect, profile → whether its post writes a program for it."""
+    made = golden()
+    try:
+        next(iter(program(load(name), made, stated, plan_hash(made))[2]()))
+    except InputError:
+        return False
+    return True
+
+
 def cases(name: str) -> dict[str, Case]:
     """dialect → {belief: the control on which it is wrong}."""
     post = load(name)
@@ -166,22 +226,18 @@ def cases(name: str) -> dict[str, Case]:
         turns = {"habits": {"orient": "P"}}
         found["orientation"] = Case("orientation", turns, {}, {"orient": "M19 P"}, "orient", person=False, oriented="M19 P")
     habits = EVERY[name].settings
-    usual = {option.name: option.default for option in post.options}  # what the program has where the profile says nothing
-    if spoken == "macro_b" and habits.get("overflow") != "expanded" and usual["print_format"] < "5":  # where fields do not grow
-        found["widths"] = Case("widths", {}, {}, {"print_format": "53"}, "print_format", stands=far)
-    if spoken == "macro_b":  # they have a variable for the input
-        found["deflected"] = Case("deflected", {"habits": {"probe_variable": 1004}}, {}, {"probe_state": 1004}, "probe_state")
-    if spoken == "macro_b" and not habits.get("lettered"):  # they read positions by number
-        numbers = {"X": 2, "Y": 1, "Z": 3, "B": 4, "C": 5}
-        found["frames"] = Case(
-            "frames", {"habits": {"axes": ("Y", "X", "Z", "B", "C")}}, {}, {"axis_numbers": numbers}, "axis_numbers"
-        )
-        wired = "G31 P1" if usual["skip"] == "G31" else "G31.1"
-        found["alive"] = Case("alive", {"habits": {"skip_word": wired}}, {}, {"skip": wired}, "skip")
+    options = by_option(name)
+    if must(post):  # what the profile has to say, and does not yet
+        found["deflected"] = options["probe_state"]
+    if "print_format" in options:
+        found["widths"] = options["print_format"]
+    if "axis_numbers" in options and spoken == "macro_b":
+        found["frames"] = options["axis_numbers"]
+    if "skip" in options:
+        found["alive"] = options["skip"]
     if habits.get("macros_ahead"):
         found["frames"] = Case("frames", {}, {"wait": "G53"}, {"wait": "G103 P1"}, "wait")
     if spoken == "osp":
-        found["deflected"] = Case("deflected", {}, {}, {"probe_state": "VDIN[11]"}, "probe_state")
         found["miss"] = Case("miss", {"habits": {"miss": "alarm"}}, names="parameter")
         offset = {"contact_frame": "work", "g54": {"X": 5.0, "Y": 2.0}}
         found["frames"] = Case("frames", {"habits": offset}, names="contact")

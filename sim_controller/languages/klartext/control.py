@@ -53,6 +53,7 @@ class Profile:
     """What differs between machines with this control; every default is a guess that a real machine may refute."""
 
     axes: tuple[str, ...]
+    numbered: str = "XYZABC"  # which axis the system data call 1, 2, 3 …
     g54: Mapping[str, float] = field(default_factory=dict)  # mm and deg, the datum
     tool_lengths: Mapping[int, float] = field(default_factory=lambda: {1: 0.0})  # of the tool in the spindle, number 1
     rotation: Mapping[str, float] = field(
@@ -302,9 +303,9 @@ class Control:
         if group == 210 and which == 4 and 1 <= axis <= 3:  # the factor of an axis, of cycles 11 and 26
             return self._frame.scale * self._frame.own.get("XYZ"[axis - 1], 1.0)
         known = which == 1 or (group == 240 and which == 8)
-        if group not in (240, 270) or not known or not 1 <= axis <= 6 or "XYZABC"[axis - 1] not in self._profile.axes:
+        if group not in (240, 270) or not known or self._profile.numbered[axis - 1 : axis] not in self._profile.axes:
             raise error("SYSTEM DATUM NOT THERE", f"ID{group} NR{which} IDX{axis}")
-        name = "XYZABC"[axis - 1]
+        name = self._profile.numbered[axis - 1]
         if group == 240 and which == 1:  # iTNC 530 technical manual 7/2013 p. 1731: where the axis was told to go
             return {**self._known, **self._nominal}[name]
         return self._known[name] - (self._datum(name) if group == 270 else 0.0)

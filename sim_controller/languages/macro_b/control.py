@@ -206,7 +206,8 @@ class Control:
             self._feed = before
         for code in m_codes:
             self._note("m", code=code)
-        if any(code in STOPS for code in m_codes):
+        waits = self._profile.waits.replace(" ", "")
+        if any(code in STOPS for code in m_codes) or (waits and block.text == waits):
             self._axes.settle()
         if 98 in m_codes:
             return self._call_subprogram(found, block, depth), None
@@ -256,7 +257,7 @@ class Control:
 
     def _dwell(self, milliseconds: Word | None, seconds: Word | None) -> None:
         if milliseconds is not None:
-            whole = self._profile.lettered and milliseconds.literal is not None and "." in milliseconds.literal
+            whole = self._profile.point_seconds and milliseconds.literal is not None and "." in milliseconds.literal
             self._motion.dwell(milliseconds.value / (1 if whole else 1000))  # Haas: P1. is a second, P1 a thousandth
         elif seconds is not None:
             plain = seconds.literal is not None and "." not in seconds.literal

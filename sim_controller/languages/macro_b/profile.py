@@ -31,6 +31,8 @@ class Profile:
     read_ahead: bool = True  # #5021 and #5041 are read before the moves in front of them are done
     macros_ahead: bool = False  # macro statements are carried out ahead of motion; G103 P1 and empty blocks end that (Haas)
     skip_word: str = "G31"  # how a skip move has to be written: G31 P1 or G31.1 with several inputs, else P601 (M700V p. 555)
+    waits: str = ""  # a block that waits for the axes besides G53, G31 and M0, e.g. G4 P0.1 or M66
+    point_seconds: bool = False  # G4 P1. is a second and P1 a thousandth; else both are thousandths
     orient: str = "R"  # letter of the angle behind M19; behind another one the spindle stays as it is
     memory: int = 512  # kB free for a program; 0: it runs from a disk
     reading_stops: bool = False  # what stands behind M30 is not read into the memory (3201#6)
@@ -53,6 +55,7 @@ class Profile:
 HAAS = {
     "macros_ahead": "true",
     "lettered": "true",
+    "point_seconds": "true",
     "padding": "bare",
     "overflow": "expanded",
     "line_end": "cr",
@@ -67,6 +70,7 @@ CONTROLS = Controls(
         "brother": StandIn(stored=("O8832", "M99", "O8833", "M99")),  # stand in for the programs that switch the probe
     },
     {"probe_state": "probe_variable"},
+    {"axis_numbers": ("lettered", "axes"), "skip": ("skip_word",), "wait": ("waits", "macros_ahead"), "orient": ("orient",)},
 )
 
 

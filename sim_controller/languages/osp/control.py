@@ -77,6 +77,7 @@ class Profile:
     contact_frame: Literal["machine", "work"] = "machine"  # of VSAP
     indexed: bool = True  # VSAP has an index, VAPA has none (lists of variables write VSAP*[ ] and VAPA*)
     wait: bool = True  # M331 waits; else it does not
+    skip_word: str = "G31"  # of the move that the probe ends; behind another one it goes its whole way
     decimals: Decimal = Decimal(4)  # that PUT prints
     orient: str = "RS"  # letter of the angle behind M19; behind another one the spindle stays as it is
     scaled: Mapping[str, float] = field(default_factory=dict)  # of what is programmed, in H0 too; -1 is a mirror image
@@ -296,7 +297,7 @@ class Control:
         return 2 in m_codes or 30 in m_codes
 
     def _g_code(self, value: str, text: str) -> int:
-        if not value.isdigit() or int(value) not in G_CODES:
+        if not value.isdigit() or int(value) not in {*G_CODES, int(self._profile.skip_word[1:])}:
             raise alarm("g-code", text)
         return int(value)
 
@@ -332,10 +333,12 @@ class Control:
         if not targets:
             return
         targets = {letter: value * self._profile.scaled.get(letter, 1.0) for letter, value in targets.items()}
-        if (31 in g_codes or self._motion_code == 1) and self._feed <= 0:
+        if (31 in g_codes or int(self._profile.skip_word[1:]) in g_codes or self._motion_code == 1) and self._feed <= 0:
             raise alarm("feed", text)
-        if 31 in g_codes:
+        if int(self._profile.skip_word[1:]) in g_codes:
             self._skip(targets)
+        elif 31 in g_codes:
+            self._axes.move(targets, self._feed)
         else:
             self._axes.move(targets, self._feed if self._motion_code == 1 else None)
 

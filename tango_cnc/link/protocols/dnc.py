@@ -201,7 +201,7 @@ class Client(Listener):
             return []
         allowed = self._waited(seconds)
         if allowed is None:
-            return []
+            return self._noticed()
         at, total = self.sent
         where = f"{at} of {total} bytes are sent" + (" and the control holds the line (DC3)" if self._held and at else "")
         if self.brought:
@@ -213,6 +213,8 @@ class Client(Listener):
             last = bytes(self._strange[-LAST:]).decode("latin-1").encode("unicode_escape").decode("ascii")
             why = noise(bytes(self._strange)) or [f"the last ones: {last}"]
             return self._fail(f"no record came within {allowed:.3g} s, but {many} that are none: {why[0]}; {where}")
+        if ended := self._ended:
+            return self._fail(f"{ended}: the control has been silent for longer than {allowed:.0f} s")
         return self._fail(f"the control has been silent for longer than {allowed:.0f} s; {where}")
 
     def closed(self) -> list[Event]:

@@ -78,7 +78,9 @@ class Client(Listener):
         """s since the last call → Failed when nothing was written for longer than the next touch may take."""
         allowed = self._waited(seconds)
         if allowed is None:
-            return []
+            return self._noticed()
+        if why := self._ended:
+            return self._fail(f"{why}: no record was written within {allowed:.0f} s")
         what = "record" if self._begun else "start mark"
         return self._fail(
             f"no {what} was written within {allowed:.0f} s: start the program at the control; it has to write into this file"

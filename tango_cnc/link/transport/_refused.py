@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from ...records import InputError, LinkError
+from ...records import InputError, NothingSentError
 
 STATUS = {  # of SMB, where the system has no number for it
     "OBJECT_NAME_INVALID": "the control takes no such name",
@@ -25,7 +25,7 @@ STATUS = {  # of SMB, where the system has no number for it
 }
 
 
-class RefusedError(LinkError):
+class RefusedError(NothingSentError):
     """The control answers and lets nobody in by this name: another try may lock the name, and a password helps.
 
     What opens a port ends with the status of wrong input for it: nothing was sent, and the same command would be refused again.

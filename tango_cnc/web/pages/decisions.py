@@ -16,13 +16,14 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.alarm import decided, sentence, with_its_date
-from ...report.answer import is_moving, measuring
+from ...report.answer import NEWER, is_moving, measuring
 from ...report.days import at, day
 from ...report.faults import earlier, still_open
 from ...report.orders import brief_of
 from ...report.plain import plain
 from ...report.reach import to_ask
 from ...report.repeated import before_repair
+from ...report.texts import Texts
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
 from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
@@ -73,7 +74,16 @@ def _read(state: PagesState) -> dict[str, Any]:
     listed = [a for card in waiting for a in card["open"]]
     missing = sum(a["decision"] is None for a in listed)
     made = bool(waiting) and all(c["simulated"] for c in waiting)
-    return {"waiting": waiting, "simulated": made, "open": len(listed), "alarms": missing, "past": past[:50], "actions": ACTIONS}
+    alone = [one for row in state.places.fleet() if (one := _of_readings(row, state)) is not None]
+    return {
+        "newer": [one for one in alone if one["machine"].slug not in waits],
+        "waiting": waiting,
+        "simulated": made,
+        "open": len(listed),
+        "alarms": missing,
+        "past": past[:50],
+        "actions": ACTIONS,
+    }
 
 
 def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, list[dict[str, Any]]]:
@@ -83,6 +93,17 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
     asked = row.standing.alarms_open or row.standing.alarms_held
     busy = busy_for(run_of(state, row.machine), state) if asked else ""
     return unchanged(row, state, (busy, newer_no(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
+
+
+def _of_readings(row: Row, state: PagesState) -> dict[str, Any] | None:
+    """row, state → the No of newer readings with what it is about, as in the list; None where that is not its answer."""
+    if newer_no(row) is None:
+        return None
+    found = faults_of(row, state)
+    said = answer_of(row, found, state)
+    if said is None or said.state != NEWER or busy_for(run_of(state, row.machine), state):
+        return None
+    return {"machine": row.machine, "answer": said, "told": brief(said, found, False, "", state.texts)}
 
 
 def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
@@ -104,6 +125,7 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
     return {
         "machine": row.machine,
         "where": _where(row.machine),
+        "typed": _typed(row.machine, state.texts),
         "answer": said,
         "faults": shown,
         "open": asked,
@@ -117,9 +139,16 @@ def _card(row: Row, busy: str, state: PagesState) -> dict[str, Any] | None:
 
 def _where(machine: Served) -> str:
     """machine → the option with which a command finds it from the folder that its cell lies in; no page says where that is."""
-    return (
-        f"--machine {shlex.quote(machine.name)}" if machine.folder is None else f"-C {shlex.quote(machine.folder.resolve().name)}"
-    )
+    if machine.folder is None:
+        return f"--history HISTORY --machine {shlex.quote(machine.name)}"
+    return f"-C {shlex.quote(machine.folder.resolve().name)}"
+
+
+def _typed(machine: Served, t: Texts) -> str:
+    """machine, texts → where that command is typed."""
+    if machine.folder is None:
+        return t("decision.by_hand_shared")
+    return t("decision.by_hand_where", folder=machine.folder.resolve().name)
 
 
 def _past(row: Row, state: PagesState) -> list[dict[str, Any]]:

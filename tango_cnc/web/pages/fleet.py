@@ -248,7 +248,7 @@ def brief(
         return t("may.brief_measure"), dated(told.old)
     if told.state == NEWER:
         why = told.why.partition(". ")[0].partition(": ")[2]
-        return parts, whole_sentence(f"{why[:1].upper()}{why[1:]}")
+        return parts, f"{whole_sentence(f'{why[:1].upper()}{why[1:]}')} {told.moved}".rstrip()
     found = () if told.state == "doubtful" else found  # the readings are the reason, whatever was found before them
     cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
