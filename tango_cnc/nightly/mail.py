@@ -122,7 +122,7 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
     if more := len(stories(standing) - stories(standing[:SHOWN])):
         lines += [f"* {t('mail.more_alarms', count=more)}", ""]
     for alarm in record.get("unheard") or ():
-        told = {key: alarm[key] for key in ("night", "owner", "until", "text")}
+        told = {key: alarm[key] for key in ("night", "owner", "until")} | {"text": _of_its_night(alarm["text"], alarm)}
         lines += [f"* {t('mail.ignored', **told)}", *([f"  {t.of(alarm['now'])}"] if alarm["now"] else []), ""]
     return lines
 
@@ -141,7 +141,8 @@ def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
             ),
             None,
         )
-        text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
+        one = _of_its_night(cause["text"], cause) if same is None else _of_its_night(same["text"], same, record["night"])
+        text = one if same is None else with_its_size(one, same)
         lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]
         lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t, record)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
