@@ -211,6 +211,17 @@ BUGS = {
     ),
     "what is ignored is not named": ("nightly.standing", "    if not wanted:\n", "    if wanted:\n"),
     "a night that never began is not put on record": ("nightly.left_behind", "for back in reversed(free):", "for back in ():"),
+    "a refused night does not name what is missing": (
+        "nightly.night",
+        "known = with_left(known, machine",
+        "with_left(known, machine",
+    ),
+    "what never began before a refused night is forgotten": (
+        "nightly.left_behind",
+        "[s for s in known if s not in marked] or list(known)",
+        "list(known)",
+    ),
+    "a probe that scatters is believed": ("state.filter", "if p_noise < NOISY else 1.0", "if p_noise < -1.0 else 1.0"),
     "the mark stays": ("nightly.night", "            world.disk.ended(stamp)\n        except", "            pass\n        except"),
     "a message that was delivered is sent again": ("nightly.night", "            disk.sent(stamp)\n", "            pass\n"),
     "what waits is not sent": ("nightly.night", "for old, words in [*unsent, (stamp", "for old, words in [(stamp"),
@@ -295,6 +306,9 @@ WEATHER = (
     *((rates, 10) for rates in ({}, *({name: 0.6} for name in FAULTS))),
     ({"within": 0.2}, 20),
     ({"knocks": 0.2, "knock": 0.3}, 40),
+    ({"scatter": 0.2}, 20),
+    ({"asleep": 0.3, "operator": 0.7}, 60),
+    ({"asleep": 0.4, "database down": 0.5}, 20),
     (MANY, 120),
 )
 

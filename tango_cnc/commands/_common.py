@@ -78,7 +78,7 @@ def _keeping(call: Callable[..., Any]) -> Callable[..., Any]:
                 if other != what and same(file, path):
                     raise InputError(f"{what}: found {file}, which {other} names too; allowed: a file of its own for each")
             spared(what, file, given["folder"], replaces=kind.replaces)
-        with handed():
+        with handed(names=True):
             return call(**given)
 
     return kept

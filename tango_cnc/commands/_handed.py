@@ -31,28 +31,29 @@ def typed(*without: str) -> str:
 class Kept:
     """What holds for the next call of a command, too: names of its options; and which of them do not go with which option."""
 
-    names: tuple[str, ...] = ()  # none: commands without options stay as they are, too: they may be names
+    names: tuple[str, ...] = ()
     apart: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # stated anew → not kept then
 
 
 NOTHING = Kept()
 
 
-def whole(said: str, kept: Kept = NOTHING, **places: object) -> str:
+def whole(said: str, kept: Kept = NOTHING, *, names: bool = False, **places: object) -> str:
     """a sentence with commands in quotation marks, what holds for the next call, words that stand for others → the same.
 
-    Each command has the folder that was stated here, and this one what else holds, but for what it states anew.
+    Each command has the folder that was stated here, and this one what else holds, but for what it states anew. `names`: commands
+    without options stay as they are, as they may be the names of what has done something.
     """
-    return COMMAND.sub(lambda found: _quoted(found[1], kept, places), said)
+    return COMMAND.sub(lambda found: found[0] if names and found[1].count(" ") == 1 else _quoted(found[1], kept, places), said)
 
 
 @contextmanager
-def handed(kept: Kept = NOTHING) -> Iterator[None]:
-    """what holds for the next call → within it, the commands in what is raised are whole."""
+def handed(kept: Kept = NOTHING, names: bool = False) -> Iterator[None]:
+    """what holds for the next call, `names` as in `whole` → within it, the commands in what is raised are whole."""
     try:
         yield
     except TangoError as error:
-        error.args = (whole(str(error), kept),)
+        error.args = (whole(str(error), kept, names=names),)
         raise
 
 
@@ -75,8 +76,6 @@ def _quoted(command: str, kept: Kept, places: Mapping[str, object]) -> str:
     try:
         words = [str(places.get(word, word)) for word in shlex.split(command)]
     except ValueError:  # quotation marks of a sentence, not of a shell
-        return f"'{command}'"
-    if len(words) == 2 and not kept.names:
         return f"'{command}'"
     found = _whole(words, kept)
     return f'"{found}"' if "'" in found else f"'{found}'"

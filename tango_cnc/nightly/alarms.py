@@ -58,17 +58,20 @@ class Known:
 
 def alarms_of(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> list[dict[str, Any]]:
     """what is known, since when, prediction, test of the night, its best story → the alarms of the record: one for each cause, so
-    that each is answered by itself, and one for what they do not explain.
+    that each is answered by itself, one for what they do not explain, and one for single touches that scatter.
     """
     whole = tonight.statistic / tonight.scale
+    scatters = [_scatter(k, before, ahead, tonight)] if tonight.wider > 1 else []
     if named is None or (named.remains < FAR and named.told < 0.5 * whole):
-        return [_unnamed(k, before, ahead, tonight, named)]
+        if tonight.p_noise < tonight.p_machine:
+            return scatters or [_scatter(k, before, ahead, tonight)]
+        return [_unknown(k, before, tonight, named), *scatters]
     found = [of_cause(k, before, one) for one in named.all]
     left = whole - named.told
     plain = bool(named.more) and named.more[0].explained >= 0.5 * (left - tonight.dof)
     if plain or (named.all[-1].remains < FAR and named.told < MOSTLY * whole):
         found.append(_rest(k, before, named, left - tonight.dof))
-    return found
+    return [*found, *scatters]
 
 
 def of_cause(k: Known, before: Since, named: Named) -> dict[str, Any]:
@@ -95,21 +98,28 @@ def _alarm(before: Since, cause: str, parameter: str, text: str, sigmas: float) 
     return told | {"text": text, "size": 0.0, "std": 0.0, "unit": "", "sigmas": sigmas}
 
 
-def _unnamed(k: Known, before: Since, ahead: State, tonight: Tonight, named: Named | None) -> dict[str, Any]:
-    """→ the alarm of a night that no cause explains: single touches scatter, or the machine is not as it was."""
-    if tonight.p_noise < tonight.p_machine:
-        dof = max(tonight.noise[1], 1)
-        size = float(np.sqrt(tonight.noise[0] / dof))
-        sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
-        usual = number(sigma_of(ahead) * 1e3, "µm", signed=False, decimals=2)
-        text = texts()("changed.noise_level", size=number(size * 1e3, "µm", signed=False, decimals=2), usual=usual)
-        alarm = _alarm(before, "noise_level", "probe", text, sigmas)
-        alarm |= {"size": size, "std": size / float(np.sqrt(2 * dof)), "unit": "mm"}
-    else:
-        sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
-        alarm = _alarm(before, "unknown", "several", texts()("changed.unknown"), sigmas)
-        if named is not None:
-            alarm["instead"] = [named.hypothesis.parameter, *named.instead]
+def _scatter(k: Known, before: Since, ahead: State, tonight: Tonight) -> dict[str, Any]:
+    """→ the alarm of a night whose single touches scatter."""
+    dof = max(tonight.noise[1], 1)
+    size = float(np.sqrt(tonight.noise[0] / dof))
+    sigmas = float(np.sqrt(2 * max(-np.log(max(tonight.p_noise, 1e-300)), 0.0)))
+    usual = number(sigma_of(ahead) * 1e3, "µm", signed=False, decimals=2)
+    text = texts()("changed.noise_level", size=number(size * 1e3, "µm", signed=False, decimals=2), usual=usual)
+    alarm = _alarm(before, "noise_level", "probe", text, sigmas)
+    return _of_nothing(k, before, alarm | {"size": size, "std": size / float(np.sqrt(2 * dof)), "unit": "mm"})
+
+
+def _unknown(k: Known, before: Since, tonight: Tonight, named: Named | None) -> dict[str, Any]:
+    """→ the alarm of a night that no cause explains: the machine is not as it was."""
+    sigmas = float(np.sqrt(max(tonight.statistic / tonight.scale - tonight.dof, 0.0)))
+    alarm = _alarm(before, "unknown", "several", texts()("changed.unknown"), sigmas)
+    if named is not None:
+        alarm["instead"] = [named.hypothesis.parameter, *named.instead]
+    return _of_nothing(k, before, alarm)
+
+
+def _of_nothing(k: Known, before: Since, alarm: dict[str, Any]) -> dict[str, Any]:
+    """→ an alarm that is of no parameter of the machine, with what it does to parts and what to do."""
     nothing = np.zeros(len(k.followed.names))
     told = effect_of(k, alarm["cause"], alarm["parameter"], alarm["size"], alarm["unit"], nothing, before.date)
     return alarm | dict(zip(("on_part_um", "on_part", "do"), told, strict=True))
@@ -122,9 +132,7 @@ def _rest(k: Known, before: Since, named: Named, left: float) -> dict[str, Any]:
         first = named.more[0]
         like = said_of(k, before, first)[2]
         alarm |= {"text": texts()("changed.rest_like", like=like), "instead": [n.hypothesis.parameter for n in named.more]}
-    nothing = np.zeros(len(k.followed.names))
-    told = effect_of(k, "unknown", "several", 0.0, "", nothing, before.date)
-    return alarm | dict(zip(("on_part_um", "on_part", "do"), told, strict=True))
+    return _of_nothing(k, before, alarm)
 
 
 def effect_of(

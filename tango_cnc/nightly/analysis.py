@@ -15,11 +15,13 @@ from ..history.records import merged
 from ..records import Array, Cell, Readings
 from ..report.tonight import is_gone
 from ..state import (
+    NOISY,
     Named,
     Seen,
     State,
     Tonight,
     Within,
+    as_scattered,
     grown,
     hypotheses,
     judge,
@@ -73,6 +75,7 @@ class Update:
     ahead: State  # what was expected
     what: Seen
     tonight: Tonight
+    stated: Tonight  # the same by the stated scatter: another one where touches scatter more, and that is no chance
     named: Named | None  # what explains an alarm of the machine best
     after: State
     first: bool  # nothing was known before
@@ -162,9 +165,10 @@ class Nights(BeforeNight):
         what = self._seen(readings, ahead, ahead.mean)
         tonight = judge(ahead, what) if first else judge(ahead, what, self.followed.points, self._again(recent))
         alarm = not first and tonight.alarm(1 / self.settings.false_alarm_nights * AT_ONCE)
-        named, opened = None, ahead
-        if alarm and tonight.p_machine <= tonight.p_noise:
-            named, what, tonight = self._named(past, readings, recent, ahead, warmth, what, tonight)
+        named, opened, stated = None, ahead, tonight
+        tonight = as_scattered(ahead, what, stated)
+        if alarm and (tonight.p_machine <= tonight.p_noise or (stated.wider > 1 and tonight.p_machine < NOISY)):
+            named, what, stated, tonight = self._named(past, readings, recent, ahead, warmth, what, stated)
             opened = parts.opened(ahead, self.followed, named)
         machine = self.cell.machine.name
         repaired = not first and bool(answered.repaired(past, machine))
@@ -173,16 +177,17 @@ class Nights(BeforeNight):
         after = updated(opened, what, tonight, quiet=quiet)
         for _ in range(2 if first else 0):  # the first night begins far from the truth: linearise where it ended
             what = self._seen(readings, ahead, after.mean)
-            tonight = judge(ahead, what)
+            stated = judge(ahead, what)
+            tonight = as_scattered(ahead, what, stated)
             after = updated(ahead, what, tonight, quiet=False)
         if measured.text is not None:  # learning asks for them again, in this program or in a later one
             self.earlier.keep(measured.text, ahead, what)
         lag = lagging(self.followed, recent, ahead, after) if quiet else None
         if lag is not None:
-            after = self.earlier.anew(past, lag, recent, after, what.without(tonight.outliers))
+            after = self.earlier.anew(past, lag, recent, after, what.without(tonight.outliers).wider(tonight.wider))
         after, learned, since_learned = self.earlier.learned(past, recent, after)
         which = recent, readings, sensors, warmth
-        return Update(*which, ahead, what, tonight, named, after, first, alarm, repaired, lag, learned, since_learned)
+        return Update(*which, ahead, what, tonight, stated, named, after, first, alarm, repaired, lag, learned, since_learned)
 
     def _seen(self, readings: Readings, ahead: State, at: Array) -> Seen:
         """readings, what was expected, (p,) where touches are linear → what they say."""
@@ -196,17 +201,21 @@ class Nights(BeforeNight):
         ahead: State,
         warmth: Mapping[str, Array],
         what: Seen,
-        tonight: Tonight,
-    ) -> tuple[Named | None, Seen, Tonight]:
-        """→ what explains the alarm best; what the readings say where the machine is then, and their judgement."""
+        stated: Tonight,
+    ) -> tuple[Named | None, Seen, Tonight, Tonight]:
+        """→ what explains the alarm best; what the readings say where the machine is then, and their judgement: by the stated
+        scatter, and by that of tonight.
+        """
         tried = hypotheses(self.followed, parts.warmer(ahead, warmth))
         done = answered.expected(past, self.cell.machine.name)
+        tonight = as_scattered(ahead, what, stated)
         named = name_change(ahead, self.followed, tonight, tried, done)
         if (far := parts.far(named)) is None:
-            return named, what, tonight
+            return named, what, stated, tonight
         what = self._seen(readings, ahead, ahead.mean + far)
-        tonight = judge(ahead, what, self.followed.points, self._again(recent))
-        return name_change(ahead, self.followed, tonight, tried, done), what, tonight
+        stated = judge(ahead, what, self.followed.points, self._again(recent))
+        tonight = as_scattered(ahead, what, stated)
+        return name_change(ahead, self.followed, tonight, tried, done), what, stated, tonight
 
     def _judged(
         self, past: Past, kind: str, measured: Measured, u: Update, result: Estimate | None, alarms: Sequence[dict[str, Any]]
@@ -222,7 +231,7 @@ class Nights(BeforeNight):
             diagnosis, undiagnosed = attempted(self.diagnosed, self._cell(kind), readings)
         odd = not u.first and (u.alarm or judged.verdict != "trustworthy")
         inner = self._within(u.ahead, u.readings, u.tonight) if odd else None
-        moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u.ahead, u.readings, u.tonight, u.named)
+        moves = -np.inf if u.first or not u.alarm or inner is not None else self._moves(u)
         judged = believed(judged, diagnosis, alarms, u.first, moves) if inner is None else moved_within(self.known, inner, readings)
         judged = doubted(judged, say("night.clock_wrong")) if clock_wrong(past, self.cell.machine.name) else judged
         return judged, inner, {"diagnosis": diagnosis} if diagnosis else {"undiagnosed": undiagnosed} if undiagnosed else {}
@@ -362,13 +371,17 @@ class Nights(BeforeNight):
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         return stepped(ahead, what, readings.time, self.known.tried, tonight.scale)
 
-    def _moves(self, ahead: State, readings: Readings, tonight: Tonight, named: Named | None) -> float:
-        """prediction, readings, their judgement, its best story → by how much a machine that moves on while it is measured explains
-        them better.
+    def _moves(self, u: Update) -> float:
+        """what the readings did → by how much a machine that moves on while it is measured explains them better than the best
+        story, both by the stated scatter: a machine that moves on makes touches scatter, too.
         """
+        ahead, readings, named = u.ahead, u.readings, u.named
+        if u.stated.wider > 1:
+            tried = hypotheses(self.followed, parts.warmer(ahead, u.warmth))
+            named = name_change(ahead, self.followed, u.stated, tried)
         what = seen(self.followed, readings, ahead.mean, ahead.reference, self.settings.sensor)
         normal = from_readings(self.cell.machine, self.cell.artefact, readings).machine_normal
-        return warmed(ahead, what, readings.time, normal, tonight, named)
+        return warmed(ahead, what, readings.time, normal, u.stated, named)
 
     def _cell(self, kind: str) -> Cell:
         return self.check if kind == "check" and self.check is not None else self.cell

@@ -65,10 +65,10 @@ class Earlier:
         noise, opened = [], []
         for place, night in enumerate(nights[1:]):
             record = records[night.entry]
-            what = self._then(readings[night.entry], record, after)
-            seen_then.append((record["state"]["day"], what.without(record.get("outliers", ()))))
+            wide = parts.wider(record)
+            seen_then.append((record["state"]["day"], self._counted(readings[night.entry], record, after)))
             rest = record.get("residual") or {"std_um": 0.0, "dof": 0}
-            noise.append(((rest["std_um"] / 1e3 / begin.sigma) ** 2 * rest["dof"], float(rest["dof"])))
+            noise.append(((rest["std_um"] / 1e3 / begin.sigma / wide) ** 2 * rest["dof"], float(rest["dof"])))
             if night.alarms or record.get("ignored") or record.get("repaired"):
                 opened.append(place)
         found = learn(self.followed, begin, seen_then, opened)
@@ -86,9 +86,13 @@ class Earlier:
             return after
         if (begin := self.restored(known, recent[lag.back])) is None:
             return after
-        back = [(r, self._then(readings[entry], r, after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
-        nights = [(float(r["state"]["day"]), then.without(r.get("outliers", ()))) for r, then in reversed(back)]
+        back = [(r, self._counted(readings[entry], r, after)) for entry, r in zip(wanted[:-1], recent, strict=False)]
+        nights = [(float(r["state"]["day"]), then) for r, then in reversed(back)]
         return followed_anew(begin, lag, [*nights, (after.day, what)], after)
+
+    def _counted(self, readings: str, record: Mapping[str, Any], after: State) -> Seen:
+        """as `_then` → what those touches say, without single ones that were set apart, and by how much they scattered."""
+        return self._then(readings, record, after).without(record.get("outliers", ())).wider(parts.wider(record))
 
     def _then(self, readings: str, record: Mapping[str, Any], after: State) -> Seen:
         """text of the readings of an earlier night, its record, state of tonight → what those touches say.

@@ -104,7 +104,13 @@ def residual(what: Seen, after: State, tonight: Tonight) -> dict[str, Any]:
     left = what.value[touches] - what.rows[touches] @ after.mean
     squares, dof = tonight.noise
     std = max(float(np.sqrt(squares / dof)) if dof > 0 else sigma_of(after), 1e-6)
-    return {"rms_um": float(np.sqrt(np.mean(left**2))) * 1e3, "std_um": std * 1e3, "dof": max(int(dof), 1)}
+    found = {"rms_um": float(np.sqrt(np.mean(left**2))) * 1e3, "std_um": std * 1e3, "dof": max(int(dof), 1)}
+    return found | ({"wider": tonight.wider} if tonight.wider > 1 else {})
+
+
+def wider(record: Mapping[str, Any]) -> float:
+    """record of a night → times as much as stated that its touches scattered, where that was no chance; else 1."""
+    return float((record.get("residual") or {}).get("wider") or 1.0)
 
 
 def knowledge(state: State) -> Knowledge:

@@ -8,7 +8,7 @@ the control charts of old.
 """
 
 from .choose import Choice, choose
-from .filter import State, Tonight, grown, judge, predicted, reopened, start, updated
+from .filter import NOISY, State, Tonight, as_scattered, grown, judge, predicted, reopened, start, updated
 from .frame import Frame, Seen, frame, seen
 from .naming import Hypothesis, Named, hypotheses, name_change
 from .rates import learn
@@ -17,6 +17,7 @@ from .warming import warmed
 from .within import Within, stepped
 
 __all__ = [
+    "NOISY",
     "Choice",
     "Frame",
     "Hypothesis",
@@ -25,6 +26,7 @@ __all__ = [
     "State",
     "Tonight",
     "Within",
+    "as_scattered",
     "choose",
     "frame",
     "grown",

@@ -26,6 +26,7 @@ FREE = 30.0  # standard deviations that the machine may have moved, when single 
 SHARED = 0.05  # of the variance of a touch: with less, its point may have moved as well as the touch be wrong
 FAINT = 0.05  # standard deviations of a touch that one of the state makes: less says next to nothing
 SMALLEST = 1e-5  # mm, of the standard deviation of a touch
+NOISY = FALSE_ALARMS / 3  # chance of the scatter of a night, below which its touches count for no more than that scatter says
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class Tonight:
     reduced: Array = field(repr=False)  # (k, p) of u
     innovation: Array = field(repr=False)  # (k,) standard deviations of a touch
     noise: tuple[float, float] = (0.0, 0.0)  # sum of squares mm², degrees of freedom
+    wider: float = 1.0  # times as much as stated that touches scatter, where that is no chance
 
     def alarm(self, rate: float = FALSE_ALARMS) -> bool:
         """false alarms a night → whether tonight is one."""
@@ -128,21 +130,42 @@ def judge(state: State, what: Seen, points: NDArray[np.int64] | None = None, aga
     outliers = _outliers(state, what, sigma, points, again)
     used = what.without(outliers)
     reduced, innovation, left, dof = _reduced(state, used, sigma)
+    total, nights = state.agreement
+    scale = max((total + TRUST) / (nights + TRUST), 0.5)
+    statistic, p_machine = _machine(reduced, innovation, scale, nights + TRUST)
+    seen_dof = state.noise[1] + TRUST
+    p_noise = float(special.fdtrc(dof, seen_dof, left / dof)) if dof > 0 else 1.0
+    wider = max(float(np.sqrt(left / dof)), 1.0) if p_noise < NOISY else 1.0
+    found = _both(p_machine, p_noise), p_machine, p_noise, outliers, len(what.value), scale, reduced, innovation
+    return Tonight(statistic, len(innovation), *found, (left * sigma**2, float(dof)), wider)
+
+
+def as_scattered(state: State, what: Seen, tonight: Tonight) -> Tonight:
+    """predicted state, what the touches say, their judgement → the judgement of the machine by touches that scatter as they did
+    tonight, where that is no chance: by the stated scatter those of a bad probe would say that everything has moved.
+    """
+    if tonight.wider == 1:
+        return tonight
+    reduced, innovation, _, _ = _reduced(state, what.without(tonight.outliers).wider(tonight.wider), sigma_of(state))
+    sure = min(state.agreement[1] + TRUST, tonight.noise[1])  # that scatter is known from the touches of one night
+    statistic, p = _machine(reduced, innovation, tonight.scale, sure)
+    judged = replace(tonight, statistic=statistic, p_value=_both(p, tonight.p_noise), p_machine=p)
+    return replace(judged, reduced=reduced, innovation=innovation, dof=len(innovation))
+
+
+def _machine(reduced: Array, innovation: Array, scale: float, sure: float) -> tuple[float, float]:
+    """(k, p) rows of u, (k,) innovations, scale of the statistic, its degrees of freedom → statistic, p-value of the machine."""
     k = len(innovation)
     spread = np.eye(k) + reduced @ reduced.T
     white = linalg.solve_triangular(np.linalg.cholesky(spread), innovation, lower=True)
     statistic = float(white @ white)
-    total, nights = state.agreement
-    scale = max((total + TRUST) / (nights + TRUST), 0.5)
-    p_machine = float(special.fdtrc(k, nights + TRUST, statistic / k / scale)) if k else 1.0
-    seen_dof = state.noise[1] + TRUST
-    p_noise = float(special.fdtrc(dof, seen_dof, left / dof)) if dof > 0 else 1.0
+    return statistic, float(special.fdtrc(k, sure, statistic / k / scale)) if k else 1.0
+
+
+def _both(p_machine: float, p_noise: float) -> float:
+    """p-values of the two tests → that of the night."""
     least = min(p_machine, p_noise)
-    both = float(-np.expm1(2 * np.log1p(-least))) if least < 1 else 1.0
-    squares = left * sigma**2
-    return Tonight(
-        statistic, k, both, p_machine, p_noise, outliers, len(what.value), scale, reduced, innovation, (squares, float(dof))
-    )
+    return float(-np.expm1(2 * np.log1p(-least))) if least < 1 else 1.0
 
 
 def _whitened(state: State, what: Seen, sigma: float) -> tuple[Array, Array]:
@@ -213,7 +236,7 @@ def updated(state: State, what: Seen, tonight: Tonight, quiet: bool = True) -> S
     if quiet:
         noise = (noise[0] + tonight.noise[0], noise[1] + tonight.noise[1])
         agreement = (agreement[0] + tonight.statistic, agreement[1] + tonight.dof)
-    return replace(taken(state, what.without(tonight.outliers)), noise=noise, agreement=agreement)
+    return replace(taken(state, what.without(tonight.outliers).wider(tonight.wider)), noise=noise, agreement=agreement)
 
 
 def taken(state: State, what: Seen) -> State:

@@ -54,8 +54,9 @@ FAULTS = {  # chance a night
 
 
 # Faults that no year has by itself, for campaigns that ask for them: two errors are knocked in one night; one is knocked while the
-# machine is measured.
-MORE = ("knocks", "within")
+# machine is measured; the probe scatters.
+MORE = ("knocks", "within", "scatter")
+SCATTER = 13.0  # times as much as on other nights
 KNOCK = {"mm": 0.02, "rad": 5e-5, "mm/mm": 2e-5}
 
 
@@ -327,7 +328,8 @@ class Year:
         change = self.errors - np.array([b.truth.errors[n] for n in b.names])
         moved = np.einsum("e,enk->nk", change, b.response[:, rows])
         along = b.facet_response[rows]
-        moved += along * (self.offset[rows] + rng.normal(0, NOISE, len(rows)))[:, None]
+        noise = NOISE * (SCATTER if self.fault == "scatter" else 1.0)
+        moved += along * (self.offset[rows] + rng.normal(0, noise, len(rows)))[:, None]
         if self.fault == "chip":
             row = rng.integers(len(rows))
             moved[row] += along[row] * 0.02
@@ -432,7 +434,7 @@ class Year:
 
     def _honest(self, number: int, record: dict[str, Any]) -> None:
         """What is said of the machine is true, but for a change of the last nights that is not seen yet. Raises Broken."""
-        if self.fault in ("knock", "chip", *MORE) or any(0 <= number - c <= 3 for c in self.changes):
+        if self.fault in ("knock", "chip", "knocks", "within") or any(0 <= number - c <= 3 for c in self.changes):
             return
         for i, name in enumerate(self.bench.names):
             told = (record.get("parameters") or {}).get(name)

@@ -128,7 +128,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     if not nights or machine.history is None:
         return {}
     allowed = limits_of(request, machine)
-    alarms, decisions = _unclosed(request, machine)
+    alarms, decisions = unclosed_of(request, machine)
     known = state.places.nights(machine, ANOTHER)
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
@@ -184,7 +184,7 @@ def simulated(request: Request, machine: Served) -> bool:
     return any((record or {}).get("simulated") for record in known)
 
 
-def _unclosed(request: Request, machine: Served) -> tuple[Any, Any]:
+def unclosed_of(request: Request, machine: Served) -> tuple[Any, Any]:
     """request, machine → its alarms that nobody has closed, newest first, and the last decision about each."""
     history, today = machine.history, datetime.now().astimezone().strftime("%Y-%m-%d")
     assert history is not None
@@ -315,7 +315,7 @@ def course_of_tip(request: Request, machine: Served) -> str:
 
 def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:
     """request, machine, nights oldest first → places of the first night after each repair."""
-    done = [d.utc for d in _unclosed(request, machine)[1] if d.action == "repaired"]
+    done = [d.utc for d in unclosed_of(request, machine)[1] if d.action == "repaired"]
     return [place for utc in done if (place := next((i for i, n in enumerate(nights) if n.start_utc >= utc), None)) is not None]
 
 
@@ -324,7 +324,7 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
     state, history = state_of(request), machine.history
     if history is None or not nights:
         return {}
-    decisions = _unclosed(request, machine)[1]
+    decisions = unclosed_of(request, machine)[1]
     stamp = max((d.utc for d in decisions), default="")
     key = f"headlines {machine.slug} {nights[0].entry} {nights[-1].entry} {len(decisions)} {stamp}"
     t, u, axes = state.texts, state.units, state.places.geometry(machine)
