@@ -74,13 +74,14 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
     """record, texts → subject: `hu40t: changed (2026-03-10)`."""
     still = record["verdict"] == "changed" and not record["alarms"]
     refused = record["status"] == "refused"
+    unsure = record["verdict"] == "good" and any(x["passed"] is None for x in record["limits"])
     open_only = still and all(map(is_over, record.get("standing") or ()))  # all of it has gone back, and nobody has closed it
     word = (
         t("mail.refused")
         if refused
         else t("mail.still_open" if open_only else "mail.still")
         if still
-        else t(f"mail.subject_{record['verdict']}")
+        else t(f"mail.subject_{'unsure' if unsure else record['verdict']}")
     )
     if record["verdict"] == "out_of_limits" and record["alarms"]:  # the limit may have been crossed before: tonight something moved
         word = f"{word}, {t('mail.subject_changed')}"
@@ -266,7 +267,8 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
     do = t.of(t(again) if again in t and cause["do"] == usual else cause["do"])
     lines += [
-        t("mail.on_part", text=_gone_part(cause, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        t("mail.on_part", text=_gone_part(cause, record, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        *([t("mail.suspect", text=suspect)] if (suspect := _suspect(cause, record, night, t)) else []),
         t("mail.do", text=without_full(do, cause, record, t) if night else do),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
@@ -279,16 +281,30 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _gone_part(cause: Mapping[str, Any], night: str, t: Texts) -> str:
-    """alarm, its night if that is tonight, texts → which parts a change that has gone back makes different, as its page
-    says; '' of one that stands.
+def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
+    """alarm, record, the night of the alarm if that is tonight, texts → which parts a change that has gone back makes different, as
+    its page says; '' of one that stands.
     """
     undone = cause.get("undoes") or {}
     if not cause.get("on_part") or not (undone or is_gone(cause.get("now") or "")):
         return ""
-    begun = str(undone.get("alarm") or cause.get("id") or "")[:10]
+    begun = str(undone.get("alarm") or cause.get("id") or "")
+    former = next((a for a in record.get("standing") or () if undone and a["id"] == begun), {} if undone else cause)
+    begun = str(former.get("since") or begun[:10])
     until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or "")
     return t(f"morning.gone_part{'_by' if until else ''}", date=begun, until=until)
+
+
+def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
+    """alarm, record, its night if that is tonight, texts → which parts may have what moved in one night, as its page says; '' where
+    that is another matter: of the probe, of what has gone back, of a repair, and beyond a limit, which may be older.
+    """
+    since = str(cause.get("since") or "")
+    at_once = night and since and not any(cause.get(key) for key in ("undoes", "repair", "rate_per_day", "goes_on"))
+    of_machine = not change(cause.get("cause")).of_the_probe and cause.get("cause") not in WARMED
+    if not at_once or not of_machine or record["verdict"] != "changed":
+        return ""
+    return t("morning.suspect", date=since)
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

@@ -229,7 +229,7 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
     told |= {"office": office(t("night.gone_do"), t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
-    part = t(f"morning.{key}", date=day(first["first"], t), until=until) if first["on_part"] else ""
+    part = t(f"morning.{key}", date=day(first.get("since") or first["first"], t), until=until) if first["on_part"] else ""
     return told | {"on_part": part}
 
 
