@@ -26,10 +26,20 @@ def seen(place: Path, *paths: str) -> list[str]:
 
 def test_the_page_of_the_newest_night_names_the_same_parts_as_that_of_its_machine(tmp_path: Path) -> None:
     """ "… the last night within the limit" on one of them, "… the last night without it" on the other."""
-    beyond: dict[str, Any] = {"what": "volume", "value": 78.4, "unit": "µm", "low": 77.0, "high": 79.0, "limit": 70.0, "passed": False}
+    beyond: dict[str, Any] = {
+        "what": "volume",
+        "value": 78.4,
+        "unit": "µm",
+        "low": 77.0,
+        "high": 79.0,
+        "limit": 70.0,
+        "passed": False,
+    }
     records = [night(M, 6), night(M, 7, "out_of_limits", limits=[beyond], alarms=[knock(night(M, 6)["night"])])]
     place = cell(tmp_path / "one", records=records)
-    parts = [re.findall(r"All that were made since [^.]*\.", text) for text in seen(place, f"/machine/{M}", f"/machine/{M}/night/2")]
+    parts = [
+        re.findall(r"All that were made since [^.]*\.", text) for text in seen(place, f"/machine/{M}", f"/machine/{M}/night/2")
+    ]
     assert parts[0] == parts[1] and len(parts[0]) > 0 and "the last night within the limit" in parts[0][0]
 
 
