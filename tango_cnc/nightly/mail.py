@@ -24,7 +24,7 @@ from .words import beside, value, what_of
 SHOWN = 3  # alarms that wait, in full
 OWN = (
     "night.drift_do",
-    "night.drift_plain_do",
+    "night.drift_warm_do",
     "night.sensors.do",
     "night.sensors.warmer_do",
     "night.sensors.colder_do",
@@ -272,7 +272,8 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
         t("mail.do", text=without_full(do, cause, record, t) if night else do),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
-    if steady and of_machine and not cause.get("stands"):
+    said = own and cause["do"].key == "night.drift_do"
+    if steady and of_machine and not said and not cause.get("stands"):
         lines.append(t("mail.no_location"))
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]

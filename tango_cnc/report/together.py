@@ -184,6 +184,9 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
         still = whole_sentence(sentence(told, Units(), t))
         return {"still": still, "text": f"{first['text']} {still}"}
     if len(same) > 1 and not story.one_number:
+        if same[-1]["text"] == first["text"]:  # the same words of two nights: each has its date
+            nights = {"date": day(first["first"], t), "other": day(same[-1]["first"], t)}
+            return {"text": f"{first['text']} {t('morning.found_twice', **nights)}"}
         return {"text": f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"}
     return {}
 
