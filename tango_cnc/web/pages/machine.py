@@ -310,7 +310,18 @@ def course_of_tip(request: Request, machine: Served) -> str:
     jumps = jumps_of_tip(alarms, entries, value, std, anew)
     drift = drift_of_tip(alarms, entries, [n.night for n in known], value, std)
     limit = allowed["volume"] * k if "volume" in allowed else None
-    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
+    told = course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
+    return of_believed(request, machine, known[-1].night, told)
+
+
+def of_believed(request: Request, machine: Served, last: str, told: str) -> str:
+    """request, machine, date of the last night of a curve, what is said of that → the same, up to that night where readings since
+    then are in doubt: nothing of them is in the curve.
+    """
+    t, nights = state_of(request).texts, state_of(request).places.nights(machine, STRIP)
+    newest = next((n for n in nights if n.verdict != "not_measured"), None)
+    doubted = newest is not None and newest.verdict == "doubtful" and newest.night > last
+    return t("course.until_doubt", date=day(last, t), text=told) if told and doubted else told
 
 
 def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:

@@ -21,7 +21,7 @@ from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..served import Served
-from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, simulated, unclosed_of
+from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, of_believed, simulated, unclosed_of
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -68,6 +68,7 @@ def trends(request: Request) -> Response:
             state.texts,
             drift_told(marks, series.entries, series.nights, name),
         )
+        said = of_believed(request, found, series.nights[-1], said)
         charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes], said))
     return page(
         request,
