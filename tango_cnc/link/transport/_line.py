@@ -47,7 +47,8 @@ def reason(error: Exception) -> str:
         return f"no answer within {PATIENCE:.0f} s"
     if isinstance(number, int) and number > 0:
         return os.strerror(number)
-    match getattr(error.__context__, "args", ()):  # pyserial puts the number and the words of the system into one text
+    behind = error.__context__
+    match behind.args if behind else ():  # pyserial puts the number and the words of the system into one text
         case (int(), str(words)) if isinstance(error, serial.SerialException):
             return f"it is not a serial port, or takes none of these settings ({words})"
     return str(error)
