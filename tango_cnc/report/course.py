@@ -1,8 +1,9 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
 A jump is an alarm of a night, or what a repair of one has put back. A drift of an alarm has its words here, from the night before
-it on. What has moved since the last one counts from twice and a half what the two ends are known to. Where the last fortnight goes
-another way than all since then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
+it on. What has moved since the last one counts from twice and a half what the two ends are known to, or what its steps from night
+to night make by chance. Where the last fortnight goes another way than all since then, the sentence is of the fortnight. No
+forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from ..records import Array
 from ..state.changes import change
 from .days import day
-from .pace import RECENT, pace
+from .pace import RECENT, by_chance, pace
 from .texts import Texts
 from .tonight import shows
 from .units import inches
@@ -169,11 +170,12 @@ def course(
     weeks = float(days[-1] - days[start]) / 7
     moved = float(value[-1] - value[start])
     few = len(value) - start < LEAST or weeks <= 0
-    goes = not few and abs(moved) > SURE * float(np.hypot(std[start], std[-1]))
+    goes = not few and abs(moved) > SURE * by_chance(value[start:], float(std[start]), float(std[-1]))
     rate = float(np.polyfit(days[start:] / 7, value[start:], 1)[0]) if goes else 0.0
     rate = rate if goes and rate * moved > 0 else 0.0
     begin, lately = pace(days[start:], value[start:], float(np.median(std)))
-    now = 7 * lately
+    of_late = abs(lately) * float(days[-1] - days[start + begin])
+    now = 7 * lately if of_late > SURE * by_chance(value[start + begin :], float(std[start + begin]), float(std[-1])) else 0.0
     other = bool(now) and begin > 0 and (rate * now <= 0 or abs(now) > OTHER * abs(rate))
     words = {"first": day(first + timedelta(days=float(days[start + begin if other else 0])), t)}
     words["rate"] = _short(abs(now if other else rate), unit)
