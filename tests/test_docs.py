@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import click
 import pytest
 from support.imports import modules
-from support.rows import added, command, writing
+from support.rows import added, command, names_in, writing
 
 from tango_cnc.cli import FOR, tango
 
@@ -138,3 +139,40 @@ def test_lines_of_prose_fit_a_window(file: Path) -> None:
         if not code and len(line) > PROSE and not line.startswith(("|", "    ")) and len(words) > 1:
             long.append(number)
     assert long == [], f"{file.name}: longer than {PROSE} characters; wrap them"
+
+
+FORMAT = re.compile(r"tango-[a-z-]+/\d+")
+OTHERS = "| format | of | members |"
+
+
+def written() -> dict[str, tuple[str, list[str]]]:
+    """→ {format that a command writes as JSON: the command, the members that stand beside it where it is written}."""
+    found: dict[str, tuple[str, list[str]]] = {}
+    for file in sorted((ROOT / "tango_cnc" / "commands").glob("*.py")):
+        for node in ast.walk(ast.parse(text(file))):
+            keys = [key.value for key in node.keys if isinstance(key, ast.Constant)] if isinstance(node, ast.Dict) else []
+            named = node.values[0] if isinstance(node, ast.Dict) and keys[:1] == ["format"] else None
+            if isinstance(named, ast.Constant) and FORMAT.fullmatch(str(named.value)):
+                found[named.value] = (file.stem.strip("_"), keys[1:])
+    return found
+
+
+def test_every_format_of_a_json_result_is_documented_with_its_members() -> None:
+    """A command was added with `--json`, its format was a promise to scripts, and nothing asked what is in it."""
+    pages = "".join(text(page) for page in (ROOT / "docs").glob("*.md"))
+    formats = text(ROOT / "docs" / "formats.md")
+    rows = {
+        name: f"| `{name}` | `{command_}` | {', '.join(f'`{key}`' for key in keys)} |"
+        for name, (command_, keys) in written().items()
+    }
+    missing = [row for name, row in rows.items() if f"`{name}`" not in pages]
+    if missing and writing():
+        for row in missing:
+            formats = added(formats, OTHERS, row)
+        (ROOT / "docs" / "formats.md").write_text(formats, encoding="utf-8")
+        return
+    adds = command("tests/test_docs.py -k json_result")
+    assert not missing, f"docs/formats.md, {OTHERS}: {adds} adds this row; say what each member means:\n" + "\n".join(missing)
+    listed = names_in(formats, OTHERS)
+    lacking = {name: keys for name in listed if (keys := [k for k in written()[name][1] if f"`{k}`" not in listed[name]])}
+    assert not lacking, f"docs/formats.md, {OTHERS}: members that its rows lack: {lacking}"

@@ -61,6 +61,22 @@ def test_of_a_stylus_that_moved_twice_the_newest_is_told_first() -> None:
     assert one["text"].index("Z −16 µm") < one["text"].index("Before that: The tip") < one["text"].index("Z +15 µm")
 
 
+def test_the_same_words_of_two_nights_stand_once_with_both_dates() -> None:
+    """The machine is not as it was. Before that: The machine is not as it was."""
+    nothing = {
+        "cause": "unknown",
+        "parameter": "several",
+        "size": 0.0,
+        "unit": "",
+        "on_part": "",
+        "text": "the machine has changed",
+    }
+    old, new = step(2, 0.0, **nothing, night=night("M", 2)["night"]), step(5, 0.0, **nothing)
+    (one,) = faults(night("M", 5, "changed", alarms=[new], standing=[old]), (), {}, Units(), texts())
+    assert one["text"].count("The machine has changed") == 1 and "Before that" not in one["text"]
+    assert all(day(a["id"][:10], texts()) in one["text"] for a in (old, new))
+
+
 @pytest.mark.long
 def test_a_cause_that_moves_every_night_is_one_drift_with_one_size_on_every_page(tmp_path: Path) -> None:
     """3.6 and 3.9 µm by alarm, 11.2 µm in all: what stands now counts, and nobody enters a location that is wrong tomorrow."""

@@ -169,6 +169,8 @@ def test_a_deputy_is_stated_in_nightly_yaml_and_stands_on_pages_and_in_the_messa
     assert read_nightly(place).deputy == "Bob, 4712"
     told = message(nights[1] | {"owner": "Ann, 4711", "deputy": "Bob, 4712"}, (), ())[1]
     assert "owner: Ann, 4711; if nobody answers: Bob, 4712" in told
+    told = message(nights[1] | {"owner": None, "standing": [{**alarm, "owner": None}], "deputy": "Bob, 4712"}, (), ())[1]
+    assert "owner: Bob, 4712. No owner is named for this machine." in told and "NOBODY" not in told
 
 
 @pytest.mark.few(0)

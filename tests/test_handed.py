@@ -83,6 +83,11 @@ def test_a_program_that_ends_by_itself_is_named_as_soon_as_its_record_is_late(cl
     assert talk.elapsed(1.0) == []
     (ended,) = talk.elapsed(30.0)
     assert isinstance(ended, Failed) and ended.why.startswith(rule) and "NO CONTACT" in ended.why
+    unknown = client(job(misses=2, counted=False, due=(10.0, 10.0, 10.0)), {"listen": "no"} if client is dnc.Client else {})
+    unknown.bytes_to_send(100_000)
+    unknown.receive(START % task.mark.encode() + CONTACT % 1 + NOTHING % 2)
+    (ended,) = unknown.elapsed(31.0)
+    assert isinstance(ended, Failed) and "NO CONTACT" not in ended.why, "a post of one's own that counts nothing"
 
 
 def test_before_touches_no_command_is_named_that_does_not_try_what_is_left(

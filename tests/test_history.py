@@ -38,6 +38,14 @@ def test_what_was_added_comes_back_whole(history: History) -> None:
     assert history.verify() == ()
 
 
+def test_a_night_in_doubt_has_no_error_at_the_tool_tip(history: History) -> None:
+    """Curves, bars and exports had 16 mm of it, beside which all other nights were flat."""
+    history.add_night(record(4, verdict="doubtful", volume={"worst_um": 16087.0}), None, None)
+    assert [n.volume_um for n in history.nights("M", last=1)] == [None]
+    assert history.fleet("2026-10-04T08:00:00Z", 36.0)[0].last.volume_um is None
+    assert history.night(4).night.volume_um is None and history.verify() == ()
+
+
 def test_rows_cannot_be_changed_through_the_database(history: History, tmp_path: Path) -> None:
     add_compensations(history, "M", "/cells/m", EVENTS)
     plain = sqlite3.connect(tmp_path / "history.db")

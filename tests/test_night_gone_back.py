@@ -124,7 +124,8 @@ def test_what_went_back_and_moved_again_is_neither_still_there_nor_gone_by_the_a
     assert page["first"]["id"] == again["id"] and page["also"][0]["gone"] and page["first"]["on_part_um"] == pytest.approx(41.0)
     assert "It has gone back since: 0.1 µm of 20 µm is left." in page["also"][0]["text"]
     gone = page["also"][0]["on_part"]
-    assert gone.startswith("Parts that were made between Mon 26 Oct 2026 and Wed 28 Oct 2026, the first night without it again")
+    assert gone.startswith("Parts that were made between Sun 25 Oct 2026, the last night without it, and Wed 28 Oct 2026, ")
+    assert "between 2026-10-25, the last night without it, and 2026-10-28" in told  # the message has the same parts
     assert page["suspect"].endswith("Those between Sun 25 Oct 2026 and Wed 28 Oct 2026, when another fault went back, too.")
 
 

@@ -99,7 +99,7 @@ def test_the_sentence_names_every_axis_that_no_touch_tells_from_the_first(root: 
     h = Hypothesis("axis_location", parameter, np.eye(1), "mm", (parameter[-1],))
     named = Named(h, np.array([20 * UM]), np.array([0.5 * UM]), 1600.0, 1600.0, 1.0, ())
     known = Known(cell, cast(Any, SimpleNamespace(names=(parameter,))), np.zeros((1, 3, 1)))
-    tonight = cast(Any, SimpleNamespace(statistic=1600.0, scale=1.0, dof=1, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0)))
+    tonight = cast(Any, SimpleNamespace(statistic=1600.0, scale=1.0, dof=1, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0), wider=1.0))
     (alarm,) = alarms_of(known, Since("2026-11-27", "last night"), cast(Any, None), tonight, named)
     text = alarm["text"]
     assert text.startswith(first) and all(text.count(name) == 1 for name in ("spindle", "A axis", "C axis"))
@@ -138,7 +138,7 @@ def test_a_pivot_whose_height_has_changed_is_not_told_as_a_stylus_alone(root: Pa
     longer = Hypothesis("stylus", "stylus", directions, "mm", ("X", "Y", "Z"))
     named = Named(longer, np.array([0.0, 0.0, 15 * UM]), np.full(3, 0.3 * UM), 900.0, 900.0, 1.0, ())
     known = Known(cell, cast(Any, SimpleNamespace(names=("EXt", "EYt", "EZt"))), np.zeros((1, 3, 3)))
-    tonight = cast(Any, SimpleNamespace(statistic=900.0, scale=1.0, dof=3, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0)))
+    tonight = cast(Any, SimpleNamespace(statistic=900.0, scale=1.0, dof=3, p_noise=0.5, p_machine=1e-9, noise=(0.0, 0), wider=1.0))
     (alarm,) = alarms_of(known, Since("2026-11-27", "2026-11-27"), cast(Any, None), tonight, named)
     assert alarm["cause"] == "stylus" and alarm["instead"] == ["EZ0A"]
     assert alarm["on_part_um"] == pytest.approx(15 * 2 * math.sin(math.radians(60)), abs=0.05)

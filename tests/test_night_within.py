@@ -52,7 +52,9 @@ def test_a_knock_within_the_run_is_named_with_its_moment(
     assert touches.index(found["touch_before"]) < touches.index(first) <= touches.index(found["touch_after"])
     assert said(record) == "doubtful" and not record["alarms"] and record["next"]["kind"] == "full"
     text = message(record, (), ())[1]
-    assert "the machine moved while it was measured, between touch" in record["headline"] and name in text and "full run" in text
+    assert "the machine moved while it was measured, between touches" in record["headline"] and name in text and "full run" in text
+    place = touches.index(found["touch_before"]) + 1
+    assert f"between touches {place} and" in text and f"of the {len(touches)} that were made" in text  # a check has few of them
     assert "Ask who was at the machine while it was measured." in text
     assert full["kind"] == "full" and [a["parameter"] for a in full["alarms"]] == [name]
 

@@ -125,6 +125,7 @@ def test_a_verdict_has_one_colour_and_a_shape_of_its_own() -> None:
         assert f'fill="{TONES[level]}"' in curve
     style = (Path(__file__).parents[1] / "tango_cnc/report/templates/style.css").read_text(encoding="utf-8")
     assert all(f"--{level}:{TONES[level]}" in style for level in ("good", "look", "stop"))
+    assert re.search(r"@media print\{@page\{margin:\d+mm\}.*th\.n\{white-space:normal\}", style)
 
 
 @pytest.mark.long

@@ -50,6 +50,8 @@ def test_somebody_is_called_about_what_nobody_has_answered_beside_what_somebody_
     told = context(night(M, 8, "changed", standing=[large, small]), done, None, texts())
     assert ("Nobody has answered the alarm of Fri 30 Oct 2026." in told["answer"].why) == (not other)
     assert any("Ann, 4711" in line for line in told["todo"]) == (not other)
+    about = "This is about the alarm of Fri 30 Oct 2026, which nobody has answered."  # the page begins with the larger one
+    assert any(about in line for line in told["todo"]) == (not other)
 
 
 @pytest.mark.parametrize("action", ["acknowledge", "repaired"])

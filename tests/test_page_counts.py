@@ -113,6 +113,17 @@ def test_metrics_count_open_alarms_as_the_pages_do_and_those_without_an_answer_a
     assert ("Open alarms: 1" in " ".join(re.sub(r"<[^>]+>", " ", page).split())) == bool(counts[0])
 
 
+def test_metrics_count_what_is_one_cause_once_also_without_an_answer(tmp_path: Path) -> None:
+    """Three open and three unanswered, where the page had three open, two without an answer."""
+    a, b = alarm(4, 20.0), alarm(6, 9.0)
+    place = cell(tmp_path / "one", records=[night(M, 4, "changed", alarms=[a]), night(M, 6, "changed", alarms=[b], standing=[a])])
+    with site(place) as client:
+        text = client.get("/metrics").text
+    assert all(f'tango_machine_alarms_{n}{{machine="{M}"}} 1' in text for n in ("open", "unanswered"))
+    (machine,) = told("fleet", str(place))["machines"]
+    assert (machine["alarms_unanswered"], machine["alarms_open"], machine["alarms_held"]) == (2, 2, 0)
+
+
 @pytest.mark.parametrize("older", ["", "acknowledge"])
 def test_the_box_says_since_when_nobody_has_answered_also_where_last_night_found_something_else(older: str) -> None:
     """Of an alarm of last night nobody can have answered yet; that of an earlier one waited just as on other machines."""

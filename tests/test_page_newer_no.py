@@ -67,6 +67,7 @@ def test_every_page_has_the_no_of_a_report_that_is_newer_than_the_newest_night(t
         assert ("Make no parts on it" in text) == (after == "newest"), path
         assert ("Measure the first part" in text) == (after != "newest"), path
     assert (f'tango_machine_newer_no{{machine="{M}"}} 1' in seen(place, "/metrics")) == (after == "newest")
+    assert f'tango_machine_volume_valid{{machine="{M}"}} {int(after != "newest")}' in seen(place, "/metrics")
 
 
 @pytest.mark.parametrize("after", ["newest", "earlier"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from tango_cnc.cli import tango
 from tango_cnc.history import Decision, opened
 from tango_cnc.nightly.mail import message
 from tango_cnc.nightly.one_date import begun
+from tango_cnc.nightly.standing import standing, unheard
 from tango_cnc.report.answer import Answer
 from tango_cnc.report.days import day
 from tango_cnc.report.repeated import as_decided, as_found, first_night
@@ -70,6 +72,39 @@ def test_the_change_has_the_date_of_the_night_that_found_it_after_a_repair_that_
     told = CliRunner().invoke(tango, ["nightly", "-C", str(place), "--status"], catch_exceptions=False).output
     told = " ".join(told.partition("open alarm")[2].split())
     assert f"since the night ending {HIT}" in told and f"since {GOOD}" not in told
+
+
+def test_the_second_morning_after_a_repair_that_did_not_help_has_the_same_date(tmp_path: Path) -> None:
+    """The message of that morning dated the change by the night before it, whose parts are good."""
+    after = datetime.fromisoformat(f"{LAST}T02:00:00+00:00").timestamp() / 86_400
+    with opened(repaired(tmp_path / "one", 1, True) / "history.db") as history:
+        stands = standing(history, M, after, {}, "check")
+        history.decide(M, Decision(f"{AFTER}-1", "ignore", "Dora", until="2026-12-10", utc=f"{LAST}T00:30:00Z"))
+        silent = unheard(history, M, after, {}, "check")
+    told = message(
+        night(M, 10, "changed", standing=stands, headline=say("night.words.no_alarm_but", text=stands[0]["text"])), (), ()
+    )[1]
+    assert f"since the night ending {HIT}: the repair" in told and f"since {GOOD}" not in told
+    told = message(night(M, 10, unheard=silent), (), ())[1]
+    assert "Dora ignores" in told and f"since the night ending {HIT}: the repair" in told and f"since {GOOD}" not in told
+
+
+def test_what_stands_behind_a_limit_has_the_date_of_its_alarm(tmp_path: Path) -> None:
+    """One message had two dates for one knock; --status called an old night the last one."""
+    text = "C axis has moved along X by +19.8 µm since last night"
+    cause = {"what": "volume", "parameter": "EX0C", "unit": "mm", "since": GOOD, "night": HIT, "size": 0.0198, "std": 0.0004}
+    cause |= {"cause": "axis_location", "text": f"C axis has moved along X by +19.8 µm since {GOOD}", "rate_per_day": None}
+    cause |= {"on_part": "x", "do": "y"}
+    record = night(M, 8, "out_of_limits", alarms=[moved(HIT, text)], behind=[cause])
+    told = message(record, (), ())[1]
+    assert (
+        f"behind volume: C axis has moved along X by +19.8 µm since the night ending {HIT}" in told and f"since {GOOD}" not in told
+    )
+    record["headline"] = say("changed.besides", text=text, other="more")
+    place = cell(tmp_path / "one", records=[record])
+    for words in (["nightly", "-C", str(place), "--status"], ["history", "list", "-C", str(place)], ["fleet", str(place)]):
+        told = CliRunner().invoke(tango, words).output
+        assert f"since the night ending {HIT}" in " ".join(told.split()) and "last night;" not in told, told
 
 
 def test_an_alarm_that_goes_on_or_is_left_of_a_repair_has_the_night_that_found_it() -> None:

@@ -199,6 +199,9 @@ def test_a_message_dates_a_change_as_pages_do() -> None:
     one = knock("2026-11-05") | {"text": text, "since": "2026-11-04", "on_part": "Parts are off."}
     record = night(M, 12, "changed", alarms=[one], headline=text)
     told = message(record, (), ())[1]
+    (parts,) = (line for line in told.splitlines() if "parts to check" in line)  # those of the day before the night that found it
+    assert parts.endswith("All that were made since 2026-11-04, the last night without it.")
+    told = told.replace(parts, "")
     assert told.count("since the night ending 2026-11-05") == 3 and "last night" not in told and "2026-11-04" not in told
     drift = one | {"rate_per_day": 0.002, "since": "2026-10-30", "text": text.but(since="2026-10-30")}
     assert "since 2026-10-30" in message(record | {"alarms": [drift], "headline": drift["text"]}, (), ())[1]

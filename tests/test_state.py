@@ -396,6 +396,9 @@ def test_a_ball_of_which_touches_without_weight_leave_next_to_nothing_has_not_mo
     seen = naming._seen(ball, pattern)
     assert seen is not None and seen[0].axes == ("X", "Z") and seen[1].shape == (3, 2)
     assert naming._seen(ball, 1e-7 * pattern) is None
+    along = np.array([[1400.0, 1398.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 1400.0]])  # from one side: X and Y are one distance
+    seen = naming._seen(ball, along)
+    assert seen is not None and seen[0].axes == ("X", "Z")
 
 
 @pytest.mark.long

@@ -61,7 +61,8 @@ class Live:
         if step.remark:
             self._bar.close()
             said(step.remark)
-        self._bar.count(step.done, step.total, _beside(step))
+        if step.touch or not step.remark:  # a question may come behind what is remarked: no bar stands in its line
+            self._bar.count(step.done, step.total, _beside(step))
         values = {
             "done": step.done,
             "total": step.total,

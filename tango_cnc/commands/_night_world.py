@@ -26,7 +26,7 @@ from ._common import address_of, dialect, writing
 from ._cut_off import executed_until, from_journal, newest_run, note_planned
 from ._night_gate import as_found, proves
 from ._night_warm import warm, warmth
-from ._start import disproven_of
+from ._start import counts, disproven_of, misses_of
 
 LISTEN = 5.0  # s that a control may take to say what it is
 
@@ -310,6 +310,8 @@ class RealControl:
                 None,
                 60.0,
                 None,
+                misses=misses_of(self.cell, post),
+                counted=counts(post),
                 simulated=self.simulated,
                 then=str(again(self.cell.folder)),
                 quiet=silence_after(newest_run(self.cell.folder, self.stamp)[1], self.whole),

@@ -44,7 +44,7 @@ def headlines(history: History, nights: Sequence[Night], by_now: bool = True) ->
     if not by_now:
         return said
     whole = {entry: records.get(entry, {}) for entry in said}
-    return {entry: sized(as_found(text, {**whole[entry], "alarms": ()}), whole[entry]) for entry, text in said.items()}
+    return {entry: sized(as_found(text, whole[entry]), whole[entry]) for entry, text in said.items()}
 
 
 def note_simulated(history: History, machine: str, t: Texts) -> None:

@@ -113,6 +113,11 @@ def obeys(cell: Cell, post: Post) -> bool:
         return posts.settings(post, cell.controller.options).get("feed_override") == "acts"
 
 
+def counts(post: Post) -> bool:
+    """post → whether its programs count touches in a row without contact, and end after as many as the profile says."""
+    return any(option.name == "misses" for option in post.options)
+
+
 def misses_of(cell: Cell, post: Post) -> int:
     """cell, its post → touches in a row without contact after which its programs stop, by its profile."""
     import postprocessors as posts

@@ -13,7 +13,7 @@ import click
 from ..files import blamed_on, read_readings
 from ..records import Cell, Plan, Readings
 from ._common import attended, controller_of, start_patience
-from ._start import ask, obeys, tries_of, unattended, unproven_of
+from ._start import ask, counts, obeys, tries_of, unattended, unproven_of
 
 if TYPE_CHECKING:
     from postprocessors import Post
@@ -94,6 +94,7 @@ def conducted(
         timeout=timeout,
         start_timeout=start_patience(someone),
         misses=misses,
+        counted=counts(post),
         then=then,
         feed=positioning_feed(cell),
     )

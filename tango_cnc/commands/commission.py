@@ -16,7 +16,7 @@ from ..records import InputError, LinkError, Plan
 from ._commission_record import record_of
 from ._common import address_of, ahead, attended, cell_option, controller_of, json_option, start_patience, writing
 from ._handed import Kept, hands, whole
-from ._start import HELD, in_spindle, obeys
+from ._start import HELD, counts, in_spindle, obeys
 from ._written import written
 from .check import positioning_feed
 
@@ -208,7 +208,7 @@ def _careful(cell: Any, post: Any, wanted: Collection[str]) -> tuple[dict[str, A
     from .. import commission
 
     options = {**controller_of(cell).options, "gate": "finger"}  # whatever the runs do: here it is what is tried
-    if any(option.name == "misses" for option in post.options):
+    if counts(post):
         options["misses"] = 20  # every move of this program is to meet nothing
     feed = positioning_feed(cell)
     if feed is not None and "directions" in wanted:

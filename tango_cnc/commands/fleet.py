@@ -201,6 +201,7 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
     return [
         {
             **vars(row.standing),
+            "alarms_unanswered": row.standing.alarms_open,
             "last": None if row.standing.last is None else vars(row.standing.last) | ({} if row.former else {"headline": row.said}),
             "cell": None if row.cell is None else str(row.cell),
             "cut_off": row.cut_off,

@@ -18,7 +18,7 @@ from ..records import Cell, InputError, LinkError, NothingSentError
 from ._common import Output, address_of, asks_for_a_finger, cell_option, controller_of, json_option, json_text, writing
 from ._handed import Kept, hands, whole
 from ._live import Live
-from ._start import in_spindle
+from ._start import counts, in_spindle
 from ._written import conducted, written
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def command(
     if post is not None:
         options = asks_for_a_finger(controller_of(cell).options)
         enough = min(max(len(made.touches) - locate.LEAST + 1, 2), 3)
-        if any(option.name == "misses" for option in post.options):
+        if counts(post):
             options["misses"] = enough  # by then too few are left to place the table, and a probe that has died presses on
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         notice = whole(_notice(made, within, stated), KEPT)

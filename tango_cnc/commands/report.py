@@ -29,7 +29,7 @@ from ..records import InputError, Machine, TangoError
 from ..report import newer, page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
-from ..report.course import drift_told, jumps_of
+from ..report.course import by_repairs, drift_told, jumps_of
 from ..report.days import between, local_day
 from ..report.facts import Facts, LoadedCompensation, NewestNight, Paper, Wishes, effects, gather
 from ..report.repeated import as_decided
@@ -390,6 +390,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
             if len(value) < 2:
                 continue
             factor, unit = shown(past.unit)
+            back = by_repairs(alarms, history.decisions(machine), past.start_utc[-NIGHTS:], name, (value, std))
             first = date.fromisoformat(dates[0])
             days = [(date.fromisoformat(d) - first).days for d in dates]
             found.append(
@@ -400,7 +401,7 @@ def trend(folder: Path, machine: str, names: Sequence[str], t: Texts) -> Mapping
                     "first": first,
                     "events": placed(events, first, date.fromisoformat(dates[-1])),
                     "limit": allowed.get(name),
-                    "jumps": jumps_of(alarms, entries, name, factor),
+                    "jumps": jumps_of(alarms, entries, name, factor, back),
                     "drift": drift_told(alarms, entries, dates, name),
                 }
             )

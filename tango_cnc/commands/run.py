@@ -23,7 +23,7 @@ from ._handed import Kept, hands, whole
 from ._live import LateFile, Live
 from ._plan import obstructed_option, warnings
 from ._progress import said
-from ._start import ask, gate_of, misses_of, obeys, tries_of, unattended, unproven_of
+from ._start import ask, counts, gate_of, misses_of, obeys, tries_of, unattended, unproven_of
 from ._stylus import folder_of, left, stylus_option
 from ._stylus import of_stylus as cell_of_stylus
 from ._until import run_until, wanted_by
@@ -241,6 +241,7 @@ def _driven(job: _Job, folder: Path, goal: Until | None, transcript: str | None,
             start_patience(job.someone),
             heard,
             misses=misses_of(job.cell, job.post),
+            counted=counts(job.post),
             simulated=job.simulated,
             how=job.how,
             feed=positioning_feed(job.cell),

@@ -96,7 +96,7 @@ def catalogue(
     keep = [i for i in range(len(candidates)) if seen[i] > least and candidates[i].columns.shape[1] < place.m // 3]
     kept = [candidates[i] for i in keep]
     if not kept:
-        raise InputError("readings: found no cause that they could show; allowed: touches on several facets at several indexations")
+        raise InputError("the touches are too few or too much alike to show any cause; several facets and indexations show one")
     tried = Counter(c.cause for c in kept)
     names = tuple(dict.fromkeys(c.cause for c in kept))
     price = np.array([cost(c, tried[c.cause], place.m) for c in kept])

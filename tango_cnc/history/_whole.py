@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -147,4 +148,9 @@ def _unpacked(packed: bytes) -> bytes:
 
 def night(row: Row[Any]) -> Night:
     """row of a night → the night as it is listed."""
-    return Night(row.entry_id, row.name, *(getattr(row, key) for key in asked.COLUMNS))
+    return listed(Night(row.entry_id, row.name, *(getattr(row, key) for key in asked.COLUMNS)))
+
+
+def listed(found: Night) -> Night:
+    """night as it is stored → as it is listed: a night in doubt has no error at the tool tip that curves and exports may show."""
+    return replace(found, volume_um=None) if found.verdict == "doubtful" and found.volume_um is not None else found

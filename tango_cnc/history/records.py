@@ -40,7 +40,7 @@ class Night:
     p_value: float | None
     touches: int
     rms_um: float | None
-    volume_um: float | None
+    volume_um: float | None  # None also of a night in doubt
     duration_s: float
 
 

@@ -192,7 +192,7 @@ class History:
         given = {key: value for key, value in limits.items() if value is not None}
         if last is not None:
             given["last"] = last + REFUSED
-        return _by_end([Night(*tuple(row)) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
+        return _by_end([_whole.listed(Night(*tuple(row))) for row in self._rows(asked.nights(frozenset(given)), given)])[:last]
 
     def ahead(self, machine: str | None = None) -> tuple[Night, ...]:
         """machine (None: all) → nights that the clock dates in the future, newest first; none without a clock."""

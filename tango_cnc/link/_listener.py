@@ -68,7 +68,7 @@ class Listener(Client):
         The touch after which it ends is not on record: the alarm comes first.
         """
         row = self._task.misses - 1
-        if not 0 < row <= self._missed or self._position >= len(self._task.numbers):
+        if not self._task.counted or not 0 < row <= self._missed or self._position >= len(self._task.numbers):
             return ""
         names = ", ".join(touch.facet for touch in self._task.plan.touches[self._position - row : self._position])
         last = f"touch (facet {names})" if row == 1 else f"{row} touches (facets {names})"

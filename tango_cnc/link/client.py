@@ -40,6 +40,7 @@ class Task:
     nonce: int = 1  # of 31 bits, which no other run has, where commands of two programs have to be distinguished
     summed: bool = True  # whether every record ends with K, the sum of its coordinates
     misses: int = 3  # touches in a row without contact after which driver or program stop: a dead probe guards nothing
+    counted: bool = True  # whether the program itself counts them, and ends
     due: tuple[float, ...] = ()  # s of silence before each touch by which its record should have come
     run: Plan | None = None  # the plan of all programs of the run; None when this is the only one
 

@@ -60,6 +60,7 @@ class Wanted:
     start_timeout: float = 600.0  # s until the start mark
     transcript: TextIO | None = None
     misses: int = 3  # touches in a row without contact after which driver or program stop
+    counted: bool = True  # whether the program itself counts them
     then: str = ""  # what to do when it breaks off; '': go on with it
     how: str = "--resume"  # what 'tango run' has to state to go on: --resume, and what the plan depends on
     simulated: bool = False  # the control stands in for a machine that does not exist
@@ -303,6 +304,7 @@ def _task(program: Program, original: tuple[int, ...], again: int, wanted: Wante
         nonce=secrets.randbelow(0x7FFFFFFE) + 1,
         quiet=quiet,
         misses=wanted.misses,
+        counted=wanted.counted,
         due=due,
     )
 

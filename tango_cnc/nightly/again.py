@@ -7,9 +7,9 @@ from typing import Any
 
 from ..history import Decision
 from ..history.answers import of_machine
-from ..report.texts import texts
 from ..report.tonight import is_gone
 from ..texts import say
+from .drift import drift_do
 from .moved import found_by
 from .ports import Past
 from .standing import own_of
@@ -68,4 +68,4 @@ def step_by_step(alarm: dict[str, Any], older: Sequence[Mapping[str, Any]], para
     onward = [a for a in same if float(a["size"] or 0.0) * float(alarm["size"] or 0.0) > 0]
     if not onward or (len(same) == 1 and _two_knocks_or_one(onward[0], alarm)):
         return alarm
-    return alarm | {"do": texts()("night.drift_do", name=alarm["parameter"])}
+    return alarm | {"do": drift_do(str(alarm["cause"]), str(alarm["parameter"]))}

@@ -17,6 +17,7 @@ from ..history.answers import of_machine
 from ..report.repeated import first_night
 from ..state import Named, State, reopened
 from ..texts import joined, say
+from ..texts.number import number
 from .alarms import Known, effect_of, said_of
 from .back import gone, unclosed, went_back
 from .dates import Since, date_of
@@ -190,7 +191,11 @@ def _still(k: Known, wrong: Mapping[str, Any], d: Decision, m: Moved) -> dict[st
     slack = max(SURE * std, LEFT * abs(then))
     way = "same" if abs(now - then) <= slack else "over" if now * then < 0 else "less" if abs(now) < abs(then) else "worse"
     told = {"owner": d.owner, "date": d.utc[:10], "what": what, "before": value(then, m.unit)}
-    effect, on_part, _ = effect_of(k, wrong["cause"], wrong["parameter"], size, m.unit, m.what.directions @ m.now, since)
+    moved_, was = m.what.directions @ m.now, wrong.get("on_part_um")
+    begun = since if way == "same" else d.utc[:10]  # before the repair parts were off by another size
+    effect, on_part, _ = effect_of(k, wrong["cause"], wrong["parameter"], size, m.unit, moved_, begun)
+    if was is not None and begun != since:
+        on_part = say("night.repaired.over_part", now=on_part, night=since, before=number(float(was), "µm", signed=False))
     return {
         **{"id": "", "since": since, "rate_per_day": None, "instead": list(wrong.get("instead") or ())},
         **({"alike": wrong["alike"]} if wrong.get("alike") else {}),

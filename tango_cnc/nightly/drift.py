@@ -10,6 +10,7 @@ import numpy as np
 
 from ..records import Array
 from ..report.texts import texts
+from ..report.tonight import WARMED
 from ..state import State
 from ..state.effect import alike
 from .alarms import Known, effect_of, others
@@ -111,9 +112,14 @@ def drift_of(
     between = [r for r in records if r.get("state") and r.get("parameters") and r["state"]["day"] >= begun]
     known = [[r["parameters"].get(n, {}).get("value") for n in names_of(k, i)] for r in between]
     steady = is_steady([now_of(i, after)[0], *(float(np.mean(row)) for row in known if None not in row)], size)
-    do = texts()("night.drift_do", name=name) if steady and name != ALIKE else do
+    do = drift_do(cause, name) if steady and name != ALIKE else do
     rate, same = size / max(after.day - begun, 1e-3), alike(k.cell.machine, name)
     return Drift(name, record["night"], size, std, unit, rate, sigmas, p_value, effect, on_part, do, steady, alarms, alike=same)
+
+
+def drift_do(cause: str, name: str) -> str:
+    """cause, parameter that goes one way → what is to be done about it, as on its page: no clamp makes a scale longer."""
+    return texts()("night.drift_warm_do" if cause in WARMED else "night.drift_do", name=name)
 
 
 def as_alarm(found: Drift, k: Known) -> dict[str, Any]:

@@ -12,8 +12,10 @@ from ..state.changes import change
 
 def owner_of(owner: Any, record: Mapping[str, Any], t: Texts) -> str:
     """who is asked or nobody, record, texts → the same with whoever is asked where nobody answers."""
-    told, deputy = owner or t("mail.nobody"), record.get("deputy")
-    return t("mail.deputy", owner=told, deputy=deputy) if deputy else str(told)
+    deputy = record.get("deputy")
+    if not owner:
+        return t("mail.nobody_but", deputy=deputy) if deputy else t("mail.nobody")
+    return t("mail.deputy", owner=owner, deputy=deputy) if deputy else str(owner)
 
 
 def parts_first(record: Mapping[str, Any], t: Texts) -> list[str]:

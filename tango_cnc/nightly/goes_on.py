@@ -23,6 +23,7 @@ from .answered import BY_SIZE, WITHOUT_SIZE
 from .control import Given
 from .course import ALIKE, AT_ONCE
 from .dates import LISTED, Since, date_of
+from .drift import drift_do
 from .moved import SURE, Moved, moved
 from .ports import Past
 from .standing import own_of
@@ -209,7 +210,7 @@ def _told(
     rate, steady = size / max(days, 1), abs(step) < AT_ONCE * abs(size) and not twice
     if steady and own_of(stored.record.get("parameters") or {}, alarm["parameter"]) is not None:  # a length has no way
         whole["text"] = texts()("changed.drift", moved=whole["text"], rate=value(rate, unit))
-        whole |= {"do": texts()("night.drift_do", name=alarm["parameter"])} if alarm["parameter"] != ALIKE else {}
+        whole |= {"do": drift_do(str(alarm["cause"]), str(alarm["parameter"]))} if alarm["parameter"] != ALIKE else {}
     told = value(step, unit, float(alarm["std"]), signed=len(m.now) == 1)
     whole |= _twice(alarm) if twice else {}
     text = say("night.goes_on.text", step=told, since=before.words, night=str(older["id"])[:10])

@@ -24,7 +24,7 @@ from .words import beside, value, what_of
 SHOWN = 3  # alarms that wait, in full
 OWN = (
     "night.drift_do",
-    "night.drift_plain_do",
+    "night.drift_warm_do",
     "night.sensors.do",
     "night.sensors.warmer_do",
     "night.sensors.colder_do",
@@ -74,13 +74,14 @@ def _subject(record: Mapping[str, Any], t: Texts) -> str:
     """record, texts → subject: `hu40t: changed (2026-03-10)`."""
     still = record["verdict"] == "changed" and not record["alarms"]
     refused = record["status"] == "refused"
+    unsure = record["verdict"] == "good" and any(x["passed"] is None for x in record["limits"])
     open_only = still and all(map(is_over, record.get("standing") or ()))  # all of it has gone back, and nobody has closed it
     word = (
         t("mail.refused")
         if refused
         else t("mail.still_open" if open_only else "mail.still")
         if still
-        else t(f"mail.subject_{record['verdict']}")
+        else t(f"mail.subject_{'unsure' if unsure else record['verdict']}")
     )
     if record["verdict"] == "out_of_limits" and record["alarms"]:  # the limit may have been crossed before: tonight something moved
         word = f"{word}, {t('mail.subject_changed')}"
@@ -121,7 +122,7 @@ def _standing(record: Mapping[str, Any], decisions: Sequence[Decision], t: Texts
     if more := len(stories(standing) - stories(standing[:SHOWN])):
         lines += [f"* {t('mail.more_alarms', count=more)}", ""]
     for alarm in record.get("unheard") or ():
-        told = {key: alarm[key] for key in ("night", "owner", "until", "text")}
+        told = {key: alarm[key] for key in ("night", "owner", "until")} | {"text": _of_its_night(alarm["text"], alarm)}
         lines += [f"* {t('mail.ignored', **told)}", *([f"  {t.of(alarm['now'])}"] if alarm["now"] else []), ""]
     return lines
 
@@ -140,7 +141,8 @@ def _behind(record: Mapping[str, Any], owner: str, t: Texts) -> list[str]:
             ),
             None,
         )
-        text = _of_its_night(cause["text"], cause) if same is None else with_its_size(_of_its_night(same["text"], same), same)
+        one = _of_its_night(cause["text"], cause) if same is None else _of_its_night(same["text"], same, record["night"])
+        text = one if same is None else with_its_size(one, same)
         lines += [f"* {t('mail.behind', what=what_of(cause['what']), text=text)}"]
         lines += [*([] if cause.get("parameter") in told else _about(cause, owner, t, record)), ""]
     if record["verdict"] == "out_of_limits" and not record.get("behind") and not record["alarms"]:
@@ -265,11 +267,13 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     again = f"confirmed.{cause.get('cause')}" if cause.get("confirmed") and not steady and not own else ""
     do = t.of(t(again) if again in t and cause["do"] == usual else cause["do"])
     lines += [
-        t("mail.on_part", text=_gone_part(cause, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        t("mail.on_part", text=_gone_part(cause, record, night, t) or _of_its_night(by_tonight(cause)["on_part"], cause, night)),
+        *([t("mail.suspect", text=suspect)] if (suspect := _suspect(cause, record, night, t)) else []),
         t("mail.do", text=without_full(do, cause, record, t) if night else do),
     ]
     of_machine = cause.get("cause") not in WARMED and not change(cause.get("cause")).of_the_probe
-    if steady and of_machine and not cause.get("stands"):
+    said = own and cause["do"].key == "night.drift_do"
+    if steady and of_machine and not said and not cause.get("stands"):
         lines.append(t("mail.no_location"))
     if cause.get("instead"):
         names = [named(str(name), t) for name in cause["instead"]]
@@ -277,16 +281,30 @@ def _about(cause: Mapping[str, Any], owner: str, t: Texts, record: Mapping[str, 
     return [f"  {line}" for line in (*lines, t("mail.owner", owner=owner))]
 
 
-def _gone_part(cause: Mapping[str, Any], night: str, t: Texts) -> str:
-    """alarm, its night if that is tonight, texts → which parts a change that has gone back makes different, as its page
-    says; '' of one that stands.
+def _gone_part(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
+    """alarm, record, the night of the alarm if that is tonight, texts → which parts a change that has gone back makes different, as
+    its page says; '' of one that stands.
     """
     undone = cause.get("undoes") or {}
     if not cause.get("on_part") or not (undone or is_gone(cause.get("now") or "")):
         return ""
-    begun = str(undone.get("alarm") or cause.get("id") or "")[:10]
+    begun = str(undone.get("alarm") or cause.get("id") or "")
+    former = next((a for a in record.get("standing") or () if undone and a["id"] == begun), {} if undone else cause)
+    begun = str(former.get("since") or begun[:10])
     until = (night or str(cause.get("id") or "")[:10]) if undone else str(cause.get("gone_by") or "")
     return t(f"morning.gone_part{'_by' if until else ''}", date=begun, until=until)
+
+
+def _suspect(cause: Mapping[str, Any], record: Mapping[str, Any], night: str, t: Texts) -> str:
+    """alarm, record, its night if that is tonight, texts → which parts may have what moved in one night, as its page says; '' where
+    that is another matter: of the probe, of what has gone back, of a repair, and beyond a limit, which may be older.
+    """
+    since = str(cause.get("since") or "")
+    at_once = night and since and not any(cause.get(key) for key in ("undoes", "repair", "rate_per_day", "goes_on"))
+    of_machine = not change(cause.get("cause")).of_the_probe and cause.get("cause") not in WARMED
+    if not at_once or not of_machine or record["verdict"] != "changed":
+        return ""
+    return t("morning.suspect", date=since)
 
 
 def _who(alarm: Mapping[str, Any], decisions: Sequence[Decision], t: Texts) -> str:

@@ -16,12 +16,13 @@ from .doubt import NightDoubt
 
 def moved_within(k: Known, found: Within, readings: Readings) -> NightDoubt:
     """what is known, the step, readings → the judgement of a night whose touches are of two machines: it teaches nothing."""
+    made = readings.touch[np.argsort(readings.time, kind="stable")].tolist()  # a check has few of the numbers of its strategy
     minutes = float(readings.time[np.flatnonzero(readings.touch == found.after)[0]] - readings.time.min()) / 60
-    since = say("night.within.since", touch=str(found.before), minutes=f"{minutes:.1f}")
-    _, _, text = said_of(k, Since("", since), found.named)
+    _, _, text = said_of(k, Since("", say("night.within.since")), found.named)
     names = others(k, found.named.hypothesis.parameter, found.named.instead)
     also = say("night.within.or", names=", ".join(names)) if names else ""
-    reason = say("night.within.step", text=text, also=also, before=str(found.before), after=str(found.after))
+    place = {"before": str(made.index(found.before) + 1), "after": str(made.index(found.after) + 1), "count": str(len(made))}
+    reason = say("night.within.step", text=text, also=also, minutes=f"{minutes:.1f}", **place)
     return NightDoubt("doubtful", (reason,), believed=False)
 
 

@@ -1,13 +1,14 @@
 """A curve of a trend → one sentence: steady, rises or falls by how much a week, jumped by how much and when, and what of the limit.
 
-A jump is an alarm of a night. A drift of an alarm has its words here, from the night before it on. What has moved since
-the last one counts from twice and a half what the two ends are known to. Where the last fortnight goes another way than all since
-then, the sentence is of the fortnight. No forecast reaches farther ahead than its nights reach back.
+A jump is an alarm of a night, or what a repair of one has put back. A drift of an alarm has its words here, from the night before
+it on. What has moved since the last one counts from twice and a half what the two ends are known to, or what its steps from night
+to night make by chance. Where the last fortnight goes another way than all since then, the sentence is of the fortnight. No
+forecast reaches farther ahead than its nights reach back.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import date, timedelta
 from typing import Any
 
@@ -16,27 +17,55 @@ import numpy as np
 from ..records import Array
 from ..state.changes import change
 from .days import day
-from .pace import RECENT, pace
+from .pace import RECENT, by_chance, pace
 from .texts import Texts
 from .tonight import shows
 from .units import inches
 
-LEAST = 3  # nights since the last jump before anything is said of how it goes on
+LEAST = 5  # nights since the last jump before anything is said of how it goes on: what wanders looks like a rate in fewer
 SURE = 2.58  # standard deviations of the difference of the ends (99 %)
 OTHER = 2.0  # times the rate of the whole stretch at which the sentence takes that of the last fortnight
 SEEN = 3.5  # standard deviations that a drift would have moved by, before it can be said to rest
 Jump = tuple[int, float]  # place in the series, size in its unit
+Known = tuple[Array, Array]  # (n,) values, (n,) standard deviations
 Told = tuple[int, int] | None  # places of the night before a drift, and of the first night that told it
 
 
-def jumps_of(alarms: Mapping[int, Sequence[Mapping[str, Any]]], entries: Sequence[int], name: str, factor: float) -> list[Jump]:
-    """{entry: alarms of that night}, entries of a series, parameter, factor to its unit → its jumps, oldest first."""
-    found, drifts = [], _drifts(alarms)
+def jumps_of(
+    alarms: Mapping[int, Sequence[Mapping[str, Any]]],
+    entries: Sequence[int],
+    name: str,
+    factor: float,
+    back: Collection[Jump] = (),
+) -> list[Jump]:
+    """{entry: alarms of that night}, entries of a series, parameter, factor to its unit, what repairs have put back (unit of the
+    record) → its jumps, oldest first.
+    """
+    found, drifts = [(place, size * factor) for place, size in back], _drifts(alarms)
+    repaired = {place for place, _ in found}
     for place, entry in enumerate(entries):
         own = [a for a in alarms.get(entry, ()) if a.get("parameter") == name and a.get("size") and _at_once(a, drifts)]
-        if own and place:
+        if own and place and place not in repaired:
             found.append((place, float(own[0]["size"]) * factor))
-    return found
+    return sorted(found)
+
+
+def by_repairs(
+    alarms: Mapping[int, Sequence[Mapping[str, Any]]], decisions: Iterable[Any], starts: Sequence[str], name: str, known: Known
+) -> list[Jump]:
+    """{entry: alarms of that night}, decisions, moments at which the nights of a series began (UTC), parameter, its (n,) values and
+    (n,) standard deviations → how far it went in the first night after each repair of its alarms, where that shows.
+    """
+    own = {a.get("id") for every in alarms.values() for a in every if a.get("parameter") == name}
+    (value, std), found = known, dict[int, float]()
+    for d in decisions:
+        if d.action != "repaired" or d.alarm not in own:
+            continue
+        place = next((i for i, utc in enumerate(starts) if utc >= d.utc), 0)
+        size = float(value[place] - value[place - 1])
+        if place and abs(size) > SURE * float(np.hypot(std[place - 1], std[place])):
+            found[place] = size
+    return sorted(found.items())
 
 
 def _at_once(alarm: Mapping[str, Any], drifts: Collection[str]) -> bool:
@@ -141,11 +170,12 @@ def course(
     weeks = float(days[-1] - days[start]) / 7
     moved = float(value[-1] - value[start])
     few = len(value) - start < LEAST or weeks <= 0
-    goes = not few and abs(moved) > SURE * float(np.hypot(std[start], std[-1]))
+    goes = not few and abs(moved) > SURE * by_chance(value[start:], float(std[start]), float(std[-1]))
     rate = float(np.polyfit(days[start:] / 7, value[start:], 1)[0]) if goes else 0.0
     rate = rate if goes and rate * moved > 0 else 0.0
     begin, lately = pace(days[start:], value[start:], float(np.median(std)))
-    now = 7 * lately
+    of_late = abs(lately) * float(days[-1] - days[start + begin])
+    now = 7 * lately if of_late > SURE * by_chance(value[start + begin :], float(std[start + begin]), float(std[-1])) else 0.0
     other = bool(now) and begin > 0 and (rate * now <= 0 or abs(now) > OTHER * abs(rate))
     words = {"first": day(first + timedelta(days=float(days[start + begin if other else 0])), t)}
     words["rate"] = _short(abs(now if other else rate), unit)

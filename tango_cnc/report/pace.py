@@ -59,6 +59,19 @@ def pace(days: Array, value: Array, std: float) -> tuple[int, float]:
     return start, slope if abs(slope) * np.sqrt(width) > SURE * max(std, scatter) else 0.0
 
 
+def by_chance(value: Array, first: float, last: float) -> float:
+    """(n,) values, standard deviations of the first and of the last → standard deviation of the way between the two on a machine
+    that only wanders: what both are known to, or what its steps from night to night make together, whichever is larger.
+    """
+    steps = np.diff(value)
+    if len(steps) < 2:
+        return float(np.hypot(first, last))
+    rest = steps - steps.mean()
+    own, next_to = float(rest @ rest), float(rest[1:] @ rest[:-1])  # a value that is off makes two steps, one back
+    walked = (len(steps) * own + 2 * (len(steps) - 1) * next_to) / (len(steps) - 1)
+    return float(np.sqrt(max(first**2 + last**2, walked)))
+
+
 def _bend(x: Array, y: Array, std: float) -> int:
     """(n,) days, (n,) values of a stretch without a step, standard deviation of one → place from which it goes another way, as a
     machine that begins to drift; 0 where one line fits as well.

@@ -36,14 +36,21 @@ def instead_of(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]] = (
 
 def to_ask(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
     """record with owner and deputy, what is wrong, texts → whom to call about the first of it that nobody ignores, as an order;
-    where somebody has that, about the first that nobody has answered, or about a night in doubt, which nobody has; '' where
-    somebody has all of it.
+    where somebody has that, about the first that nobody has answered, whose date it then names, or about a night in doubt, which
+    nobody has; '' where somebody has all of it.
     """
     first = next((a for a in found if not a.get("let_be")), found[0]) if found else {}
     if first.get("decision") is not None:
         first = next((a for a in found if a.get("id") and a.get("decision") is None), {})
         if not first and record.get("verdict") != "doubtful":
             return ""
+    told = _call(first, record, found, t)
+    other = bool(first) and first is not found[0] and bool(first.get("night"))  # pages begin with what somebody has
+    return f"{told} {t('morning.call_of', date=day(str(first['night']), t))}" if other else told
+
+
+def _call(first: Mapping[str, Any], record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """as `to_ask`, with what somebody is called about → whom to call, as an order."""
     owner, deputy = str(first.get("owner") or record.get("owner") or ""), str(record.get("deputy") or "")
     silent, asked = int(first.get("silent") or 0), str(first.get("night") or "")
     if not owner:

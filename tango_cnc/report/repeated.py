@@ -140,7 +140,8 @@ def before_repair(a: Mapping[str, Any]) -> str:
 
 def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
     """headline of a night, its record → the same, to be read on another day: an alarm that the night before was without has the
-    date of the night that raised it, as on the page of the machine, and not that of the night before.
+    date of the night that raised it, as on the page of the machine, and not that of the night before. So has what stands behind a
+    crossed limit.
     """
     for a in (x for member in ("alarms", "standing", "ignored", "unheard") for x in record.get(member) or ()):
         since, night = str(a.get("since") or ""), first_night(a, str(record.get("night")))
@@ -148,7 +149,8 @@ def as_found(headline: Any, record: Mapping[str, Any]) -> Any:
             dated = instead(a["text"], LAST_NIGHT, since)
             next_to = days_between(since, night) == 1
             headline = _put(headline, a["text"], instead(dated, since, say("morning.found", date=night)) if next_to else dated)
-    return headline
+    found = _found_on(record)
+    return _of_night(headline, found) if found else headline
 
 
 def _put(text: Any, old: str, new: str) -> Any:

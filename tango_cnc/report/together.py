@@ -184,6 +184,9 @@ def _as_found(first: Mapping[str, Any], story: _Story, how: _Telling) -> dict[st
         still = whole_sentence(sentence(told, Units(), t))
         return {"still": still, "text": f"{first['text']} {still}"}
     if len(same) > 1 and not story.one_number:
+        if same[-1]["text"] == first["text"]:  # the same words of two nights: each has its date
+            nights = {"date": day(first["first"], t), "other": day(same[-1]["first"], t)}
+            return {"text": f"{first['text']} {t('morning.found_twice', **nights)}"}
         return {"text": f"{same[-1]['text']} {t('morning.before_that', text=first['text'])}"}
     return {}
 
@@ -226,7 +229,7 @@ def _gone_back(first: Mapping[str, Any], own: float, left: float, u: Units, t: T
     told = {"text": f"{first['text']} {t('morning.gone_back', **sizes)}", "todo": shop(t("night.gone_do"), t)}
     told |= {"office": office(t("night.gone_do"), t)}
     key, until = ("gone_part_by", day(first["gone_by"], t)) if first.get("gone_by") else ("gone_part", "")
-    part = t(f"morning.{key}", date=day(first["first"], t), until=until) if first["on_part"] else ""
+    part = t(f"morning.{key}", date=day(first.get("since") or first["first"], t), until=until) if first["on_part"] else ""
     return told | {"on_part": part}
 
 

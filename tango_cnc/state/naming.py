@@ -168,7 +168,7 @@ def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
     """hypothesis, (k, m) what its directions do to the innovation → the same without directions that no touch of tonight sees;
     None where that is not the same story any more.
     """
-    visible = np.linalg.norm(pattern, axis=0) > (HARDLY if h.cause in ("ball", "facet") else UNSEEN)
+    visible = _determined(pattern) if h.cause in ("ball", "facet") else np.linalg.norm(pattern, axis=0) > UNSEEN
     if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
         return None
     if h.cause == "ball":  # from several sides, which are nearly one: what tells them apart has to be seen as well
@@ -179,6 +179,18 @@ def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
         return h, pattern
     axes = tuple(a for a, v in zip(h.axes, visible, strict=True) if v)  # a ball is touched from some sides only
     return replace(h, directions=h.directions[:, visible], axes=axes), pattern[:, visible]
+
+
+def _determined(pattern: Array) -> Array:
+    """(k, m) what directions of a ball or a facet do to the innovation → (m,) which of them tonight's touches determine.
+
+    Touches from one side leave some of a ball, and what is left of the second direction beside the first may be next to nothing.
+    """
+    triangle, order = linalg.qr(pattern, mode="r", pivoting=True)
+    found = np.zeros(pattern.shape[1], dtype=bool)
+    own = np.abs(np.diag(triangle))
+    found[order[: len(own)]] = own > HARDLY
+    return found
 
 
 def _best(

@@ -62,12 +62,23 @@ def _lines(request: Request) -> Iterator[str]:
         told = f'machine="{_escaped(row.machine.name)}"'
         return f'{told},cell="{_escaped(str(row.machine.folder or row.machine.slug))}"' if twice else told
 
+    def waiting(row: Row, unanswered: bool) -> int | None:
+        if row.standing is None:
+            return None
+        return sum(not unanswered or a["decision"] is None for a in still_open(faults_of(row, state)))
+
+    def valid(row: Row) -> float | None:  # whether the number beside it is an answer of today
+        if _volume(row) is None:
+            return None
+        return float(not stale(row) and newer_no(row) is None)
+
     own = (
-        ("alarms_open", lambda row: None if row.standing is None else len(still_open(faults_of(row, state)))),
-        ("alarms_unanswered", _unanswered),
+        ("alarms_open", lambda row: waiting(row, False)),
+        ("alarms_unanswered", lambda row: waiting(row, True)),
         ("late", _late),
         ("stale_nights", stale),
         ("volume_um", _volume),
+        ("volume_valid", valid),
         ("nights", _nights),
         ("newer_no", _newer_no),
     )
@@ -83,10 +94,6 @@ def _lines(request: Request) -> Iterator[str]:
             for verdict in VERDICTS:
                 told = int(row.standing.last.verdict == verdict)
                 yield f'tango_machine_verdict{{{labels(row)},verdict="{verdict}"}} {told}'
-
-
-def _unanswered(row: Row) -> float | None:
-    return None if row.standing is None else row.standing.alarms_open
 
 
 def _late(row: Row) -> float | None:

@@ -128,7 +128,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
     if not nights or machine.history is None:
         return {}
     allowed = limits_of(request, machine)
-    alarms, decisions = _unclosed(request, machine)
+    alarms, decisions = unclosed_of(request, machine)
     known = state.places.nights(machine, ANOTHER)
     record, before = stored(request, machine, nights[0].entry), record_before(request, machine, nights)
     record = {**record, "limits_for": state.places.limits_for(machine) or record.get("limits_for")}
@@ -184,7 +184,7 @@ def simulated(request: Request, machine: Served) -> bool:
     return any((record or {}).get("simulated") for record in known)
 
 
-def _unclosed(request: Request, machine: Served) -> tuple[Any, Any]:
+def unclosed_of(request: Request, machine: Served) -> tuple[Any, Any]:
     """request, machine → its alarms that nobody has closed, newest first, and the last decision about each."""
     history, today = machine.history, datetime.now().astimezone().strftime("%Y-%m-%d")
     assert history is not None
@@ -310,12 +310,23 @@ def course_of_tip(request: Request, machine: Served) -> str:
     jumps = jumps_of_tip(alarms, entries, value, std, anew)
     drift = drift_of_tip(alarms, entries, [n.night for n in known], value, std)
     limit = allowed["volume"] * k if "volume" in allowed else None
-    return course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
+    told = course(first, days, value, np.full(len(value), std), jumps, limit, unit, state.texts, drift)
+    return of_believed(request, machine, known[-1].night, told)
+
+
+def of_believed(request: Request, machine: Served, last: str, told: str) -> str:
+    """request, machine, date of the last night of a curve, what is said of that → the same, up to that night where readings since
+    then are in doubt: nothing of them is in the curve.
+    """
+    t, nights = state_of(request).texts, state_of(request).places.nights(machine, STRIP)
+    newest = next((n for n in nights if n.verdict != "not_measured"), None)
+    doubted = newest is not None and newest.verdict == "doubtful" and newest.night > last
+    return t("course.until_doubt", date=day(last, t), text=told) if told and doubted else told
 
 
 def _after_repairs(request: Request, machine: Served, nights: Sequence[Night]) -> list[int]:
     """request, machine, nights oldest first → places of the first night after each repair."""
-    done = [d.utc for d in _unclosed(request, machine)[1] if d.action == "repaired"]
+    done = [d.utc for d in unclosed_of(request, machine)[1] if d.action == "repaired"]
     return [place for utc in done if (place := next((i for i, n in enumerate(nights) if n.start_utc >= utc), None)) is not None]
 
 
@@ -324,7 +335,7 @@ def headlines(request: Request, machine: Served, nights: Sequence[Night]) -> Map
     state, history = state_of(request), machine.history
     if history is None or not nights:
         return {}
-    decisions = _unclosed(request, machine)[1]
+    decisions = unclosed_of(request, machine)[1]
     stamp = max((d.utc for d in decisions), default="")
     key = f"headlines {machine.slug} {nights[0].entry} {nights[-1].entry} {len(decisions)} {stamp}"
     t, u, axes = state.texts, state.units, state.places.geometry(machine)

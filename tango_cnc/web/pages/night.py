@@ -14,7 +14,7 @@ from ...records import InputError
 from ...report.age import measured_on
 from ...report.compensated import known_then
 from ...report.days import days_between
-from ...report.morning import context, volumes_of
+from ...report.morning import context, last_within, never_within, volumes_of
 from ..app import machine_of, needs, page, state_of
 from ..places import told
 from ..served import Served
@@ -34,6 +34,7 @@ def night(request: Request) -> Response:
     nights, now = every[place:], datetime.now(UTC)
     events = happened_to(state, found)
     before = record_before(request, found, nights)
+    signs = [(n.night, told(n, limits_of(request, found))) for n in nights]  # as it was known that morning
     values = context(
         record,
         every_decision(found.history, found.name),
@@ -49,7 +50,9 @@ def night(request: Request) -> Response:
         newer=place,
         former=None if place else found.former,
         old=None if place else state.places.old(found, measured_on(record, before)),
-        signs=[(n.night, told(n, limits_of(request, found))) for n in nights],
+        within=last_within(signs),
+        never=never_within(signs),
+        signs=signs,
         unsure=dates_unsure(state, found, nights),
     )
     written = [name for name in NAMES if file_of_night(found, record, name) is not None]

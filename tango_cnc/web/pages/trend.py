@@ -15,13 +15,13 @@ from starlette.routing import Route
 from ...history import Trend
 from ...report.charts import trend as drawn
 from ...report.compensated import placed
-from ...report.course import course, drift_told, jumps_of
+from ...report.course import Jump, by_repairs, course, drift_told, jumps_of
 from ...report.days import between
 from ...report.page import titled
 from ...report.units import shown
 from ..app import machine_of, needs, page, state_of
 from ..served import Served
-from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, simulated
+from .machine import LAST, alarms_by_entry, course_of_tip, curves, day_of, events_of, limits_of, of_believed, simulated, unclosed_of
 
 FIRST = 12  # parameters that are drawn when none is chosen
 INTERVAL = 1.96
@@ -62,12 +62,13 @@ def trends(request: Request) -> Response:
             days,
             points["value"],
             series.std * abs(factor),
-            jumps_of(marks, series.entries, name, factor),
+            jumps_of(marks, series.entries, name, factor, _put_back(request, found, series)),
             points["limit"],
             unit,
             state.texts,
             drift_told(marks, series.entries, series.nights, name),
         )
+        said = of_believed(request, found, series.nights[-1], said)
         charts.append((name, [Markup(drawn(points, unit, state.texts, *size)) for size in sizes], said))
     return page(
         request,
@@ -80,6 +81,13 @@ def trends(request: Request) -> Response:
         curves=None if wanted else curves(request, found),
         **{"simulated": simulated(request, found)} | day_of(request, found),
     )
+
+
+def _put_back(request: Request, machine: Served, series: Trend) -> list[Jump]:
+    """request, machine, a parameter by night → how far repairs of its alarms have moved it."""
+    done = unclosed_of(request, machine)[1]
+    marks = alarms_by_entry(request, machine)
+    return by_repairs(marks, done, series.start_utc, series.name, (series.value, series.std))
 
 
 def _all(machine: Served) -> Mapping[str, Trend]:
