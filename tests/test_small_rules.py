@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -15,9 +16,11 @@ from support.linkparts import MARK, job
 from postprocessors import load, unverified
 from tango_cnc.link import measure
 from tango_cnc.link.client import Begun, Ended
-from tango_cnc.link.protocols import file, linuxcnc, lsv2
+from tango_cnc.link.protocols import dnc, file, linuxcnc, lsv2
+from tango_cnc.link.transport import open_port, parse
 from tango_cnc.readback.languages.klartext import cycle_444
 from tango_cnc.readback.twins import Twin, stopped_short
+from tango_cnc.records import LinkError
 
 
 def test_an_end_is_noticed_in_the_main_thread_and_handlers_are_put_back() -> None:
@@ -118,3 +121,10 @@ def test_a_protected_move_is_stopped_short_where_it_is_longer_than_that(way: flo
     base = Twin("", "", {"X": way}, {"X": way}, {})
     found = [twin.what for twin in stopped_short(base, {"X": way}, {"X": 0.0}, 1.0, latches=True)]
     assert len(found) == short + 1 and found[-1] == "a protected move has met something at its very end"
+
+
+def test_a_file_that_is_no_serial_port_is_said_to_be_none(tmp_path: Path) -> None:
+    """pyserial says "Could not configure port: (25, 'Inappropriate ioctl for device')"."""
+    (tmp_path / "port").touch()
+    with pytest.raises(LinkError, match=r"does not open: it is not a serial port, or takes none of these settings \(Inapp"):
+        open_port(parse(f"serial://{tmp_path}/port", dnc.OPTIONS))

@@ -15,7 +15,10 @@ ENTERED = {  # what to do that asks for a compensation, and what it is where the
     "part.square_do": "right.square",
     "confirmed.square": "right.confirmed.square",
 }
-ONCE = ("cause.axis_location.do", "right.axis_location")  # which one full measurement answers
+ONCE = {  # what to do that asks for a full measurement, and what it is where one has found the change
+    "cause.axis_location.do": "cause.axis_location.do_found",
+    "right.axis_location": "right.axis_location_found",
+}
 FOUND = ("changed", "out_of_limits")  # verdicts of nights whose alarms are of the machine
 
 
@@ -46,8 +49,8 @@ def without_full(do: str, a: Mapping[str, Any], record: Mapping[str, Any], t: Te
     """
     whole = record.get("kind") == "full" and record.get("status") == "complete" and record.get("verdict") in FOUND
     if whole and not (a.get("rate_per_day") and a.get("steady", True)):
-        for usual in map(t, ONCE):
-            do = do.replace(usual, usual.replace(f"{t('morning.run_full')} ", ""))
+        for usual, found in ONCE.items():
+            do = do.replace(t(usual), t(found))
     return do
 
 

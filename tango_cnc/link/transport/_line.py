@@ -6,6 +6,8 @@ import os
 import ssl
 from typing import Protocol
 
+import serial
+
 from ...records import LinkError
 
 SLICE = 0.05  # s, the longest wait inside a port that cannot be waited for together with others
@@ -43,4 +45,10 @@ def reason(error: Exception) -> str:
         return f"TLS fails ({error.reason or error})"
     if isinstance(error, TimeoutError):
         return f"no answer within {PATIENCE:.0f} s"
-    return os.strerror(number) if isinstance(number, int) and number > 0 else str(error)
+    if isinstance(number, int) and number > 0:
+        return os.strerror(number)
+    behind = error.__context__
+    match behind.args if behind else ():  # pyserial puts the number and the words of the system into one text
+        case (int(), str(words)) if isinstance(error, serial.SerialException):
+            return f"it is not a serial port, or takes none of these settings ({words})"
+    return str(error)
