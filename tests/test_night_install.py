@@ -18,6 +18,7 @@ from click.testing import CliRunner
 from tango_cnc.cli import tango
 from tango_cnc.commands.init import write_example
 from tango_cnc.nightly.install import advice, skipped, units
+from tango_cnc.records import InputError
 
 
 def written(cell: Path, kind: str) -> str:
@@ -137,3 +138,11 @@ def test_a_time_that_one_day_does_not_have_is_said(
     finally:
         monkeypatch.undo()
         time.tzset()
+
+
+def test_a_time_of_day_without_a_timer_begins_no_night(tmp_path: Path) -> None:
+    """Somebody who means "tonight at half past eleven" stands before a machine that moves at once."""
+    write_example(tmp_path / "cell", "hu40t")
+    done = CliRunner().invoke(tango, ["nightly", "-C", str(tmp_path / "cell"), "--at", "23:30"], standalone_mode=False)
+    assert isinstance(done.exception, InputError) and "--at: found '23:30' without --install" in str(done.exception)
+    assert not (tmp_path / "cell" / "nights").exists()

@@ -164,6 +164,12 @@ def command(
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
     _told(found, result, agrees, known[1], other)
+    if length is None:
+        click.echo(
+            f"this is for a probe of {made.machine.probe.length:g} mm, as machine.yaml has it: these touches take one that is 1 mm "
+            "longer for a table that is 1 mm higher. Measure the probe, and state its length: --length MM"
+        )
+    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
 def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
@@ -248,7 +254,6 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
             "as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the other ones out: "
             "touches beside them are left out until then"
         )
-    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
 def _notice(made: Plan, within: float, stated: float | None) -> str:

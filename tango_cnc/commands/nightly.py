@@ -22,6 +22,7 @@ from ._common import cell_option, controller_of, json_option, write_json
 from ._shop import looked_at, of_shop
 
 PLACE = "Keep 10"
+AT = "02:00"  # when a timer begins a night, where nothing else is asked for
 
 
 @click.command()
@@ -39,7 +40,7 @@ PLACE = "Keep 10"
 @click.option(
     "--install", "kind", type=click.Choice(["systemd", "cron", "windows"]), help="Write the timer for this system, and end."
 )
-@click.option("--at", default="02:00", show_default=True, metavar="HH:MM", help="With --install: time of day.")
+@click.option("--at", metavar="HH:MM", help=f"With --install: time of day.  [default: {AT}]")
 @json_option
 def command(
     folder: Path,
@@ -50,7 +51,7 @@ def command(
     status: bool,
     tell: bool,
     kind: str | None,
-    at: str,
+    at: str | None,
     json_file: str | None,
 ) -> int:
     """Measures the machine, judges it, keeps the result and sends a message: one night, started by a timer.
@@ -71,6 +72,11 @@ def command(
 
     if sum([dry_run, status, tell, kind is not None]) > 1:
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
+    if at is not None and kind is None:
+        raise InputError(
+            f"--at: found {at!r} without --install; a night without --install begins at once. Nothing has moved. "
+            "Write the timer with --install and --at"
+        )
     settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
     t = of_shop(settings)
@@ -87,7 +93,7 @@ def command(
             raise wrong
         cell = read_cell(folder)
         if kind is not None:
-            return _install(cell, kind, at)
+            return _install(cell, kind, at or AT)
         place = history_of(folder, settings, where)
         controller_of(cell)
         made = plan(cell)
