@@ -183,9 +183,8 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
     said = headlines(history, nights[:1], by_now=False)[nights[0].entry] if nights else ""
     record = history.night(nights[0].entry).record if nights else {}
-    said = as_found(said, {**record, "alarms": ()})
+    said = as_found(said, record)
     if nights and nights[0].night < f"{datetime.now().astimezone():%Y-%m-%d}":  # it is read on another day
-        said = as_found(said, record)
         said = instead(said, "last night", say("check.night_before", date=nights[0].night))
     said = sized(said, record)
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)

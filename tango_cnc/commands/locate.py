@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -163,13 +164,7 @@ def command(
         return
     if json_file is not None:
         write_text(Path(json_file), json_text(result) + "\n")
-    _told(found, result, agrees, known[1], other)
-    if length is None:
-        click.echo(
-            f"this is for a probe of {made.machine.probe.length:g} mm, as machine.yaml has it: these touches take one that is 1 mm "
-            "longer for a table that is 1 mm higher. Measure the probe, and state its length: --length MM"
-        )
-    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
+    _told(found, result, agrees, known[1], other, math.nan if length is not None else made.machine.probe.length)
 
 
 def _by_length(made: Plan, readings: Readings, found: Located, measured: bool) -> OtherLength:
@@ -213,8 +208,10 @@ def _broken_off(where: Path, out: Path | None, cell: Cell, made: Plan) -> Iterat
         ) from None
 
 
-def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, other: OtherSize) -> None:
-    """where the table stands, the same for --json, mm of --agrees, the facet known worst, what another size may do → says it."""
+def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, other: OtherSize, unmeasured: float) -> None:
+    """where the table stands, the same for --json, mm of --agrees, the facet known worst, what another size may do, mm of a probe
+    that nobody has measured (NaN: somebody has) → says it.
+    """
     moved, turned = result["moved_mm"], result["turned_deg"]
     click.echo(f"the table is moved by X {moved[0]:+.3f} Y {moved[1]:+.3f} Z {moved[2]:+.3f} mm")
     parts = " ".join(f"about {name} {value:+.4f}" for name, value in zip("XYZ", turned, strict=True))
@@ -254,6 +251,12 @@ def _told(found: Located, result: dict[str, Any], agrees: float, worst: str, oth
             "as declared and as moved with the table, so that nothing is hit. Look where they stand, and take the other ones out: "
             "touches beside them are left out until then"
         )
+    if not math.isnan(unmeasured):
+        click.echo(
+            f"this is for a probe of {unmeasured:g} mm, as machine.yaml has it: these touches take one that is 1 mm longer for a "
+            "table that is 1 mm higher. Measure the probe, and state its length: --length MM"
+        )
+    click.echo(f"→ {result['artefact']}; copy it over artefact.yaml of the cell if this is right")
 
 
 def _notice(made: Plan, within: float, stated: float | None) -> str:

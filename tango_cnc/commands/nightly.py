@@ -73,10 +73,7 @@ def command(
     if sum([dry_run, status, tell, kind is not None]) > 1:
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
     if at is not None and kind is None:
-        raise InputError(
-            f"--at: found {at!r} without --install; a night without --install begins at once. Nothing has moved. "
-            "Write the timer with --install and --at"
-        )
+        raise InputError(f"--at: found {at!r} without --install; a night would begin at once. Write the timer: --install and --at")
     settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
     t = of_shop(settings)
