@@ -49,6 +49,12 @@ def test_a_shape_that_a_few_touches_show_is_seen_although_these_were_set_aside()
         assert len(outcome.needless) >= len(singles) - 1
 
 
+def test_two_findings_are_the_same_only_where_they_are_one_object() -> None:
+    """Two of one touch, found on two ways: to compare their columns is ambiguous, and ended a diagnosis."""
+    one, other = (Chosen(Candidate("outlier", {"touch": 1}, np.eye(TOUCHES)[:, [1]]), np.eye(TOUCHES)[:, [1]], 17.0) for _ in "ab")
+    assert one in [other, one] and one not in [other]
+
+
 @pytest.mark.parametrize(("facets", "left"), [("12", 2), ("123", 0)])
 def test_what_lies_on_three_facets_is_one_thing_and_no_three_chips(facets: str, left: int) -> None:
     patterns = np.random.default_rng(7).normal(size=(TOUCHES, len(facets), 1))

@@ -149,6 +149,8 @@ def written() -> dict[str, tuple[str, list[str]]]:
     """→ {format that a command writes as JSON: the command, the members that stand beside it where it is written}."""
     found: dict[str, tuple[str, list[str]]] = {}
     for file in sorted((ROOT / "tango_cnc" / "commands").glob("*.py")):
+        if '"format": "tango-' not in text(file):
+            continue
         for node in ast.walk(ast.parse(text(file))):
             keys = [key.value for key in node.keys if isinstance(key, ast.Constant)] if isinstance(node, ast.Dict) else []
             named = node.values[0] if isinstance(node, ast.Dict) and keys[:1] == ["format"] else None
@@ -159,11 +161,10 @@ def written() -> dict[str, tuple[str, list[str]]]:
 
 def test_every_format_of_a_json_result_is_documented_with_its_members() -> None:
     """A command was added with `--json`, its format was a promise to scripts, and nothing asked what is in it."""
-    pages = "".join(text(page) for page in (ROOT / "docs").glob("*.md"))
+    pages, known = "".join(text(page) for page in (ROOT / "docs").glob("*.md")), written()
     formats = text(ROOT / "docs" / "formats.md")
     rows = {
-        name: f"| `{name}` | `{command_}` | {', '.join(f'`{key}`' for key in keys)} |"
-        for name, (command_, keys) in written().items()
+        name: f"| `{name}` | `{command_}` | {', '.join(f'`{key}`' for key in keys)} |" for name, (command_, keys) in known.items()
     }
     missing = [row for name, row in rows.items() if f"`{name}`" not in pages]
     if missing and writing():
@@ -174,5 +175,5 @@ def test_every_format_of_a_json_result_is_documented_with_its_members() -> None:
     adds = command("tests/test_docs.py -k json_result")
     assert not missing, f"docs/formats.md, {OTHERS}: {adds} adds this row; say what each member means:\n" + "\n".join(missing)
     listed = names_in(formats, OTHERS)
-    lacking = {name: keys for name in listed if (keys := [k for k in written()[name][1] if f"`{k}`" not in listed[name]])}
+    lacking = {name: keys for name in listed if (keys := [k for k in known[name][1] if f"`{k}`" not in listed[name]])}
     assert not lacking, f"docs/formats.md, {OTHERS}: members that its rows lack: {lacking}"

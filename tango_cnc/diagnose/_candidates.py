@@ -22,7 +22,7 @@ from ..touches import Touches
 VISIBLE = 0.02  # part of a pattern outside the model below which nobody can tell
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """One explanation: columns (n, k) mm of residual for unit values; a name, or a covariate where there is none."""
 

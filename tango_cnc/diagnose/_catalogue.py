@@ -64,7 +64,7 @@ class Catalogue:
     twins: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cause, what is tried in its place alone
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chosen:
     """A candidate in the model of the residuals."""
 
