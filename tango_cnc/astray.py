@@ -28,6 +28,10 @@ LOOSER = (
     "largest difference that you have measured. Where all of them differ by the same share the table has another size: multiply "
     "all places in artefact.yaml by that share instead"
 )
+EITHER = (
+    "Either something else was met there, or the table has another size; these touches cannot tell. {} If its width is right, take "
+    "away what was met, and touch again"
+)
 
 
 def agreeing(
@@ -83,10 +87,7 @@ def no_proof(
     larger, fits = grown(facets, tip, radius)
     if fits <= max(agrees, DRAWN) and abs(larger) > 1e-3:
         which = of_size(larger) if abs(larger) < MOST_GROWN else "Measure one of its widths: is it the table of artefact.yaml"
-        return (
-            f"Either something else was met there, or the table has another size; these touches cannot tell. {which}. If its width "
-            "is right, take away what was met, and touch again"
-        )
+        return EITHER.format(f"{which}.")
     if (turn := math.degrees(float(np.linalg.norm(found[3:])))) > TURNED:
         return f"The others fit a table that is turned by {turn:.1f} deg, and {TURNED:g} are searched: is it that of artefact.yaml?"
     turned = Rotation.from_rotvec(found[3:])

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from . import kinematics
-from .astray import AGREES, ASTRAY, FILE, LEAST, LOOSER, MOST_GROWN, TURNED, agreeing, drawn, grown, no_proof, of_size
+from .astray import AGREES, ASTRAY, EITHER, FILE, LEAST, LOOSER, MOST_GROWN, TURNED, agreeing, drawn, grown, no_proof, of_size
 from .duration import duration
 from .plan import displaced
 from .plan import plan as planned
@@ -295,6 +295,12 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
             f"the touches fit a table whose facets are {away:.0f} mm from where its file has them; allowed: {most:.0f} mm, as "
             "nothing farther was searched. Something else was touched, or the normals of the facets are wrong: look there first"
         )
+    if (known := known_to(plan.artefact, counted, agrees))[0] > NEAR:
+        raise InputError(
+            f"facets that may be {agrees:g} mm beside their places on the table are known to {known[0]:.0f} mm then, the worst is "
+            f"{known[1]}; allowed: {NEAR:g} mm, which a rule knows. Measure distances between the facets, correct them in "
+            f"artefact.yaml, and read these same touches again with a smaller one: 'tango locate --readings {FILE} --agrees MM'"
+        )
     if stated is None and (other := unsized(plan.artefact, counted)).beside > KNOWN:
         raise InputError(_of_no_size(plan, counted, other))
     solids, doubtful = _both_places(artefact.obstacles, found[:3], found[3:])
@@ -341,9 +347,11 @@ def _hidden(readings: Readings) -> str:
 def _grown(facets: Sequence[Facet], tip: Array, radius: float, agrees: float) -> str:
     """as `agreeing` → the sentence on the table of another size that they fit; '' for none that anybody would take for this one."""
     by, left = grown(facets, tip, radius)
-    if len(facets) <= LEAST or left > agrees or not 1e-3 < abs(by) < MOST_GROWN:
+    if len(facets) < LEAST or left > agrees or not 1e-3 < abs(by) < MOST_GROWN:
         return ""
-    return of_size(by)
+    if len(facets) > LEAST:
+        return of_size(by)
+    return EITHER.format(f"{of_size(by)}.")  # one touch alone speaks for seven unknowns
 
 
 def _looser(facets: Sequence[Facet], tip: Array, radius: float, least: int, agrees: float) -> str:

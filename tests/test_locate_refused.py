@@ -383,3 +383,25 @@ def test_a_table_of_quite_another_size_is_not_offered(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
         locate.locate(planned, touched(planned, true=replace(cell.artefact, facets=half)))
     assert "smaller" not in str(refused.value)
+
+
+def test_where_eight_touches_fit_a_table_of_another_size_both_explanations_are_named() -> None:
+    """It named one touch alone, and led from 'search farther' to 'search nearer' and back: the size explains all eight."""
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "split")
+    planned = locate.strategy(cell)
+    true = locate.moved(_larger(cell.artefact, 1.01), np.array([3.0, 2.0, 0.0]), np.zeros(3))
+    assert len(planned.touches) == locate.LEAST
+    with pytest.raises(
+        InputError, match=r"the table has another size; these touches cannot tell\. All of them fit .* 1\.0% larger"
+    ):
+        locate.locate(planned, touched(planned, true=true))
+
+
+def test_a_place_that_a_rule_knows_better_is_refused() -> None:
+    """ "Known to 9.83 mm now", it said, and to copy it over artefact.yaml."""
+    cell = read_cell(Path(__file__).parent.parent / "examples" / "split")
+    planned = locate.strategy(cell)
+    with pytest.raises(
+        InputError, match=r"may be 1 mm beside their places on the table are known to \d+ mm then, .*; allowed: 5 mm"
+    ):
+        locate.locate(planned, touched(planned), 1.0)

@@ -288,3 +288,11 @@ def test_the_list_has_the_age_of_the_readings_that_answer(tmp_path: Path) -> Non
     (place / "report.json").write_text(answer_text("no", end, NewerNo(read, 214.0, 60.0)), encoding="utf-8")
     text = seen(place, "/")
     assert "measured 12 h ago" not in text and "measured 5 min ago" in text
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("entry", [1, 2])
+def test_the_page_of_the_newest_night_has_it_and_no_other(tmp_path: Path, entry: int) -> None:
+    """The page of the machine said No, its own page of that night "Yes, but"."""
+    place = reported(tmp_path / "one", "newest")
+    assert (SAYS in seen(place, f"/machine/{M}/night/{entry}").replace(CAPITAL, SAYS)) == (entry == 2)
