@@ -41,8 +41,8 @@ NOTHING = Kept()
 def whole(said: str, kept: Kept = NOTHING, *, names: bool = False, **places: object) -> str:
     """a sentence with commands in quotation marks, what holds for the next call, words that stand for others → the same.
 
-    Each command has the folder that was stated here, and this one what else holds, but for what it states anew. `names`: commands
-    without options stay as they are, as they may be the names of what has done something.
+    Each command has the folder and the port that were stated here, and this one what else holds, but for what it states anew.
+    `names`: commands without options stay as they are, as they may be the names of what has done something.
     """
     return COMMAND.sub(lambda found: found[0] if names and found[1].count(" ") == 1 else _quoted(found[1], kept, places), said)
 
@@ -89,7 +89,8 @@ def _whole(words: Sequence[str], kept: Kept) -> str:
         return shlex.join(words)
     anew = [str(option.name) for option in command.params if any(word in option.opts for word in new)]
     anew += [other for option in anew for other in kept.apart.get(option, ())]
-    only = {"folder", *(kept.names if command is context.command else ())}
+    at_the_control = {"port"} & {str(option.name) for option in command.params}
+    only = {"folder", *at_the_control, *(kept.names if command is context.command else ())}
     return shlex.join(["tango", name, *_stated(context, anew, only), *new])
 
 
