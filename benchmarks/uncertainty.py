@@ -33,15 +33,15 @@ from tango_cnc.estimate import estimate  # noqa: E402
 from tango_cnc.files import read_cell, read_world  # noqa: E402
 from tango_cnc.model import known, residual  # noqa: E402
 from tango_cnc.uncertainty import _batch, trials  # noqa: E402
-from tango_cnc.uncertainty.inputs import Line, Scene, draw, parts  # noqa: E402
+from tango_cnc.uncertainty.inputs import BudgetLine, Scene, draw, parts  # noqa: E402
 from tango_cnc.uncertainty.study import Study, propagate, solve, study, system  # noqa: E402
 
 CELL = Path(__file__).parent.parent / "examples" / "hu40t"
 BUDGET = (
-    Line("repeatability", {"std": 0.0006}),
-    Line("drift", {"amplitude": 0.002}),
-    Line("lobing", {"amplitude": 0.0035}),
-    Line("form", {"std": 0.0009}),
+    BudgetLine("repeatability", {"std": 0.0006}),
+    BudgetLine("drift", {"amplitude": 0.002}),
+    BudgetLine("lobing", {"amplitude": 0.0035}),
+    BudgetLine("form", {"std": 0.0009}),
 )
 FASTER, ROOF = 1000.0, 3.0
 PASSES = 11  # over a block, for a turn by an error angle
