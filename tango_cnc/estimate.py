@@ -289,10 +289,11 @@ def _triangle(jacobian: Array, gaps: Array) -> Array:
     normal = jacobian.T @ jacobian
     scale = np.sqrt(np.diag(normal))
     if np.all(scale > 0):
-        root, failed = linalg.lapack.dpotrf(normal / scale / scale[:, None])
+        root, failed = linalg.lapack.dpotrf(normal / scale / scale[:, None])  # below its diagonal are zeros
         if not failed and np.min(np.diag(root)) > CLEAR:
-            side = linalg.blas.dtrsv(root, jacobian.T @ gaps / scale, trans=1)
-            return np.column_stack([np.triu(root) * scale, side])
+            found = np.empty((p, p + 1))
+            found[:, :p], found[:, p] = root * scale, linalg.blas.dtrsv(root, jacobian.T @ gaps / scale, trans=1)
+            return found
     beside = np.empty((n, p + 1), order="F")
     beside[:, :p], beside[:, p] = jacobian, gaps
     return np.triu(linalg.lapack.dgeqrf(beside, lwork=64 * (p + 1), overwrite_a=True)[0][: p + 1])
