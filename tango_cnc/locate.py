@@ -298,7 +298,7 @@ def locate(plan: Plan, readings: Readings, stated: float | None = None) -> Locat
     if (known := known_to(plan.artefact, counted, agrees))[0] > NEAR:
         raise InputError(
             f"facets that may be {agrees:g} mm beside their places on the table are known to {known[0]:.0f} mm then, the worst is "
-            f"{known[1]}; allowed: {NEAR:g} mm, as a rule shows. Measure distances between the facets, correct them in "
+            f"{known[1]}; allowed: {NEAR:g} mm, which a rule measures, too. Measure distances between the facets, correct them in "
             f"artefact.yaml, and read these same touches again with a smaller one: 'tango locate --readings {FILE} --agrees MM'"
         )
     if stated is None and (other := unsized(plan.artefact, counted)).beside > KNOWN:

@@ -95,7 +95,7 @@ def test_every_key_is_documented(cause: str, root: Path) -> None:
     if cause not in documented(root) and writing():
         page.write_text(with_row(page.read_text(encoding="utf-8"), cause, row), encoding="utf-8")
     assert documented(root).get(cause) == found, (
-        f"docs/effects.md has no row that lists exactly the keys of {cause}. {WRITE} adds the row below where there is none, to "
+        f"docs/effects.md has no row that lists exactly the keys of {cause}. {WRITE} adds the row below, if the page has none, to "
         f"the effects of its kind. Then add units and formula:\n{row}"
     )
 

@@ -78,7 +78,7 @@ class Listener(Client):
         )
 
     def _noticed(self) -> list[Event]:
-        """→ what the person is told as soon as a record is late behind touches that met nothing, once for each."""
+        """→ what the person reads when a record is late after touches that met nothing, once for each such touch."""
         if self._told == self._position or not self._begun or self._position >= len(self._task.due):
             return []
         if self._silence <= self._task.due[self._position] or not (why := self._ended):

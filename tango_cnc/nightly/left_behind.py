@@ -158,7 +158,7 @@ def _moment(started: str) -> datetime | None:
 
 
 def _lost(world: Ports, stamp: str) -> str:
-    """the world, stamp of a night of which only its mark is left → what became of it, as far as that can be known."""
+    """the world, stamp of a night that left only its mark → what became of it, as far as the disk shows it."""
     t = texts()
     try:
         waits = any(old == stamp for old, _ in world.disk.unsent())
@@ -181,7 +181,7 @@ def packed(record: dict[str, Any], readings: str | None, knowledge: Knowledge | 
 
 
 def unkept(disk: Disk, stamp: str) -> tuple[dict[str, Any], str | None, Knowledge | None] | None:
-    """disk, stamp → record, readings and unknowns of a night that the history did not take; None where there is none that is whole.
+    """disk, stamp → record, readings and unknowns of a night that the history refused; None where the file is missing or damaged.
 
     Raises OSError.
     """

@@ -167,7 +167,7 @@ def _as_it_stands(x: Mapping[str, Any], record: Mapping[str, Any]) -> Mapping[st
 
 
 def _open(alarm: Mapping[str, Any], text: Any) -> Said:
-    """alarm that stands, how it is told → the same with its night and who has it."""
+    """alarm that stands, its sentence → the sentence with the night of the alarm and who has it."""
     return say("night.words.open_alarm", night=alarm["night"], text=text, who=_who(alarm))
 
 

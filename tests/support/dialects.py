@@ -122,7 +122,7 @@ def differs(name: str) -> str:
     return (
         f"postprocessors/{name}.py: its programs run on the simulated control that {row_of(name)} says it is. "
         + ("" if own else f"There is no row yet; write `{row.replace('({})', '()')}` there. ")
-        + (f"These defaults are none of a relative, and the row says nothing of them: {'; '.join(said)}. " if said else "")
+        + (f"No relative has these defaults, and the row does not state them: {'; '.join(said)}. " if said else "")
         + "Where that control has another word, axis number or setting than its relatives, the row states it, from the manual of "
         "the control; where a default of an option differs, look at `cases` of tests/support/wrongcontrols.py, too"
     )

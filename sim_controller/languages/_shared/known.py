@@ -21,6 +21,6 @@ class Controls:
 
     named: Mapping[str, StandIn]
     wired: Mapping[str, str] = field(default_factory=dict)  # key of a profile that says how the probe is wired → field of `Profile`
-    # option of a post → fields of `Profile` of which a control has at least one where that option has another default
+    # option of a post → fields of `Profile`: a control states one of them where its post has another default of that option
     shown_by: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     beside: re.Pattern[str] = re.compile(r"(?!)")  # names of files that have to be on the control besides the program
