@@ -171,10 +171,6 @@ def _seen(h: Hypothesis, pattern: Array) -> tuple[Hypothesis, Array] | None:
     visible = _determined(pattern) if h.cause in ("ball", "facet") else np.linalg.norm(pattern, axis=0) > UNSEEN
     if not (np.any(visible) if h.cause == "ball" else np.all(visible)):
         return None
-    if h.cause == "ball":  # from several sides, which are nearly one: what tells them apart has to be seen as well
-        _, triangle, order = linalg.qr(pattern[:, visible], mode="economic", pivoting=True)
-        alone = np.abs(np.diag(triangle)) > HARDLY
-        visible[np.flatnonzero(visible)[order[: len(alone)][~alone]]] = False
     if np.all(visible):
         return h, pattern
     axes = tuple(a for a, v in zip(h.axes, visible, strict=True) if v)  # a ball is touched from some sides only
