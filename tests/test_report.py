@@ -31,6 +31,7 @@ from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
+from tango_cnc.report.later import newer_answer
 from tango_cnc.report.may import _after, may
 from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_decided
@@ -895,5 +896,5 @@ def test_a_report_of_newer_readings_orders_what_the_pages_order_where_it_says_ye
     assert do[:2] == [first, "Call Ann."] and do[2].startswith("Look for what has moved since the night. ")
     assert [x for x in do[3:] if drift in x] == ([f"Spindle has moved. {drift}"] if changed else [])
     assert told["may_make_parts"] == "but" and told["after"] == "2026-11-20T02:30:00+00:00" and told["no_after"] is None
-    kept = page.newer_answer(newer)
+    kept = newer_answer(newer)
     assert kept.may == "but" and kept.grown and kept.tip_um == 1e3 * facts.tip.worst and kept.moved is not None

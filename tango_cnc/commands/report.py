@@ -26,7 +26,7 @@ from ..judging import NoFit, judged, left_out
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
-from ..report import newer, page, pdf, template, terminal
+from ..report import later, newer, page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import by_repairs, drift_told, jumps_of
@@ -162,7 +162,7 @@ def command(
     if own:
         write_text(
             folder / newer.SAID,
-            newer.answer_text(data["may_make_parts"], data["no_after"], page.newer_answer(found), data["after"]),
+            newer.answer_text(data["may_make_parts"], data["no_after"], later.newer_answer(found), data["after"]),
         )
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
