@@ -113,11 +113,8 @@ def context(
     told = _told(record, found, before, late, coming, stale, former, by_readings, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
-    began, within = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ()), within or told.after
-    lately = told.newer and told.may == "but" and not found  # what is open has its own date
-    began = began or (told.after if lately else "")
+    began, within = _begun(told, found, record), within or told.after
     coming_night = next_night(record, decisions, before)
-    over_since = _over_since(told.may, within, never, unsure, t)
     suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
     todo = orders(told, asked, found, str(coming_night.get("kind") or ""), u, t, machine, former or ())
@@ -132,7 +129,7 @@ def context(
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
         "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
-        "over_since": t("morning.since_text", good=day(began, t)) if lately and began else over_since,
+        "over_since": _over_since(told, within, never, unsure, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
             (began, (volumes or {}).get(began)),
@@ -360,11 +357,21 @@ def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Te
     return list(dict.fromkeys(x for x in told if x))
 
 
-def _over_since(may: str, within: str, never: str, unsure: Container[str], t: Texts) -> str:
-    """answer, date of the last night in limits, of the first where none was, dates of nights that are not certain, texts → since
-    when the limit is crossed, or nothing.
+def _begun(told: Answer, found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> str:
+    """answer, faults, record → date of the last night before anything of the machine that is open; where nothing is, that of the
+    night before newer readings that say Yes, but; '' where none is.
     """
-    if may != "no" or not (never or within):
+    known = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
+    return known or (told.after if told.newer and told.may == "but" and not found else "")
+
+
+def _over_since(told: Answer, within: str, never: str, unsure: Container[str], t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was, dates of nights that are not certain, texts → since
+    when the limit is crossed, or newer readings say Yes, but; else nothing.
+    """
+    if told.newer and told.may == "but" and told.after:
+        return t("morning.since_text", good=day(told.after, t))
+    if told.may != "no" or not (never or within):
         return ""
     return t("morning.since_never" if never else "morning.since_within", date=_night(never or within, unsure, t))
 
