@@ -1,0 +1,34 @@
+"""Whether parts may be made on a machine, for commands, as its page has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..records import Machine
+from ..report.answer import Answer, by_newer
+from ..report.newer import NewerAnswer
+from ..report.texts import Texts
+from ..report.units import Units
+from ..texts import unstopped
+
+
+def answer_now(folder: Path, axes: Machine, place: str | Path, newer: NewerAnswer | None, t: Texts) -> Answer | None:
+    """cell, its machine, its history, answer of readings after the newest night, texts → the answer of its page; None without a
+    night.
+
+    Raises TangoError.
+    """
+    from .report import nights  # loads what estimates
+
+    u = Units()
+    found = None if isinstance(place, Path) and not place.exists() else nights(folder, axes, u, t, where=place)
+    if found is None:
+        return None
+    told = found.answer(u, t, axes)
+    return told if newer is None else by_newer(told, newer, u, t, axes, found.before or found.record)
+
+
+def in_short(told: Answer) -> Sequence[str]:
+    """answer → its numbers, and what newer readings have otherwise than the night, as parts of a line."""
+    return [unstopped(x) for x in (told.numbers, told.moved) if x]
