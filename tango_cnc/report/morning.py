@@ -21,7 +21,7 @@ from .orders import brief_of, orders
 from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, said_of_repair
+from .repeated import as_dated, said_of_repair
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
@@ -152,7 +152,7 @@ def context(
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(as_decided(record, decisions), u, t),
+        "headline": sentence(as_dated(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
         "todo": todo,
