@@ -23,12 +23,13 @@ from ...report.compensated import begins, marked
 from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
-from ...report.morning import context, last_within, never_within, volumes_of, who_of
+from ...report.morning import context, volumes_of, who_of
 from ...report.newer import newer_answer
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
 from ...report.repeated import as_dated, in_a_row, of_shop, shortened
 from ...report.signs import SHORT, level_of, strip
+from ...report.suspects import last_within, never_within
 from ...report.texts import Texts
 from ...report.tonight import sized
 from ...report.units import Units
