@@ -20,7 +20,7 @@ from ._common import Output, address_of, asks_for_a_finger, cell_option, control
 from ._handed import Kept, hands, whole
 from ._live import Live
 from ._start import counts, in_spindle
-from ._written import conducted, written
+from ._written import conducted, said_beside, written
 
 if TYPE_CHECKING:
     from ..locate import Located
@@ -98,6 +98,7 @@ def command(
     if length is not None:
         probe_length.agrees(cell.machine, length)
     post = writing(cell) if file is None and controller_of(cell) else None
+    address = None if post is None or only_program else address_of(cell, port, post.link)
     made = locate.strategy(cell, within=within)
     target = folder / FOLDER / "readings.csv"
     if post is not None:
@@ -107,7 +108,8 @@ def command(
             options["misses"] = enough  # by then too few are left to place the table, and a probe that has died presses on
         programs = written(cell, folder / FOLDER / "program", post, made, options)
         notice = whole(_notice(made, within, stated), KEPT)
-        if only_program:
+        if address is None:
+            said_beside(programs)
             lasts = spoken(sum(duration(made, positioning_feed(cell)).values()))
             then = whole("'tango locate --port 'file:///FOLDER/TANGO.TXT?from=last' --yes'", KEPT)
             click.echo(
@@ -119,7 +121,6 @@ def command(
         if yes:
             click.echo(notice, err=True)
         gate, again = str(options.get("gate", "finger")), "'tango locate' makes all of them again"
-        address = address_of(cell, port)
         placed_in = out or folder / FOLDER / "artefact.yaml"
         with holding(folder, "tango locate"), Live(None) as live, _broken_off(placed_in, out, cell, made):
             readings = conducted(
