@@ -7,9 +7,16 @@ from pathlib import Path
 import click
 import pytest
 import yaml
+from support.proof_parts import keys_of
+from support.runs import Result
+from support.simulated_runs import controller
 
+from postprocessors import load
 from tango_cnc.cli import guarded, tango
 from tango_cnc.commands.init import write_example
+from tango_cnc.commission import experiments
+from tango_cnc.files import read_cell
+from tango_cnc.files.commissioning import Proof, add_proofs
 
 SPLIT = "split"  # its strategy turns the spindle
 
@@ -146,3 +153,25 @@ def test_a_plan_that_turns_the_spindle_of_a_grbl_is_answered_with_the_whole_url(
     assert call("plan", "-C", cell) == 0
     said = capsys.readouterr().err
     assert "spindle" not in said and "Next: tango commission" in said
+
+
+def test_of_a_machine_without_rotary_axes_nothing_is_said_of_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """'Rotary axes turn about the points that machine.yaml states' was not proven, of a machine that has none."""
+    write_example(tmp_path / "cell", "three_axis")
+    folder = stating(tmp_path / "cell", post="fanuc", port="socket://127.0.0.1:9", probe_state="none")
+    cell = read_cell(folder)
+    key = keys_of(cell, load("fanuc"))
+    add_proofs(folder, "fanuc", [Proof(e.belief, "PASS", "seen", profile=key[e.belief]) for e in experiments() if not e.touches])
+    assert call("locate", "-C", folder, "--yes") == 3
+    said = capsys.readouterr().err
+    assert "not proven" not in said and "commission" not in said
+
+
+def test_a_control_that_was_reset_is_not_asked_for_its_probe(tmp_path: Path) -> None:
+    """ALARM:3, reset while moving, after good contacts: the text asked for a dead probe, and for a rule."""
+    write_example(tmp_path / "cell", "trunnion")
+    folder = stating(tmp_path / "cell", post="grbl", port="grbl+socket://127.0.0.1:1")
+    with controller(folder, "--protocol", "grbl", "--tcp", "127.0.0.1:0", "--fault", "alarm-after=2") as url:
+        stopped = Result("locate", "-C", folder, "--port", url, "--yes")
+    assert stopped.code == 3 and "reset while moving" in stopped.err
+    assert "What has reset the control" in stopped.err and "probe alive" not in stopped.err and "rule" not in stopped.err
