@@ -17,7 +17,7 @@ demo: .venv/base.stamp
 test: .venv/test.stamp
 	$(BIN)/python -m pytest -n $$(n=$$(getconf _NPROCESSORS_ONLN); [ $$n -lt 4 ] && echo $$((n + 1)) || echo 4) --dist worksteal
 
-# Three at a time: one of them has the real control, which a fourth starves, one waits for networks, one computes
+# Three at a time: one of them waits, for the real control, which a fourth starves, and then for networks; two compute
 # (tests/support/shares.py). What hangs is named after half an hour instead of holding up everything.
 check-long: .venv/test.stamp
 	$(SHARED) -m 'long and not campaign'

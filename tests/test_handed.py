@@ -129,7 +129,6 @@ def test_commands_that_results_hand_out_are_whole(
         ("simulate",),
         ("estimate",),
         ("iso230",),
-        ("verify",),
         ("plan", "--post", "fanuc"),
         ("history", "list"),
         ("journal", "list"),

@@ -19,10 +19,10 @@ from starlette.testclient import TestClient
 
 from tango_cnc.cli import tango
 from tango_cnc.history import opened
-from tango_cnc.report.answer import Answer, by_newer_no
+from tango_cnc.report.answer import Answer, by_newer
 from tango_cnc.report.days import day
 from tango_cnc.report.morning import context
-from tango_cnc.report.newer import NewerNo, answer_text, says_no
+from tango_cnc.report.newer import NewerAnswer, answer_text, newer_answer
 from tango_cnc.report.texts import texts
 from tango_cnc.report.units import Units
 from tango_cnc.web.app import create
@@ -34,7 +34,7 @@ PATHS = (f"/machine/{M}", f"/machine/{M}/trend", f"/machine/{M}/nights", "/", "/
 SAYS = "the readings of the report are newer than the newest night, and say No"
 CAPITAL = f"T{SAYS[1:]}"
 YES = Answer("yes", "Yes", "good", "", "")
-TOLD = NewerNo("2026-11-01T09:00:00Z", 50.1, 45.0, "EY0C", -0.0182, "mm")
+TOLD = NewerAnswer("2026-11-01T09:00:00Z", 50.1, 45.0, "EY0C", -0.0182, "mm")
 
 
 def seen(place: Path, path: str) -> str:
@@ -83,7 +83,7 @@ def test_commands_have_it_too(tmp_path: Path, after: str) -> None:
 
 
 @pytest.mark.few(0)
-def test_a_good_night_whose_report_says_no_wants_somebody(tmp_path: Path) -> None:
+def test_a_good_night_whose_report_newer_answer_wants_somebody(tmp_path: Path) -> None:
     now = datetime.now(UTC)
     began, end = ((now - timedelta(hours=hours)).strftime("%Y-%m-%dT%H:%M:%SZ") for hours in (3, 2))
     place = cell(tmp_path / "one", records=[night(M, 8, start_utc=began, end_utc=end, night=f"{now:%Y-%m-%d}")])
@@ -121,8 +121,8 @@ def test_pages_look_for_what_has_moved_since_the_night_and_not_for_what_the_larg
     """Most of the tool tip came from a location that had stood for weeks; the tilt since the night was on no page."""
     values = {"EY0C": {"value": -0.0182, "std": 0.0003, "unit": "mm"}, "EB0A": {"value": 2.5e-5, "std": 2e-6, "unit": "rad"}}
     no = replace(TOLD, moved=("EB0A", 1.75e-4, "rad"))
-    assert by_newer_no(YES, TOLD, Units(), texts(), night={"night": "2026-11-01", "parameters": values}).moved == ""
-    told = by_newer_no(YES, no, Units(), texts(), night={"night": "2026-11-01", "parameters": values})
+    assert by_newer(YES, TOLD, Units(), texts(), night={"night": "2026-11-01", "parameters": values}).moved == ""
+    told = by_newer(YES, no, Units(), texts(), night={"night": "2026-11-01", "parameters": values})
     assert told.moved.startswith("A axis tilted about Y: 52 µm over 300 mm by the readings") and "has 7.5 µm" in told.moved
     assert brief(told, (), False, "", texts())[1].endswith(told.moved)
 
@@ -130,11 +130,11 @@ def test_pages_look_for_what_has_moved_since_the_night_and_not_for_what_the_larg
 @pytest.mark.parametrize("may", ["no", "unknown"])
 def test_a_no_of_the_night_and_what_nobody_knows_stay(may: str) -> None:
     known = Answer(may, "…", "out_of_limits", "50 µm", "")  # type: ignore[arg-type]
-    assert by_newer_no(known, TOLD, Units(), texts()) is known
+    assert by_newer(known, TOLD, Units(), texts()) is known
 
 
 @pytest.mark.few(0)
-def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> None:
+def test_a_file_that_is_no_answer_of_a_report_newer_answerthing(tmp_path: Path) -> None:
     place = cell(tmp_path / "one", records=[night(M, 8)])
     end = night(M, 8)["end_utc"]
     whole = answer_text("no", end, TOLD).encode()
@@ -153,9 +153,9 @@ def test_a_file_that_is_no_answer_of_a_report_says_nothing(tmp_path: Path) -> No
         (place / "report.json").write_bytes(content)
         assert "say No" not in seen(place, f"/machine/{M}") and "say No" not in seen(place, f"/machine/{M}/report")
     (place / "report.json").write_bytes(whole)
-    assert says_no(place, end)
+    assert newer_answer(place, end)
     (place / "report.html").unlink()  # the report is gone, and its answer with it
-    assert not says_no(place, end)
+    assert not newer_answer(place, end)
 
 
 def test_the_answer_of_a_report_is_that_of_its_own_folder(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_the_answer_of_a_report_is_that_of_its_own_folder(tmp_path: Path) -> Non
         (place / "report.json").symlink_to(tmp_path / "other.json")
     except OSError:
         pytest.skip("this computer makes no links")
-    assert not says_no(place, end)
+    assert not newer_answer(place, end)
 
 
 @pytest.mark.long
@@ -192,20 +192,20 @@ def test_a_report_by_a_template_of_the_shop_has_its_no_on_the_pages(tmp_path: Pa
     done("report", "-C", str(place), *more, "-o", str(tmp_path / "elsewhere.html"), status=1)
     assert not (place / "report.json").exists()  # it is of the report of the cell alone
     done("report", "-C", str(place), *more, status=1)
-    told = says_no(place, record["end_utc"])
+    told = newer_answer(place, record["end_utc"])
     assert (
         told is not None
         and told.limit_um == 1.0
         and (told.tip_um or 0.0) > 1.0
         and told.parameter
-        and not says_no(place, night("trunnion", 9)["end_utc"])
+        and not newer_answer(place, night("trunnion", 9)["end_utc"])
     )
 
 
 @pytest.mark.parametrize("newer_no", [False, True])
 def test_below_the_no_of_newer_readings_nobody_reads_make_parts(newer_no: bool) -> None:
     """1. Make no parts on it. 3. Make parts while the machine is at its usual temperature."""
-    told = context(night(M, 8, "changed", alarms=[warm(8, 15.0)]), (), None, texts(), newer_no=TOLD if newer_no else None)
+    told = context(night(M, 8, "changed", alarms=[warm(8, 15.0)]), (), None, texts(), by_readings=TOLD if newer_no else None)
     text = " ".join(told["todo"])
     assert ("Make parts while the machine" in text) == (not newer_no) and ("Make no parts on it." in text) == newer_no
     assert "temperature" in text
@@ -240,7 +240,7 @@ def within_night(folder: Path) -> Path:
     known = {"EY0C": {"value": 0.002, "std": 0.0002, "unit": "mm", "low": 0.0016, "high": 0.0024}}
     more = {"limits": limits, "parameters": known, "owner": "Ann Meier, 4711"}
     place = cell(folder, records=[night(M, 7, **more), night(M, 8, **more)])
-    told = NewerNo("2026-11-08T09:00:00Z", 214.0, 60.0, "EY0C", -0.0182, "mm")
+    told = NewerAnswer("2026-11-08T09:00:00Z", 214.0, 60.0, "EY0C", -0.0182, "mm")
     says(place, "")
     (place / "report.json").write_text(answer_text("no", night(M, 8)["end_utc"], told), encoding="utf-8")
     return place
@@ -285,7 +285,7 @@ def test_the_list_has_the_age_of_the_readings_that_answer(tmp_path: Path) -> Non
     place = cell(tmp_path / "one", records=[night(M, 8, start_utc=began, end_utc=end, night=f"{now:%Y-%m-%d}")])
     assert "measured 12 h ago" in seen(place, "/")
     says(place, "")
-    (place / "report.json").write_text(answer_text("no", end, NewerNo(read, 214.0, 60.0)), encoding="utf-8")
+    (place / "report.json").write_text(answer_text("no", end, NewerAnswer(read, 214.0, 60.0)), encoding="utf-8")
     text = seen(place, "/")
     assert "measured 12 h ago" not in text and "measured 5 min ago" in text
 

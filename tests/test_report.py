@@ -31,6 +31,7 @@ from tango_cnc.report.characters import bar, colored, sparkline
 from tango_cnc.report.checks import verdict
 from tango_cnc.report.drawings import drawing
 from tango_cnc.report.facts import Facts, NewestNight, Paper, Wishes, effects, gather
+from tango_cnc.report.later import newer_answer
 from tango_cnc.report.may import _after, may
 from tango_cnc.report.orders import parts_since
 from tango_cnc.report.repeated import as_decided
@@ -874,3 +875,26 @@ def test_a_mistake_is_named_where_no_page_can_be_made(tmp_path: Path, monkeypatc
     with pytest.raises(TangoError, match=r"no page was written.*did not settle(.|\n)*most likely: .*A turns the other way"):
         CliRunner().invoke(tango, ["report", "-C", str(cell)], standalone_mode=False, catch_exceptions=False)
     assert not (cell / "report.html").exists()
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_a_report_of_newer_readings_orders_what_the_pages_order_where_it_says_yes_but(facts: Facts, changed: bool) -> None:
+    """It said "Look for what has moved" alone: no first part, nobody to call, and "this axis" of another one below it."""
+    assert facts.tip is not None
+    there = 500 * facts.tip.worst
+    record: dict[str, Any] = {"verdict": "good", "night": "2026-11-20", "volume": {"worst_um": there, "std_um": 0.5}}
+    record["parameters"] = {n: {"value": 0.5 * p.value, "std": 1e-6} for n, p in facts.result.parameters.items()}
+    drift, first = "Have this axis looked at.", "Measure the first part before you go on."
+    more: dict[str, Any] = {"todo": ("Nothing.",), "asks": "Call Ann."}
+    if changed:
+        record["verdict"] = "changed"
+        more |= {"todo": (first, "Call Ann.", drift), "cause": "Spindle has moved.", "brief": "Spindle has moved."}
+    night = NewestNight("2026-11-20", str(record["verdict"]), "", 0, "2026-11-20T02:30:00+00:00", record, **more)
+    paper = replace(facts.paper, measured="2026-11-20T09:00:00Z", simulated=False)
+    newer = replace(facts, nights=night, paper=paper, wishes=replace(facts.wishes, limit=2 * facts.tip.worst))
+    do, told = page.context(newer)["todo"], page.as_json(newer)
+    assert do[:2] == [first, "Call Ann."] and do[2].startswith("Look for what has moved since the night. ")
+    assert [x for x in do[3:] if drift in x] == ([f"Spindle has moved. {drift}"] if changed else [])
+    assert told["may_make_parts"] == "but" and told["after"] == "2026-11-20T02:30:00+00:00" and told["no_after"] is None
+    kept = newer_answer(newer)
+    assert kept.may == "but" and kept.grown and kept.tip_um == 1e3 * facts.tip.worst and kept.moved is not None

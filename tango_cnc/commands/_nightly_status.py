@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -24,17 +24,17 @@ from ..link.progress import minutes_left, newest_complete
 from ..nightly.mail import answer
 from ..records import TangoError
 from ..report.age import due, measured_on, night_of_stamp, nights_old
-from ..report.answer import by_newer_no, measuring, of_no_night, said_broken_off, said_cut_off
+from ..report.answer import Answer, measuring, of_no_night, said_broken_off, said_cut_off
 from ..report.days import at, local_day
 from ..report.morning import next_night
-from ..report.newer import NewerNo, says_no
+from ..report.newer import NewerAnswer, newer_answer
 from ..report.repeated import as_found, shortened, stories
 from ..report.texts import Texts, code
 from ..report.tonight import by_now, by_tonight, is_over
-from ..report.units import Units
 from ..report.words import of_its_night
 from ..state.changes import change
 from ..texts import say
+from ._answered import answer_now
 from ._common import fitted, on_terminal, table, write_json
 from ._shop import ENDED, headlines, looked_at, note_simulated
 from ._unreadable import machine_of
@@ -61,7 +61,8 @@ class Status:
     broken: float | None  # when a run broke off whose program may go on, s since 1970
     ended: Mapping[str, str]  # and how those ended that did
     left: int | None = None  # minutes that a run or a night still takes which is at work
-    newer_no: NewerNo | None = None  # the No of a report of readings after the newest night
+    newer: NewerAnswer | None = None  # the answer of a report of readings after the newest night
+    told: Answer | None = None  # the answer of its page, where that was asked for
 
     @property
     def late(self) -> bool:
@@ -79,10 +80,14 @@ class Status:
             or self.broken
             or self.alarms
             or self.held
-            or self.newer_no is not None
+            or self.by_newer("no", "but")
             or self.trouble is not None
             or any(f.alarms for f in self.renamed)
         )
+
+    def by_newer(self, *may: str) -> bool:
+        """answers → whether newer readings have given the answer of the page, and it is one of them."""
+        return self.told is not None and self.told.newer and self.told.may in may
 
     def as_json(self) -> dict[str, Any]:
         """→ members of tango-nightly-status/1."""
@@ -95,7 +100,8 @@ class Status:
             "unfinished": self.unfinished,
             "cut_off": self.cut,
             "measuring_minutes_left": self.left,
-            "newer_no": self.newer_no is not None,
+            "newer_no": self.by_newer("no"),
+            "newer_but": self.by_newer("but"),
             "run_broke_off": None if self.broken is None else f"{datetime.fromtimestamp(self.broken, UTC):%Y-%m-%dT%H:%M:%SZ}",
             "trouble": self.trouble,
             "left_out": None if self.future is None else vars(self.future),
@@ -134,34 +140,28 @@ def status(
         history = whole.as_of(lambda: datetime.now(UTC))
         name = name or machine_of(folder, history.machines())
         found = _read(history, name, folder, settings, place, disk, None if wrong is None else str(wrong))
+        if json_file is None or found.newer is not None:
+            with suppress(TangoError):  # what is wrong with the cell is printed on its own line
+                found = replace(found, told=answer_now(folder, read_cell(folder).machine, place, found.newer, t))
         if json_file is None:
             note_simulated(history, name, t)
     if not write_json(json_file, found.as_json()):
         first, *lines = _lines(found, folder, where, t)
-        told = _answer(folder, place, found, t)
+        told = _answer(folder, found, t)
         for line in (first, *([f"  {told}"] if told else []), *lines):
             click.echo(fitted(line))
     return int(found.wants_somebody)
 
 
-def _answer(folder: Path, place: str | Path, known: Status, t: Texts) -> str:
-    """cell, its history, its status, texts → whether parts may be made, as on its page."""
-    from .report import nights
-
+def _answer(folder: Path, known: Status, t: Texts) -> str:
+    """cell, its status, texts → whether parts may be made, as on its page."""
     left = known.left
     busy = "" if left is None else t("web.left_short" if left else "web.begun_short", minutes=left)
-    with suppress(TangoError):  # what is wrong with the cell is printed on its own line
-        machine, u = read_cell(folder).machine, Units()
-        found = None if isinstance(place, Path) and not place.exists() else nights(folder, machine, u, t, where=place)
-        if found is not None:
-            told = found.answer(u, t, machine)
-            told = (
-                told if known.newer_no is None else by_newer_no(told, known.newer_no, u, t, machine, found.before or found.record)
-            )
-            told = measuring(told, t) if busy else told
-            word = ", ".join(x for x in (told.word, busy or told.old) if x)
-            lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.soon)
-            return f"{t('may.ask')} {' '.join(x for x in lines if x)}"
+    if (told := known.told) is not None:
+        told = measuring(told, t) if busy else told
+        word = ", ".join(x for x in (told.word, busy or told.old) if x)
+        lines = (f"{word}.", told.why, f"{told.numbers}." if told.numbers else "", told.moved, told.soon)
+        return f"{t('may.ask')} {' '.join(x for x in lines if x)}"
     if busy:
         return f"{t('may.ask')} {t('may.measuring')}, {busy}. {t('web.wait_there')}"
     former = (*said_cut_off(known.cut, known.ended), *said_broken_off(known.broken))
@@ -204,7 +204,7 @@ def _read(
         broken_off(folder),
         ended(folder, cut),
         minutes_left(folder, time.time()),
-        says_no(folder, record.get("end_utc")),
+        newer_answer(folder, record.get("end_utc")),
     )
 
 
@@ -239,7 +239,7 @@ def _by_tonight(alarms: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) 
 def _lines(found: Status, folder: Path, where: str | None, t: Texts) -> Iterator[str]:
     """status, folder of the cell, --history, texts → what is printed."""
     word = t("cli.nightly.no_night" if not found.nights else "cli.nightly.late" if found.late else "cli.nightly.on_time")
-    unknown = found.stale and found.newer_no is None  # else its readings know what the nights do not
+    unknown = found.stale and not found.by_newer("no")  # else its readings know what the nights do not
     yield f"{found.name}: {t('cli.nightly.stale', nights=found.stale) if unknown else word}"
     if unknown:
         yield f"  {t('morning.old_todo')}"

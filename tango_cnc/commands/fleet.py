@@ -6,6 +6,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,17 +18,19 @@ from ..files import read_cell
 from ..files.nightly import Nightly, history_of, read_nightly
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
-from ..records import InputError, TangoError
-from ..report.newer import says_no
+from ..records import InputError, Machine, TangoError
+from ..report.newer import newer_answer
 from ..report.repeated import as_found
 from ..report.tonight import sized
 from ..texts import instead, joined, say
+from ._answered import answer_now, in_short, unanswered
 from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
 if TYPE_CHECKING:
     from ..history import History, Night, Standing
+    from ..report.answer import Answer
     from ..report.texts import Texts
 
 PLACE = "Keep 30"
@@ -43,6 +46,7 @@ class _Known:
     name: str  # of its machine
     late_hours: float
     answers_for: float  # days
+    axes: Machine
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,9 @@ class _Row:
     moving: str = ""  # the answer of its page, where its control may still execute a program
     stale: int = 0  # nights since the last measurement, where these are too many for an answer of today
     left: int | None = None  # minutes that a run or a night still takes which is at work in its cell
-    newer_no: bool = False  # whether a report of readings after its newest night says No
+    told: Answer | None = None  # the answer of its page, where the verdict of its newest night is not all of it
+
+    unanswered: int | None = None  # causes without an answer, as pages count them, where that may be less than its alarms
 
     @property
     def wants_somebody(self) -> bool:
@@ -66,8 +72,12 @@ class _Row:
         return (
             self.standing.alarms_open > 0
             if self.former
-            else bool(self.cut_off or self.stale or self.moving or self.newer_no) or self.standing.wants_somebody
+            else bool(self.cut_off or self.stale or self.moving or self.by_newer("no", "but")) or self.standing.wants_somebody
         )
+
+    def by_newer(self, *may: str) -> bool:
+        """answers → whether newer readings have given the answer of its page, and it is one of them."""
+        return self.told is not None and self.told.newer and self.told.may in may
 
 
 @click.command()
@@ -164,7 +174,7 @@ def _of_history(
     wanted = {c.name: late or c.late_hours for c in known} or {"": late or LATE}
     own = [s for name, most in wanted.items() for s in history.fleet(now, most) if name in ("", s.machine)]
     for s in own:
-        yield from _of_machine(history, s, next((c for c in known if c.name == s.machine), None), late)
+        yield from _of_machine(history, place, s, next((c for c in known if c.name == s.machine), None), late)
         if t is not None:
             note_simulated(history, s.machine, t)
     there = {s.machine for s in own}
@@ -173,10 +183,11 @@ def _of_history(
         yield from _former(history, place, c, known, c.name not in there)
 
 
-def _of_machine(history: History, s: Standing, cell: _Known | None, late: float | None) -> Iterator[_Row]:
-    """history, standing of a machine, its cell, --late → its line, and one for nights that are dated in the future."""
+def _of_machine(history: History, place: str | Path, s: Standing, cell: _Known | None, late: float | None) -> Iterator[_Row]:
+    """history, where it is, standing of a machine, its cell, --late → its line, and one for nights that are dated in the future."""
     from ..history import Standing
     from ..history.clock import asks, in_future, told
+    from ..report.texts import texts
 
     nights = history.nights(s.machine, last=NIGHTS)
     tip = [math.nan if n.volume_um is None else n.volume_um for n in reversed(nights)]
@@ -188,8 +199,15 @@ def _of_machine(history: History, s: Standing, cell: _Known | None, late: float 
     said = sized(said, record)
     stale = _stale(history, nights, Nightly(late_hours=late or LATE).answers_for if cell is None else cell.answers_for)
     folder = None if cell is None else cell.folder
-    no = says_no(folder, record.get("end_utc")) is not None
-    yield _Row(s, folder, tuple(tip), said, moving=_moving(history, nights, folder, stale), stale=stale, newer_no=no)
+    newer, page = newer_answer(folder, record.get("end_utc")), None
+    if cell is not None and nights and (newer is not None or nights[0].verdict == "not_measured"):
+        with suppress(TangoError):
+            page = answer_now(cell.folder, cell.axes, place, newer, texts())
+    more: dict[str, Any] = {"moving": _moving(history, nights, folder, stale), "stale": stale, "told": page}
+    if s.alarms_open > 1:  # of two of one cause pages have one
+        axes = None if cell is None else cell.axes
+        more["unanswered"] = unanswered(history, s.machine, axes, _before(history, nights), texts())
+    yield _Row(s, folder, tuple(tip), said, **more)
     if (future := in_future(history, s.machine)) is not None:
         yield _Row(Standing(s.machine, future, s.nights, int(asks(future)), False), folder, (), told(future), former=True)
 
@@ -206,7 +224,8 @@ def _as_json(found: Sequence[_Row]) -> list[dict[str, Any]]:
             "stale_nights": row.stale,
             "moving": bool(row.moving),
             "measuring_minutes_left": row.left,
-            "newer_no": row.newer_no,
+            "newer_no": row.by_newer("no"),
+            "newer_but": row.by_newer("but"),
         }
         for row in found
     ]
@@ -216,7 +235,6 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
     """lines, texts → the table that is printed, its heads first."""
     from ..report.age import night_of_stamp
     from ..report.characters import sparkline
-    from ..report.orders import low
     from ..report.texts import code
 
     heads = [t("cli.fleet.machine"), t("cli.fleet.last_night"), t("cli.history.verdict"), t("cli.fleet.alarms")]
@@ -229,15 +247,28 @@ def _table(found: Sequence[_Row], t: Texts) -> list[list[str]]:
         late = t("cli.nightly.stale", nights=row.stale) if row.stale else t("cli.nightly.late") if s.late and s.last else ""
         how_long = t("web.left_short" if row.left else "web.begun_short", minutes=row.left)
         busy = row.left is not None and f"{t('may.measuring')}, {how_long}"
-        by_report = f"{t('may.no')}, {low(t('morning.newer_no'))}" if row.newer_no else ""
-        late = busy or row.moving or by_report or late
+        by_page = _told(row.told, t)
+        late = busy or row.moving or by_page or late
+        known = in_short(row.told) if row.told is not None and by_page else ()
         name = s.machine if named[s.machine] == 1 or row.cell is None else f"{s.machine} ({row.cell})"
         drawn = f"{sparkline(row.tip, NIGHTS):<{NIGHTS}} {size:>6}".rstrip()
         how = {} if row.cell is None else ended(row.cell, row.cut_off)
         keys = {stamp: f"cli.nightly.{ENDED.get(how.get(stamp, ''), 'cut_off')}" for stamp in row.cut_off}
         cut = joined("; ", [t(key, stamp=night_of_stamp(stamp)) for stamp, key in keys.items()])
-        rows.append([name, *last, str(s.alarms_open or ""), late, drawn, joined("; ", (cut or None, row.said or None))])
+        count = s.alarms_open if row.unanswered is None else row.unanswered
+        rows.append([name, *last, str(count or ""), late, drawn, joined("; ", [x for x in (cut, *known, row.said) if x])])
     return rows
+
+
+def _told(told: Answer | None, t: Texts) -> str:
+    """answer of the page of a machine → what stands beside its alarms: by newer readings, or a No of a night that measured
+    nothing; '' where the verdict of its newest night says it.
+    """
+    if told is None or (not told.newer and told.may != "no"):
+        return ""
+    from ..report.orders import low
+
+    return f"{told.word}, {low(t('morning.newer'))}" if told.newer else told.word
 
 
 def _former(history: History, place: str | Path, own: _Known, known: Sequence[_Known], new: bool) -> list[_Row]:
@@ -284,11 +315,14 @@ def _moving(history: History, nights: Sequence[Night], folder: Path | None, stal
     former = off if folder is None else (*said_cut_off(cut, ended(folder, cut)), *off)
     if not nights or not (former or nights[0].verdict == "not_measured"):
         return ""
-    last = next((n for n in nights if n.verdict != "not_measured"), None)
-    record = history.night(nights[0].entry).record
-    before = None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
-    told = of_moving(record, texts(), before, former, stale)
+    told = of_moving(history.night(nights[0].entry).record, texts(), _before(history, nights), former, stale)
     return "" if told is None else told.word
+
+
+def _before(history: History, nights: Sequence[Night]) -> Mapping[str, Any] | None:
+    """history, last nights of a machine, newest first → record of the last one that measured, where the newest did not."""
+    last = next((n for n in nights if n.verdict != "not_measured"), None)
+    return None if last is None or last.entry == nights[0].entry else history.night(last.entry).record
 
 
 def _never(name: str) -> Standing:
@@ -306,7 +340,7 @@ def _places(cells: Sequence[Path], trouble: dict[str, str]) -> dict[str | Path, 
     for cell in dict.fromkeys(cells):
         try:
             settings = read_nightly(cell)
-            known = _Known(cell, read_cell(cell).machine.name, settings.late_hours, settings.answers_for)
+            known = _Known(cell, (axes := read_cell(cell).machine).name, settings.late_hours, settings.answers_for, axes)
             place = history_of(cell, settings)
             same = places.setdefault(place.resolve() if isinstance(place, Path) else place, [])
             if other := next((k for k in same if k.name == known.name), None):

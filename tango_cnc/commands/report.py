@@ -26,7 +26,7 @@ from ..judging import NoFit, judged, left_out
 from ..link.lock import broken_off, cut_off, ended
 from ..link.progress import minutes_left
 from ..records import InputError, Machine, TangoError
-from ..report import newer, page, pdf, template, terminal
+from ..report import later, newer, page, pdf, template, terminal
 from ..report.checks import verdict
 from ..report.compensated import marked, placed
 from ..report.course import by_repairs, drift_told, jumps_of
@@ -160,7 +160,10 @@ def command(
         _in_the_other_unit(folder, found, templates, allowed)
     write_text(target, page.render(found, templates, values))
     if own:
-        write_text(folder / newer.SAID, newer.answer_text(data["may_make_parts"], data["no_after"], page.newer_no(found)))
+        write_text(
+            folder / newer.SAID,
+            newer.answer_text(data["may_make_parts"], data["no_after"], later.newer_answer(found), data["after"]),
+        )
     if pdf_file is not None:
         pdf_file.write_bytes(pdf.render(found, templates, values, said))
     source_of = None if allowed is None else "--limit-um" if limit_um is not None else "nightly.yaml"
@@ -300,7 +303,7 @@ def nights(
     from ..history.clock import told as told_of
     from ..report.age import due, measured_on, nights_old
     from ..report.answer import by_limit, said_broken_off, said_cut_off
-    from ..report.faults import all_of_probe, answered, asking, earlier, faults, settled, still_open, unclosed, untried
+    from ..report.faults import answered, asking, earlier, faults, of_probe, settled, still_open, unclosed, untried
     from ..report.morning import volumes_of
     from ..report.orders import brief_of, orders, parts_since
     from ..report.pace import ahead
@@ -337,7 +340,7 @@ def nights(
             *(n.night, n.verdict, said, open_ones, n.end_utc, record, before, waits, has, since if old else "", cause, soon, owner),
             settled(found),
             old=too_old,
-            probe=all_of_probe(found),
+            probe=of_probe(found),
             answers_for=settings.answers_for,
             brief=brief_of(found[0]) if found else "",
             asks=to_ask(record, found, t),
@@ -350,7 +353,8 @@ def nights(
             former=(*said_cut_off(cut := cut_off(folder), ended(folder, cut)), *said_broken_off(broken_off(folder))),
         )
         coming, limit = str((record.get("next") or {}).get("kind") or ""), None if limit_um is None else limit_um / 1e3
-        return replace(told, todo=tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former)))
+        todo = tuple(orders(told.answer(u, t, chain, limit), record, found, coming, u, t, chain, told.former))
+        return replace(told, todo=todo, named=told.named or bool(told.brief and todo and todo[-1].startswith(told.brief)))
 
 
 def _is_share(text: object) -> bool:

@@ -12,7 +12,7 @@ from ..records import Machine
 from ..texts import Said, say
 from .age import night_of_stamp
 from .days import clock, day, local_day
-from .newer import NewerNo
+from .newer import NewerAnswer
 from .pace import SOON, Ahead
 from .plain import amount, length, plain, shop, signed
 from .texts import Texts
@@ -27,7 +27,12 @@ UNSENT = "web.unsent"  # of one that ended before anything was sent to the contr
 RUN_OFF = "web.run_off"  # of a run outside the nights that broke off
 WAITING = "web.waiting"  # of one that has ended and that the history has not taken
 
-NEWER = "newer_no"  # state of an answer that readings after the newest night have given
+PARTS = {
+    "": "morning.parts_first",
+    "_probe": "may.brief_probe",
+    "_beside": "may.brief_beside",
+}  # about the first one, by `of_probe`
+NEWER = "newer"  # state of an answer that readings after the newest night have given
 
 May = Literal["yes", "but", "no", "unknown", "wait"]  # wait: it is being measured
 LEVELS: Mapping[May, Level] = {"yes": "good", "but": "look", "no": "stop", "unknown": "unknown", "wait": "look"}
@@ -48,8 +53,10 @@ class Answer:
     soon: str = ""
     old: str = ""
     of: str = ""  # date of the night that `numbers` are of, where they do not name it
-    after: str = ""  # No of newer readings: date of the night that measured before them
-    moved: str = ""  # No of newer readings: what they have otherwise than that night, as a sentence
+    newer: bool = False  # whether readings after the newest night have given it, or its number
+    after: str = ""  # then: date of the night that measured before them
+    moved: str = ""  # then: what they have otherwise than that night, as a sentence
+    mover: str = ""  # then: the parameter that this is about
 
     @property
     def level(self) -> str:
@@ -73,12 +80,12 @@ def answer(
     ahead: Ahead | None = None,
     closed: str = "",
     old: int = 0,
-    probe: bool = False,
+    probe: str = "",
 ) -> Answer:
     """record, units, texts, date of an alarm that nobody has answered, last night that measured, machine, date since when a
     complete night is missing, who has an alarm that is not closed, how soon it is at its limit, by what every alarm of the night
-    was closed since, nights since the last measurement where these are too many (age.nights_old), whether all that is open is
-    of the probe → the answer.
+    was closed since, nights since the last measurement where these are too many (age.nights_old), what of the open ones is of the
+    probe (faults.of_probe) → the answer.
 
     A limit that is crossed is a no, whatever else the night has found. Numbers of an earlier night carry its date.
     """
@@ -86,9 +93,7 @@ def answer(
     missing = verdict == "not_measured"
     known = before if missing else record
     may, state, why = (
-        _measured(known, t, waiting, has, closed, "_probe" if probe else "")
-        if known is not None
-        else ("unknown", "not_measured", t("may.never"))
+        _measured(known, t, waiting, has, closed, probe) if known is not None else ("unknown", "not_measured", t("may.never"))
     )
     date = str(known.get("night")) if known is not None else ""
     if known is None and record.get("last_measured"):
@@ -281,31 +286,51 @@ def _soon(ahead: Ahead, u: Units, t: Texts) -> str:
     return t(f"may.soon_{key}", **words)
 
 
-def by_newer_no(
-    known: Answer, no: NewerNo, u: Units, t: Texts, machine: Machine | None = None, night: Mapping[str, Any] | None = None
+def by_newer(
+    known: Answer, newer: NewerAnswer, u: Units, t: Texts, machine: Machine | None = None, night: Mapping[str, Any] | None = None
 ) -> Answer:
-    """answer of the newest night, the No of readings that came after it, units, texts, chain of axes, record of the last night that
-    measured → that No, with its number, what the largest part of it comes from, and what has moved since the night; what is No
-    already, or unknown because the machine may still move, stays. Nights that are too old know less than these readings.
+    """answer of the newest night, that of readings that came after it, units, texts, chain of axes, record of the last night that
+    measured → the worse one of both: that of the readings with its number, what the largest part of a No comes from, and what has
+    moved since the night; where the night says as much, its own answer with the number of the readings, if that is larger.
+
+    What nobody knows because the machine may still move stays. Nights that are too old know less than readings that say No.
     """
-    if known.may == "no" or (known.may == "unknown" and known.state != "old") or known.state in ("cut_off", "moved"):
+    moving = known.state in ("cut_off", "moved") or known.word == t("may.not_yet")
+    stays = moving or (known.may == "unknown" and (known.state != "old" or newer.may != "no"))
+    worse = known.may not in ("no", *(("but", "unknown") if newer.may != "no" else ()))
+    if stays or not (worse or newer.grown):
         return known
-    why, date = t("may.newer_no", answer=known.word), day(local_day(no.measured), t)
-    if no.parameter:
-        factor, unit = shown(no.unit)
-        size = signed(no.value * factor, unit, u, t)
-        why += f" {t('may.most', what=spoken(no.parameter, machine, t), size=size)}"
-    numbers = ""
-    if no.tip_um is not None and no.limit_um is not None:
-        numbers = t("may.of_readings", text=_pair(t("may.tip"), no.tip_um, no.limit_um, "µm", u, t), date=date)
-    after, moved = str((night or {}).get("night") or ""), _moved_since(no, night or {}, u, t, machine)
-    return replace(
-        known, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why, soon="", old="", after=after, moved=moved
+    after, moved = str((night or {}).get("night") or ""), _moved_since(newer, night or {}, u, t, machine)
+    numbers = _of_readings(newer, u, t)
+    found = replace(
+        known, soon="", old="", newer=True, after=after, moved=moved, mover=newer.moved[0] if newer.moved and moved else ""
     )
+    if not worse:  # the night says as much, of a smaller error
+        return replace(found, numbers=numbers or known.numbers, why=f"{known.why} {t('may.newer_also')}".strip())
+    if newer.may != "no":
+        why = t("may.newer_grown" if newer.grown else "may.newer_but", answer=known.word)
+        return replace(found, may="but", word=t("may.but"), state=NEWER, numbers=numbers or known.numbers, why=why)
+    why = t("may.newer_no", answer=known.word)
+    if newer.parameter:
+        factor, unit = shown(newer.unit)
+        size = signed(newer.value * factor, unit, u, t)
+        why += f" {t('may.most', what=spoken(newer.parameter, machine, t), size=size)}"
+    return replace(found, may="no", word=t("may.no"), state=NEWER, numbers=numbers, why=why)
 
 
-def _moved_since(no: NewerNo, night: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
-    """the No of newer readings, record of the night before them, units, texts, chain of axes → what has moved most since then (of a
+def _of_readings(newer: NewerAnswer, u: Units, t: Texts) -> str:
+    """answer of newer readings, units, texts → their error beside its limit, with their date; '' where they know none."""
+    if newer.tip_um is None:
+        return ""
+    if newer.limit_um is None:
+        text = t("may.no_limit", what=t("may.tip"), found=amount(newer.tip_um, "µm", u, t))
+    else:
+        text = _pair(t("may.tip"), newer.tip_um, newer.limit_um, "µm", u, t)
+    return t("may.of_readings", text=text, date=day(local_day(newer.measured), t))
+
+
+def _moved_since(no: NewerAnswer, night: Mapping[str, Any], u: Units, t: Texts, machine: Machine | None) -> str:
+    """answer of newer readings, record of the night before them, units, texts, chain of axes → what has moved most since then (of a
     report that does not say it: what the largest part of their error comes from) by them, and by the night, as a sentence; ''
     where the night does not know it, or has the same (95 %, of two like it).
     """
@@ -322,6 +347,7 @@ def _moved_since(no: NewerNo, night: Mapping[str, Any], u: Units, t: Texts, mach
 def measuring(known: Answer, t: Texts) -> Answer:
     """what was known before, texts → the answer while the machine measures: neither yes nor no."""
     known = _dated(known, t)  # of a night before this measurement
+    known = replace(known, newer=False, after="", moved="")
     return replace(
         known, may="wait", word=t("may.measuring"), state="", why=t("may.measuring_why", answer=known.word), soon="", old=""
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from .age import nights_old
-from .answer import Answer, answer, measuring
+from .answer import PARTS, Answer, answer, measuring
 from .checks import limits_of, verdict
 from .days import day, local_day
 from .facts import Facts
@@ -23,6 +23,7 @@ from .verdict import worst_of
 from .words import spoken
 
 GROWN = 1.1  # times the error of the night, from where newer readings say what most of theirs comes from
+NOTHING = Answer("unknown", "", "", "", "")
 WORSE = {"yes": 0, "wait": 1, "unknown": 1, "but": 1, "no": 2}
 
 
@@ -35,6 +36,7 @@ class Told:
     cause: str
     run: str = ""
     by_night: bool = False
+    own: Answer = NOTHING  # of these readings alone; no plain yes where they are newer than the night, and show a larger error
 
 
 def may(f: Facts, t: Texts) -> Told:
@@ -48,7 +50,7 @@ def _known(f: Facts, t: Texts) -> Told:
     strict = None if stated is None else replace(f, wishes=replace(f.wishes, limit=stated, stated=None))
     own = _but(_own(f, t), None if strict is None else _own(strict, t), f, t)
     if f.nights is None:
-        return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t))
+        return Told(own, t("may.by_readings") + _by_option(f, t), _most(f, own, t), own=own)
     own = _after(own, f, t)
     night = f.nights.answer(f.wishes.units, t, f.cell.machine, f.wishes.limit)
     night = _but(night, None if stated is None else f.nights.answer(f.wishes.units, t, f.cell.machine, stated), f, t)
@@ -57,8 +59,8 @@ def _known(f: Facts, t: Texts) -> Told:
     ):
         key = "may.by_readings_alone" if night.old else "may.by_newer_readings"
         newer = t(key, date=day(f.nights.measured_on, t), answer=night.word)
-        return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t))
-    newest = grown(f) and own.numbers != "" and f.wishes.limit is not None  # the larger number is the newer one
+        return Told(own, newer + _by_option(f, t), _most(f, own, t), _run(f, False, t), own=own)
+    newest = grown(f) and own.numbers != ""  # the larger number is the newer one
     night = replace(night, numbers=own.numbers) if newest else night
     basis = _by_night(f, t)
     return Told(
@@ -67,6 +69,7 @@ def _known(f: Facts, t: Texts) -> Told:
         "" if night.may == "yes" else _behind(f, newest, own, t),
         _run(f, not newest, t),
         True,
+        own,
     )
 
 
@@ -75,10 +78,10 @@ def _after(own: Answer, f: Facts, t: Texts) -> Answer:
     alarm that nobody has closed, or the error has grown since.
     """
     assert f.nights is not None
-    if own.may != "yes" or f.nights.beside(f.paper.measured) != "newer":
+    if own.may not in ("yes", "unknown") or f.nights.beside(f.paper.measured) != "newer":
         return own
     date = day(f.nights.measured_on, t)
-    if f.nights.old and f.nights.waiting:
+    if f.nights.old and f.nights.waiting and own.may == "yes":
         return replace(own, may="but", word=t("may.but"), state="alarm_open", why=t("may.open_old", date=date))
     if grown(f):
         return replace(own, may="but", word=t("may.but"), state="changed", why=t("may.grown_since", date=date))
@@ -200,7 +203,7 @@ def parts_first(told: Answer, do: Sequence[str], t: Texts) -> list[str]:
 
     To look at a machine that may still move stays before that.
     """
-    none, some, moving = t("may.brief_no"), (t("morning.parts_first"), t("may.brief_probe")), {t("morning.cut_off_todo")}
+    none, some, moving = t("may.brief_no"), [t(key) for key in PARTS.values()], {t("morning.cut_off_todo")}
     stopped = is_stopped(told, t)
     do = under_a_no(do, t) if stopped else do
     first = [none] if stopped else [x for x in some if x in do]

@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from ..records import InputError, Machine
+from ..state.changes import change
 from ..texts import Said, say
 from .alarm import alarm, sentence, since_told, whole_sentence
-from .answer import Answer, answer, by_newer_no, dates_cut_off, measuring, renamed
+from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
-from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
-from .newer import NewerNo
+from .faults import accepted, answered, begun, faults, for_setting_up, of_probe, settled, still_open
+from .newer import NewerAnswer
 from .orders import brief_of, orders
 from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
@@ -85,7 +86,7 @@ def context(
     busy: str = "",
     now: datetime | None = None,
     newer: int = 0,
-    newer_no: NewerNo | None = None,
+    by_readings: NewerAnswer | None = None,
     signs: Sequence[tuple[str, str]] = (),
     unsure: Container[str] = (),
     former: Sequence[str] | None = None,
@@ -98,7 +99,7 @@ def context(
     night is missing; `within`: date of the last night within every limit, where that is over; `never`: date of the first night
     on record where none was within; `volumes`: {date: µm at the tool tip} of the nights; `events`: what happened to
     compensations; `busy`: how long the machine still measures; `now`: what the age of the night counts to; `newer`: how many
-    nights came after this one; `newer_no`: the No of a report of readings after it; `unsure`: dates of nights not sure to
+    nights came after this one; `by_readings`: the answer of a report of readings after it; `unsure`: dates of nights not sure to
     be within a limit; `former`: what its cell has under other names today (None: as the record says); `old`: nights since the
     machine was measured, where these are too many for an answer of today (None: as the record says).
     """
@@ -110,10 +111,10 @@ def context(
     stale = int(record.get("stale_nights") or 0) if old is None else old
     found = faults(asked, waiting, by_alarm, u, t, machine, before, today, events, stale)
     coming = ahead(before or record, volumes or {}, str(record.get("night")) if newer else today)
-    told = _told(record, found, before, late, coming, stale, former, newer_no, u, t, machine)
+    told = _told(record, found, before, late, coming, stale, former, by_readings, u, t, machine)
     if (closed := settled(found)) and found[0]["id"]:
         found[0] = {**found[0], "todo": t("morning.todo_nothing" if closed == "accept" else "may.repaired_todo")}
-    began, within = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ()), within or told.after
+    began, within = _begun(told, found, record), within or told.after
     coming_night = next_night(record, decisions, before)
     suspect = _suspected(record, told, found, began, (within, never), signs, unsure, t)
     told = measuring(told, t) if busy else told
@@ -129,11 +130,11 @@ def context(
         "simulated": any((x or {}).get("simulated") for x in (record, before)),
         "last_measured": _last_measured(before or record, t, now) if before or dates_cut_off(former or ()) else "",
         "suspect": suspect,
-        "over_since": _over_since(told.may, within, never, unsure, t),
+        "over_since": _over_since(told, within, never, unsure, t),
         "grown": _grown(
             record if record.get("volume") else before or {},
             (began, (volumes or {}).get(began)),
-            str((before or record).get("night")) if told.old or before or dates_cut_off(former or ()) else "",
+            str((before or record).get("night")) if told.old or told.newer or before or dates_cut_off(former or ()) else "",
             u,
             t,
             sum(not a["gone"] for a in still_open(found)) > 1,
@@ -176,19 +177,19 @@ def _told(
     coming: Ahead | None,
     stale: int,
     former: Sequence[str] | None,
-    newer_no: NewerNo | None,
+    by_readings: NewerAnswer | None,
     u: Units,
     t: Texts,
     machine: Machine | None,
 ) -> Answer:
     """record, what is wrong, last night that measured, date since when a night is missing, how soon a limit is reached, nights
-    since the last measurement, what is said beside its nights, the No of newer readings, units, texts, chain of axes →
+    since the last measurement, what is said beside its nights, the answer of newer readings, units, texts, chain of axes →
     whether parts may be made.
     """
     waits, has = answered(found, record)
-    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
+    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
-    return told if newer_no is None else by_newer_no(told, newer_no, u, t, machine, before or record)
+    return told if by_readings is None else by_newer(told, by_readings, u, t, machine, before or record)
 
 
 def _suspected(
@@ -217,7 +218,10 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
-    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in found if a["gone"] and a["begun"]), default=("", ""))
+    over = (
+        a for a in found if a["gone"] and a["begun"] and not change(a.get("cause_key")).scatters
+    )  # parts of the probe: `on_part` has them
+    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in over), default=("", ""))
     known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
     if back and not known and not (suspect and began and began <= back):
         key = f"morning.suspect_gone{'_also' if suspect else ''}{'_by' if until else ''}"
@@ -357,11 +361,21 @@ def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Te
     return list(dict.fromkeys(x for x in told if x))
 
 
-def _over_since(may: str, within: str, never: str, unsure: Container[str], t: Texts) -> str:
-    """answer, date of the last night in limits, of the first where none was, dates of nights that are not certain, texts → since
-    when the limit is crossed, or nothing.
+def _begun(told: Answer, found: Sequence[Mapping[str, Any]], record: Mapping[str, Any]) -> str:
+    """answer, faults, record → date of the last night before anything of the machine that is open; where nothing is, that of the
+    night before newer readings that say Yes, but; '' where none is.
     """
-    if may != "no" or not (never or within):
+    known = begun([a for a in found if not for_setting_up(a)], record.get("behind") or ())
+    return known or (told.after if told.newer and told.may == "but" and not found else "")
+
+
+def _over_since(told: Answer, within: str, never: str, unsure: Container[str], t: Texts) -> str:
+    """answer, date of the last night in limits, of the first where none was, dates of nights that are not certain, texts → since
+    when the limit is crossed, or newer readings say Yes, but; else nothing.
+    """
+    if told.newer and told.may == "but" and told.after:
+        return t("morning.since_text", good=day(told.after, t))
+    if told.may != "no" or not (never or within):
         return ""
     return t("morning.since_never" if never else "morning.since_within", date=_night(never or within, unsure, t))
 

@@ -1,4 +1,6 @@
-"""A report that was made of readings after the newest night, and says No by them: whoever answers for the machine asks here."""
+"""A report that was made of readings after the newest night, and says less than a plain Yes by them: whoever answers for the
+machine asks here.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 NAME = "report.html"
 SAID = "report.json"  # beside it: what pages ask of it; a shop's own template of the page need not know of that
@@ -19,10 +21,11 @@ UNIT = re.compile(r"(mm|rad)(/(mm|rad)[²³]?)?")
 
 
 @dataclass(frozen=True)
-class NewerNo:
-    """What a report says No by: when its readings were made (UTC), largest error at the tool tip and its limit (µm), which error
-    the largest part of it comes from ('': not said), its value and unit (mm, rad, mm/mm); the error that has moved most since that
-    night, with value and unit.
+class NewerAnswer:
+    """What a report says by readings after the newest night: when they were made (UTC), largest error at the tool tip and its limit
+    (µm), which error the largest part of it comes from ('': not said), its value and unit (mm, rad, mm/mm); the error that has
+    moved most since that night, with value and unit; whether parts may be made by them (a No counts where it is worse than the
+    answer of the night), and whether the error at the tool tip is larger than in that night.
     """
 
     measured: str
@@ -32,6 +35,8 @@ class NewerNo:
     value: float = 0.0
     unit: str = ""
     moved: tuple[str, float, str] | None = None
+    may: Literal["no", "but"] = "no"
+    grown: bool = False
 
 
 def report_of(folder: Path | None) -> Path | None:
@@ -43,9 +48,10 @@ def report_of(folder: Path | None) -> Path | None:
     return file if file.is_relative_to(root) and file.is_file() else None
 
 
-def says_no(folder: Path | None, ended_utc: object) -> NewerNo | None:
-    """folder of a cell, moment at which its newest night ended → what its report says No by, where that was made of readings that
-    are newer than that night; else None. A report of an earlier version says nothing of it, nor does a file that cannot be read.
+def newer_answer(folder: Path | None, ended_utc: object) -> NewerAnswer | None:
+    """folder of a cell, moment at which its newest night ended → what its report says, where that was made of readings that are
+    newer than that night and says less than a plain Yes; else None. A report of an earlier version says a No alone, or nothing; a
+    file that cannot be read says nothing.
     """
     if not ended_utc or (file := report_of(folder)) is None:
         return None
@@ -57,11 +63,15 @@ def says_no(folder: Path | None, ended_utc: object) -> NewerNo | None:
             found = json.loads(text.read(MOST))
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(found, dict) or found.get("format") != FORMAT or found.get("no_after") != str(ended_utc):
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
         return None
+    night = str(ended_utc)
+    if night not in (found.get("no_after"), found.get("after")):
+        return None
+    may: Literal["no", "but"] = "no" if found.get("no_after") == night else "but"
     measured, tip, limit = str(found.get("measured") or "")[:LONG], _number(found.get("tip_um")), _number(found.get("limit_um"))
     name, value, unit = _error(found.get("most")) or ("", 0.0, "")
-    return NewerNo(measured, tip, limit, name, value, unit, _error(found.get("moved")))
+    return NewerAnswer(measured, tip, limit, name, value, unit, _error(found.get("moved")), may, found.get("grown") is True)
 
 
 def _error(known: Any) -> tuple[str, float, str] | None:
@@ -78,13 +88,14 @@ def _number(x: Any) -> float | None:
     return float(x) if isinstance(x, int | float) and not isinstance(x, bool) and math.isfinite(x) else None
 
 
-def answer_text(may: str, no_after: str | None, told: NewerNo) -> str:
-    """whether parts may be made by a report, when the newest night ended that its No is newer than (None: none), what that rests on
-    → text of its report.json.
+def answer_text(may: str, no_after: str | None, told: NewerAnswer, after: str | None = None) -> str:
+    """whether parts may be made by a report, when the newest night ended that its No is newer than (None: none), what that rests
+    on, when the newest night ended that its readings are newer than and say less than a plain Yes → text of its report.json.
     """
     kept: Mapping[str, Any] = asdict(told)
     names = ("parameter", "value", "unit")
     most = {key: kept[key] for key in names} if told.parameter else None
     moved = None if told.moved is None else dict(zip(names, told.moved, strict=True))
-    own = {key: kept[key] for key in ("measured", "tip_um", "limit_um")} | {"most": most, "moved": moved}
-    return json.dumps({"format": FORMAT, "may_make_parts": may, "no_after": no_after or None} | own, indent=1) + "\n"
+    own = {key: kept[key] for key in ("measured", "tip_um", "limit_um", "grown")} | {"most": most, "moved": moved}
+    when = {"no_after": no_after or None, "after": after or no_after or None}
+    return json.dumps({"format": FORMAT, "may_make_parts": may} | when | own, indent=1) + "\n"

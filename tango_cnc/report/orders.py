@@ -12,9 +12,9 @@ from typing import Any
 from ..records import Machine
 from ..texts import unstopped
 from .alarm import whole_sentence
-from .answer import NEWER, Answer, is_cut_off, is_moving, is_unsent, is_waiting
+from .answer import NEWER, PARTS, Answer, is_cut_off, is_moving, is_unsent, is_waiting
 from .days import day
-from .faults import all_of_probe, asking, begun, for_setting_up, settled
+from .faults import asking, begun, for_setting_up, of_probe, settled, untried
 from .look import looks
 from .plain import plain, shop
 from .reach import to_ask
@@ -63,7 +63,8 @@ def orders(
     elif done:
         lines.append(t("morning.todo_nothing" if done == "accept" else "may.repaired_todo"))
     elif listed := asking(found):
-        lines += of_faults(listed, t, listed[0] is found[0]) if not failed else []
+        own = listed[0] is found[0] and not (lines or told.moved)  # "this axis" would be that of the order before it
+        lines += of_faults(listed, t, own) if not failed else []
     elif found:  # all of it is to be ignored
         lines += [t("todo.limit")] if verdict == "out_of_limits" else _of_good(told, coming, t) if not failed else []
     elif told.may in ("yes", "but", "wait") and verdict == "good" and not is_moving(record, former):
@@ -75,11 +76,23 @@ def orders(
     asked = to_ask(record, found, t) if told.may in ("no", "but", "unknown") else ""
     if is_stopped(told, t):  # the night may have let parts be made, of which newer readings say otherwise
         lines = under_a_no(lines, t)
-    if told.state == NEWER:
-        look = [t("todo.moved_since", moved=told.moved)] if told.moved else []
+    if told.newer:
+        look = [_look(told, found, t)] if told.moved else []
         lines = [x for x in lines if x != t("morning.todo_nothing")]
-        lines = [*parts_since(told.after, found, record, t), *look, *lines, t("todo.limit")]
+        lines = [*look, *lines]
+        if told.state == NEWER and told.may == "no":
+            lines = [*parts_since(told.after, found, record, t), *lines, t("todo.limit")]
     return list(dict.fromkeys(x for x in (*first, asked, *lines) if x))
+
+
+def _look(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> str:
+    """answer of newer readings, what is wrong, texts → to look for what has moved since the night, or to ask who says to have
+    repaired it since then.
+    """
+    mended = (a["decision"].owner for a in found if untried(a) and a["decision"] is not None and a.get("parameter") == told.mover)
+    if owner := next(mended, ""):
+        return t("todo.moved_repaired", owner=owner, moved=told.moved)
+    return t("todo.moved_since", moved=told.moved)
 
 
 def parts_since(measured: str, found: Sequence[Mapping[str, Any]], record: Mapping[str, Any], t: Texts) -> list[str]:
@@ -112,7 +125,9 @@ def parts_first(told: Answer, found: Sequence[Mapping[str, Any]], t: Texts) -> s
     """answer, what is wrong, texts → what to do about parts before anything else; '' where nothing keeps them, or nobody knows."""
     if is_stopped(told, t):
         return t("may.brief_no")
-    return t("may.brief_probe" if all_of_probe(found) else "morning.parts_first") if told.may in ("no", "but") else ""
+    if told.may not in ("no", "but"):
+        return ""
+    return t(PARTS["" if told.newer and of_probe(found) == "_probe" else of_probe(found)])
 
 
 def brief_of(first: Mapping[str, Any]) -> str:

@@ -21,10 +21,10 @@ from .days import at
 from .drawings import drawing
 from .facts import Facts, effects
 from .figures import iso, iso_at, not_seen, uncertainty, withheld
+from .later import after, no_after
 from .may import Told, grown, may, parts_first
-from .newer import NewerNo
 from .plain import digits, office, shop, tilt, value_text
-from .states import most_of_tip, moved_most, of_night, since_then
+from .states import of_night, since_then
 from .template import environment, rendered
 from .texts import Texts, texts, texts_of
 from .units import Units, shown
@@ -105,31 +105,12 @@ def context(f: Facts, t: Texts | None = None) -> dict[str, Any]:
     return values if f.wishes.pictures else values | _bare(values)
 
 
-def no_after(f: Facts, said: Told) -> str:
-    """facts, answer → when the newest night ended, where these readings are newer and say No by themselves, of the machine that the
-    night has measured; else nothing. Pages of the machine ask for it.
-    """
-    if f.nights is None or said.by_night or said.answer.may != "no":
-        return ""
-    return f.nights.ended_utc if not f.paper.simulated or (f.nights.record or {}).get("simulated") else ""
-
-
-def newer_no(f: Facts) -> NewerNo:
-    """facts → what pages of the machine say of the answer of these readings; no number of readings that are in doubt."""
-    measured = str(f.paper.measured)
-    if f.tip is None or f.wishes.limit is None or may(f, texts()).answer.state != "out_of_limits":
-        return NewerNo(measured)
-    tip, limit, own = 1e3 * f.tip.worst, 1e3 * f.wishes.limit, f.result.parameters
-    most, moved = ((x, float(own[x].value), own[x].unit) if x else None for x in (most_of_tip(f), moved_most(f)))
-    name, value, unit = most or ("", 0.0, "")
-    return NewerNo(measured, tip, limit, name, value, unit, moved)
-
-
 def _first(f: Facts, said: Told, t: Texts) -> list[str]:
     """facts, answer, texts → what to do before what the checks ask for: about parts, whom to call, and what to look for."""
     before, more = _of_nights(f, said, t)[:-1], []
-    if f.nights is not None and no_after(f, said):  # as the pages of the machine have it
-        more = [x for x in (f.nights.asks, *f.nights.parts) if x not in before]
+    if f.nights is not None and not said.by_night and after(f, said):  # as the pages of the machine have it
+        own = f.nights.parts if no_after(f, said) else (t("morning.parts_first"),)
+        more = [x for x in (f.nights.asks, *own) if x not in before]
     return [*before, *more, since_then(f, t, "todo.grown") if grown(f) else ""]
 
 
@@ -137,7 +118,9 @@ def _of_nights(f: Facts, said: Told, t: Texts) -> list[str]:
     """facts, answer, texts → what the nights ask for, as on the page of the machine; the last of it is about what is wrong."""
     if f.nights is None or said.answer.may == "yes":
         return []
-    return [x for x in f.nights.todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
+    every, probed = (t(key) for key in ("morning.parts_first", "may.brief_probe"))
+    todo = [every if x == probed and grown(f) else x for x in f.nights.todo]  # newer readings show more than the probe
+    return [x for x in todo if said.by_night or x != t("morning.old_todo")]  # these readings have measured it
 
 
 def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
@@ -145,7 +128,8 @@ def _todo(c: Check, f: Facts, said: Told, t: Texts) -> list[str]:
     if c.name == "nights" and f.nights is not None and (own := _of_nights(f, said, t)):
         share = f.nights.share and said.by_night  # a share is no change: its sentence names its number already
         cause = "" if share or f.nights.named else f.nights.brief or f.nights.cause
-        return [x for x in (f"{'' if cause == said.cause else cause} {own[-1]}".strip(), c.todo) if x]
+        known = cause == said.cause and not grown(f)  # else another order stands between: "this axis" would be of that one
+        return [x for x in (f"{'' if known else cause} {own[-1]}".strip(), c.todo) if x]
     if c.name == "diagnosis" and f.diagnosis is not None and f.diagnosis.findings:
         return [f"{_capital(t.of(cause_name(f.diagnosis.findings[0].cause)))}: {c.todo}"]
     if c.name == "limit" and c.todo and said.cause and not said.by_night:
@@ -429,6 +413,7 @@ def as_json(f: Facts) -> dict[str, Any]:
         "held_out": None if f.held is None else {"sd_um": f.held.figures.sd * 1e3, "ratio_to_expected": f.held.ratio},
         "may_make_parts": told.may,
         "no_after": no_after(f, said) or None,
+        "after": after(f, said) or None,
         "cut_off": dates_cut_off(f.nights.former if f.nights is not None else ()),
         "stale_nights": f.nights.old if told.old and f.nights is not None else 0,
         "tip_worst_um": None if f.tip is None else f.tip.worst * 1e3,

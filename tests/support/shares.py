@@ -39,10 +39,11 @@ def share(test: str) -> str:
 
 
 class Shares(LoadGroupScheduling):
-    """First the LinuxCNC, which takes its time whatever the computer does, and the network; then the largest share, in the end
-    single tests.
+    """First the LinuxCNC, which takes its time whatever the computer does, and behind it the network; then the largest share, in
+    the end single tests.
 
-    So nobody waits at the end for a share that has just begun, and while the real control moves one worker waits and one computes.
+    So nobody waits at the end for a share that has just begun. One worker waits, for the control first and for the network then,
+    as long as there is something to compute for the others: two that wait at a time leave a core idle.
     Of the single tests the long ones come first: in the end there are many short ones to share, those of which the default run has
     few among them.
     """
@@ -59,9 +60,10 @@ class Shares(LoadGroupScheduling):
             del given[share(test)]
 
     def _assign_work_unit(self, node: WorkerController) -> None:
-        for first in (NETWORK, CONTROL):
+        elsewhere = any(CONTROL in given for other, given in self.assigned_work.items() if other is not node)
+        for first, last in ((NETWORK, elsewhere), (CONTROL, False)):
             if first in self.workqueue:
-                self.workqueue.move_to_end(first, last=False)
+                self.workqueue.move_to_end(first, last=last)
         super()._assign_work_unit(node)
 
 

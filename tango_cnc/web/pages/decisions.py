@@ -16,7 +16,7 @@ from starlette.routing import Route
 from ...history import ACTIONS, Decision
 from ...records import InputError
 from ...report.alarm import decided, sentence, with_its_date
-from ...report.answer import NEWER, is_moving, measuring
+from ...report.answer import is_moving, measuring
 from ...report.days import at, day
 from ...report.faults import earlier, still_open
 from ...report.orders import brief_of
@@ -26,7 +26,7 @@ from ...report.repeated import before_repair
 from ...report.texts import Texts
 from ..app import PagesState, machine_of, needs, page, proven, state_of
 from ..served import Row, Served
-from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_no, orders_of, rows_of, unchanged
+from .fleet import answer_of, asked_of, brief, faults_of, made_up, moved_most, newer_of, orders_of, rows_of, unchanged
 from .machine import busy_for, run_of
 
 NOTE = 500  # characters
@@ -92,16 +92,16 @@ def _of_machine(row: Row, state: PagesState) -> tuple[dict[str, Any] | None, lis
         return None, []
     asked = row.standing.alarms_open or row.standing.alarms_held
     busy = busy_for(run_of(state, row.machine), state) if asked else ""
-    return unchanged(row, state, (busy, newer_no(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
+    return unchanged(row, state, (busy, newer_of(row)), lambda: (_card(row, busy, state), _past(row, state)), "alarms")
 
 
 def _of_readings(row: Row, state: PagesState) -> dict[str, Any] | None:
-    """row, state → the No of newer readings with what it is about, as in the list; None where that is not its answer."""
-    if newer_no(row) is None:
+    """row, state → the answer of newer readings with what it is about, as in the list; None where that is not its answer."""
+    if newer_of(row) is None:
         return None
     found = faults_of(row, state)
     said = answer_of(row, found, state)
-    if said is None or said.state != NEWER or busy_for(run_of(state, row.machine), state):
+    if said is None or not said.newer or busy_for(run_of(state, row.machine), state):
         return None
     return {"machine": row.machine, "answer": said, "told": brief(said, found, False, "", state.texts)}
 

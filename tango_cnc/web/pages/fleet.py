@@ -18,7 +18,7 @@ from ...report.answer import (
     NEWER,
     Answer,
     answer,
-    by_newer_no,
+    by_newer,
     date_run_off,
     dates_cut_off,
     is_moving,
@@ -27,9 +27,9 @@ from ...report.answer import (
     renamed,
 )
 from ...report.days import ago, day, spoken_days
-from ...report.faults import all_of_probe, answered, does_now, earlier, faults, settled, still_open, unclosed
+from ...report.faults import answered, does_now, earlier, faults, of_probe, settled, still_open, unclosed
 from ...report.morning import volumes_of, who_of
-from ...report.newer import NewerNo, says_no
+from ...report.newer import NewerAnswer, newer_answer
 from ...report.orders import orders, parts_first
 from ...report.pace import Ahead, ahead
 from ...report.plain import plain, plainly
@@ -99,9 +99,9 @@ def _row(row: Row, state: PagesState) -> dict[str, Any]:
     simulated = run is not None and run.simulated and bool(busy or ran)
     reported = bool(ran) and file_of_cell(row.machine) is not None
     told = unchanged(
-        row, state, (busy, ran, simulated, reported, newer_no(row)), lambda: _told(row, busy, ran, simulated, state), "row"
+        row, state, (busy, ran, simulated, reported, newer_of(row)), lambda: _told(row, busy, ran, simulated, state), "row"
     )
-    return told | {"age": _age(row, state.texts, newer_no(row) if told["newer"] else None)}
+    return told | {"age": _age(row, state.texts, newer_of(row) if told["newer"] else None)}
 
 
 def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> dict[str, Any]:
@@ -127,13 +127,13 @@ def _told(row: Row, busy: str, ran: str, simulated: bool, state: PagesState) -> 
         "simulated": made_up(row) or simulated,
         "night": row.nights[0].night if row.nights else "",
         "may": may,
-        "newer": told is not None and told.state == NEWER,
+        "newer": told is not None and told.newer,
         "group": "moving" if moving else may,
         **(_not_answered(busy, t) if told is None else _answered(told, busy, t)),
         **_asked(row, told, found, state),
         "limit_for": "" if told is None or not allowed else _limit_for(row, state),
         "headline": whole_sentence(said),
-        "fault": found[0]["text"] if found else "",
+        "fault": " ".join(x for x in (str(found[0]["text"]) if found else "", told.moved if told is not None else "") if x),
         "brief": brief(
             told, found, moving, said, t, since_of(row, told, found, moving, allowed), bool(date_run_off(row.machine.former))
         ),
@@ -205,12 +205,12 @@ def since_of(row: Row, told: Answer | None, found: Sequence[Mapping[str, Any]], 
         return max(cut, default=row.nights[0].night)
     if told.old:
         return measured_on(row.record or {}, row.before)
-    if told.state == NEWER:
+    if told.newer and (told.state == NEWER or not found):
         return ""  # the report has the date
     if told.state == "late":
         return next((n.night for n in row.nights if n.status == "complete"), "")
     if found and told.state not in ("not_measured", "doubtful"):
-        return since_date(found[0])
+        return since_date(_first(found))
     own = verdict_of(row.nights[0], limits)
     same = itertools.takewhile(lambda n: verdict_of(n, limits) == own, row.nights)
     first = [n.night for n in same][-1]
@@ -250,13 +250,18 @@ def brief(
         why = told.why.partition(". ")[0].partition(": ")[2]
         return parts, f"{whole_sentence(f'{why[:1].upper()}{why[1:]}')} {told.moved}".rstrip()
     found = () if told.state == "doubtful" else found  # the readings are the reason, whatever was found before them
-    cause = told.old or (str(found[0]["text"]) if found else told.why if told.why and told.may != "no" else said)
+    cause = told.old or (str(_first(found)["text"]) if found else told.why if told.why and told.may != "no" else said)
     cause = cause.replace(str(t("changed.which", names="")), "")  # which of them it is says the page; the size stands behind it
     cause = cause.partition(". ")[0].partition(" (")[0].rstrip(".")
     cause = cause.partition(t("may.brief_until"))[0] if found else cause.partition(": ")[2] or cause
-    first = found[0] if found and not told.old else {}
+    first = _first(found) if found and not told.old else {}
     gone = t("web.gone_again") if first.get("gone") else t("web.unseen_again") if first.get("unseen") else ""
-    return parts, f"{dated(cause[:1].upper() + cause[1:])} {gone}".rstrip()
+    return parts, " ".join(x for x in (dated(cause[:1].upper() + cause[1:]), gone, told.moved) if x)
+
+
+def _first(found: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """what is wrong, one at least → the first of it that nobody ignores: the order is about that; else the first."""
+    return next((a for a in found if not a.get("let_be") and a in still_open(found)), found[0])
 
 
 def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
@@ -266,8 +271,8 @@ def moved_most(found: Sequence[Mapping[str, Any]]) -> float:
     return max((does_now(a) for a in found if not (a["id"] and closed(a))), default=0.0)
 
 
-def _age(row: Row, t: Texts, no: NewerNo | None = None) -> str:
-    """row of the fleet, texts, the No of newer readings where that is the answer → how long ago they were made, or the last night
+def _age(row: Row, t: Texts, no: NewerAnswer | None = None) -> str:
+    """row of the fleet, texts, newer readings where these answer → how long ago they were made, or the last night
     that measured has ended; '' where none has.
     """
     known = row.before or row.record or {}
@@ -297,16 +302,16 @@ def answer_of(row: Row, found: Sequence[Mapping[str, Any]], state: PagesState) -
         _ahead(row, state),
         settled(found),
         state.places.old(row.machine, measured_on(row.record, row.before)),
-        all_of_probe(found),
+        of_probe(found),
     )
     told = renamed(told, row.machine.former, state.texts)
-    no = newer_no(row)
-    return told if no is None else by_newer_no(told, no, state.units, state.texts, axes, row.before or row.record)
+    no = newer_of(row)
+    return told if no is None else by_newer(told, no, state.units, state.texts, axes, row.before or row.record)
 
 
-def newer_no(row: Row) -> NewerNo | None:
-    """row → the No of a report of readings that are newer than its newest night; None where none says it."""
-    return says_no(row.machine.folder, (row.record or {}).get("end_utc"))
+def newer_of(row: Row) -> NewerAnswer | None:
+    """row → the answer of a report of readings that are newer than its newest night; None where that is a plain Yes, or none."""
+    return newer_answer(row.machine.folder, (row.record or {}).get("end_utc"))
 
 
 def asked_of(row: Row, state: PagesState) -> dict[str, Any]:

@@ -12,11 +12,12 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
 from ...report.age import measured_on
+from ...report.answer import Answer
 from ...report.faults import still_open
 from ..app import needs, state_of
 from ..served import Row
 from ..settings import LOOPBACK
-from .fleet import faults_of, newer_no
+from .fleet import answer_of, faults_of, newer_of
 
 VERDICTS = ("good", "changed", "out_of_limits", "doubtful", "not_measured")
 
@@ -70,7 +71,15 @@ def _lines(request: Request) -> Iterator[str]:
     def valid(row: Row) -> float | None:  # whether the number beside it is an answer of today
         if _volume(row) is None:
             return None
-        return float(not stale(row) and newer_no(row) is None)
+        return float(not stale(row) and newer(row) is None)
+
+    def newer(row: Row) -> Answer | None:  # where newer readings give the answer of the pages
+        said = None if newer_of(row) is None else answer_of(row, faults_of(row, state), state)
+        return said if said is not None and said.newer else None
+
+    def newer_um(row: Row) -> float | None:
+        found = newer_of(row)
+        return None if found is None or newer(row) is None else found.tip_um
 
     own = (
         ("alarms_open", lambda row: waiting(row, False)),
@@ -80,7 +89,9 @@ def _lines(request: Request) -> Iterator[str]:
         ("volume_um", _volume),
         ("volume_valid", valid),
         ("nights", _nights),
-        ("newer_no", _newer_no),
+        ("newer_no", lambda row: _newer(row, newer(row), "no")),
+        ("newer_but", lambda row: _newer(row, newer(row), "but")),
+        ("newer_volume_um", newer_um),
     )
     for name, values in own:
         yield f"# TYPE tango_machine_{name} gauge"
@@ -108,8 +119,8 @@ def _nights(row: Row) -> float | None:
     return None if row.standing is None else row.standing.nights
 
 
-def _newer_no(row: Row) -> float | None:
-    return None if row.record is None else float(newer_no(row) is not None)
+def _newer(row: Row, found: Answer | None, may: str) -> float | None:
+    return None if row.record is None else float(found is not None and found.may == may)
 
 
 def _escaped(text: str) -> str:

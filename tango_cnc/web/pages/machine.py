@@ -24,7 +24,7 @@ from ...report.course import course, drift_of_tip, jumps_of_tip
 from ...report.days import day
 from ...report.faults import earlier, unclosed
 from ...report.morning import context, last_within, never_within, volumes_of, who_of
-from ...report.newer import says_no
+from ...report.newer import newer_answer
 from ...report.orders import orders_of_cut_off
 from ...report.plain import plain, plainly
 from ...report.repeated import as_decided, as_found, in_a_row, of_shop, shortened
@@ -150,7 +150,7 @@ def morning_of(request: Request, machine: Served, busy: str) -> dict[str, Any]:
         events=happened_to(state, machine),
         busy=busy,
         now=datetime.now(UTC),
-        newer_no=says_no(machine.folder, record.get("end_utc")),
+        by_readings=newer_answer(machine.folder, record.get("end_utc")),
         signs=every,
         unsure=dates_unsure(state, machine, known),
         former=machine.former,

@@ -15,7 +15,7 @@ from ...report.age import measured_on
 from ...report.compensated import known_then
 from ...report.days import days_between
 from ...report.morning import context, last_within, never_within, volumes_of
-from ...report.newer import says_no
+from ...report.newer import newer_answer
 from ..app import machine_of, needs, page, state_of
 from ..places import told
 from ..served import Served
@@ -51,7 +51,7 @@ def night(request: Request) -> Response:
         newer=place,
         former=None if place else found.former,
         old=None if place else state.places.old(found, measured_on(record, before)),
-        newer_no=None if place else says_no(found.folder, record.get("end_utc")),
+        by_readings=None if place else newer_answer(found.folder, record.get("end_utc")),
         within=last_within(signs),
         never=never_within(signs),
         signs=signs,
