@@ -74,8 +74,7 @@ def command(
         raise InputError("--dry-run, --status, --tell, --install: found more than one; allowed: one of them")
     if at is not None and kind is None:
         raise InputError(f"--at: found {at!r} without --install; a night would begin at once. Write the timer: --install and --at")
-    if port is not None:
-        _meant(folder, port)
+    _meant(folder, port)
     settings, wrong = settings_of(folder)
     disk, mail = RealDisk(folder), Notifier(settings.notify)
     t = of_shop(settings)
@@ -221,8 +220,10 @@ def _unread(folder: Path, settings: Nightly, where: str | None, begun: datetime,
                 begin(OfAnother(), name, (say("night.night.of_another", name=name, other=other),))
 
 
-def _meant(folder: Path, port: str) -> None:
+def _meant(folder: Path, port: str | None) -> None:
     """cell, --port → nothing. Raises InputError for a port that no run can use: who typed it sees it, and no night is kept."""
+    if port is None:
+        return
     try:
         cell = read_cell(folder)
         link = "" if cell.controller is None else dialect(cell).link
