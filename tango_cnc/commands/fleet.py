@@ -24,6 +24,7 @@ from ..report.repeated import as_found
 from ..report.tonight import sized
 from ..texts import instead, joined, say
 from ._answered import answer_now, in_short, unanswered
+from ._beside import beside
 from ._common import cells_in, folders_option, json_option, on_terminal, table, write_json
 from ._shop import ENDED, headlines, note_simulated
 
@@ -96,7 +97,7 @@ class _Row:
     metavar="DIR",
     help="Estimate all nights of the cells again, into this folder.",
 )
-@click.option("--dask", metavar="ADDRESS", help="With --again: spread the machines over a Dask cluster, tcp://host:port.")
+@beside("--again")("--dask", metavar="ADDRESS", help="With --again: spread the machines over a Dask cluster, tcp://host:port.")
 @json_option
 def command(
     cells: tuple[Path, ...],
@@ -121,8 +122,6 @@ def command(
     cells = cells or (() if where is not None else tuple(cells_in(Path("."))))
     if target is not None:
         return _again(cells, where, target, dask, json_file)
-    if dask is not None:
-        raise InputError("--dask: found without --again; allowed: with it")
     if (where is None) == (not cells):
         raise InputError("fleet: found neither or both of cells and --history; allowed: folders of cells, or one history")
     trouble: dict[str, str] = {}
