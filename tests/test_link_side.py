@@ -376,6 +376,16 @@ def test_a_password_is_not_in_a_transcript():
     assert out.getvalue() == "-> hello *** tango 1.1\\r\\n\n"
 
 
+def test_a_transcript_says_how_long_nothing_went_over_the_line_and_only_where_that_can_be_seen():
+    """Less than a millisecond is no wait, however long the transcript has been open."""
+    out, clock = io.StringIO(), FakeClock()
+    transcript = Transcript(out, clock)
+    for seconds, mark, data in ((0.0, "->", b"a"), (2.5, "<-", b"b"), (0.0004, "->", b"c"), (0.25, "<-", b"d")):
+        clock.seconds += seconds
+        transcript.add(mark, data)
+    assert out.getvalue() == "-> a\n.. 2.500\n<- b\n-> c\n.. 0.250\n<- d\n"
+
+
 @pytest.mark.parametrize(
     ("url", "wanted"),
     [

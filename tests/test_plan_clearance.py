@@ -10,6 +10,7 @@ from support.blockcell import block, cell, machine
 
 from tango_cnc import check
 from tango_cnc.plan import plan, sweep
+from tango_cnc.plan.build import attempt
 from tango_cnc.plan.clearance import MARGIN
 from tango_cnc.plan.places import Places, nowhere, scene
 from tango_cnc.plan.travel import DROP
@@ -22,6 +23,17 @@ def test_where_no_lift_takes_the_probe_clear_the_indexation_is_named(monkeypatch
     monkeypatch.setattr("tango_cnc.plan.clearance.TRIES", 0)
     with pytest.raises(InputError, match=r"indexation 1 \(.*no lift takes the probe clear of what the rotary axes sweep"):
         plan(cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 30, "C": 40}]), "leave-out")
+
+
+def test_where_the_retract_at_the_end_is_not_possible_it_is_a_fault_of_the_turn_after_the_last_touch(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its place is above the last touch, where the probe stands already: who looks for plans has one to look at."""
+    monkeypatch.setattr("tango_cnc.plan.clearance.TRIES", 0)
+    made, faults = attempt(cell(machine("wCBXfZY(S)t"), block(), [{}, {"B": 30, "C": 40}]), "leave-out")
+    assert max(faults) == list(made.touches)[-1].number + 1
+    last = list(made.turns)[-1]
+    assert last.before == last.after == pytest.approx(list(made.touches)[-1].over)
 
 
 @pytest.mark.parametrize(("standoff", "obstacle"), [(2.0, False), (25.0, False), (2.0, True)])

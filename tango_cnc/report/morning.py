@@ -8,19 +8,21 @@ from pathlib import Path
 from typing import Any
 
 from ..records import InputError, Machine
+from ..state.changes import change
 from ..texts import Said, say
 from .alarm import alarm, sentence, since_told, whole_sentence
 from .answer import Answer, answer, by_newer, dates_cut_off, measuring, renamed
 from .compensated import after, held
 from .days import ago, at, day, ended, ended_at
 from .engineer import numbers
-from .faults import accepted, all_of_probe, answered, begun, faults, for_setting_up, settled, still_open
+from .faults import accepted, answered, begun, faults, for_setting_up, of_probe, settled, still_open
 from .newer import NewerAnswer
 from .orders import brief_of, orders
 from .pace import Ahead, ahead
 from .plain import amount, office, plain, reason, shop
 from .reach import or_else
-from .repeated import as_decided, said_of_repair
+from .repeated import as_dated, said_of_repair
+from .suspects import beyond_before, suspected
 from .template import environment, rendered
 from .texts import Texts, texts_of
 from .units import Units
@@ -151,7 +153,7 @@ def context(
         "measured": (before or record).get("night") or "",
         "newer": newer,
         "answer": told,
-        "headline": sentence(as_decided(record, decisions), u, t),
+        "headline": sentence(as_dated(record, decisions), u, t),
         "level": told.level,
         "word": busy or told.short(t) or told.state,
         "todo": todo,
@@ -186,7 +188,7 @@ def _told(
     whether parts may be made.
     """
     waits, has = answered(found, record)
-    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, all_of_probe(found))
+    told = answer(record, u, t, waits, before, machine, late, has, coming, settled(found), stale, of_probe(found))
     told = renamed(told, record.get("former") or () if former is None else former, t)
     return told if by_readings is None else by_newer(told, by_readings, u, t, machine, before or record)
 
@@ -217,7 +219,10 @@ def _suspected(
         until = min(accepted_)
         if first := beyond_before(signs, until):  # to accept what came after it has sorted none of these
             suspect = t("morning.suspect_until", first=_night(first, unsure, t), date=day(until, t))
-    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in found if a["gone"] and a["begun"]), default=("", ""))
+    over = (
+        a for a in found if a["gone"] and a["begun"] and not change(a.get("cause_key")).scatters
+    )  # parts of the probe: `on_part` has them
+    back, until = min(((str(a["begun"]), str(a.get("gone_by") or "")) for a in over), default=("", ""))
     known = any(str(x.get("since")) <= back for x in record.get("repaired") or ())
     if back and not known and not (suspect and began and began <= back):
         key = f"morning.suspect_gone{'_also' if suspect else ''}{'_by' if until else ''}"
@@ -339,13 +344,9 @@ def _night(date: str, unsure: Container[str], t: Texts) -> str:
 def _suspect(may: str, within: str, never: str, began: str, unsure: Container[str], t: Texts) -> str:
     """answer, date of the last night in limits, of the first where none was, of that before the first open fault, dates of nights
     that are not certain, texts → parts in question, or nothing."""
-    if may == "no" and never:
-        return t("morning.suspect_all", date=_night(never, unsure, t))
-    if may == "no" and within:
-        if began and began < within:
-            return t("morning.suspect_both", date=day(began, t), within=_night(within, unsure, t))
-        return t("morning.suspect_beyond", date=_night(within, unsure, t))
-    return t("morning.suspect", date=day(began, t)) if may in ("no", "but") and began else ""
+    if (found := suspected(may, within, never, began)) is None:
+        return ""
+    return t(found.key, **{name: _night(date, unsure if name in found.limits else (), t) for name, date in found.dates.items()})
 
 
 def _office(record: Mapping[str, Any], found: Sequence[Mapping[str, Any]], t: Texts) -> list[str]:
@@ -388,34 +389,6 @@ def who_of(told: Answer | None, record: Mapping[str, Any], found: Sequence[Mappi
     return " ".join(
         x for x in (t("morning.call", owner=record["owner"]), or_else(record["owner"], 0, str(record.get("deputy") or ""), t)) if x
     )
-
-
-def last_within(nights: Sequence[tuple[str, str]]) -> str:
-    """(date, verdict) of nights, newest first → date of the last one within every limit, where the newest measured one is not."""
-    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
-    if not measured or measured[0][1] != "out_of_limits":
-        return ""
-    return next((date for date, verdict in measured if verdict != "out_of_limits"), "")
-
-
-def never_within(nights: Sequence[tuple[str, str]]) -> str:
-    """(date, verdict) of nights, newest first → date of the first that measured, where every one was beyond a limit; else ''."""
-    measured = [(date, verdict) for date, verdict in nights if verdict not in ("not_measured", "doubtful")]
-    return measured[-1][0] if measured and all(verdict == "out_of_limits" for _, verdict in measured) else ""
-
-
-def beyond_before(nights: Sequence[tuple[str, str]], date: str) -> str:
-    """(date, verdict) of nights, newest first, a date from which on parts are in question → date of the first night of those
-    beyond a limit that lead up to it without one within; '' where the one of that date was within.
-    """
-    first = ""
-    for night, verdict in nights:
-        if night > date or verdict in ("not_measured", "doubtful"):
-            continue
-        if verdict != "out_of_limits":
-            return "" if night == date else first  # of two nights of one day the earlier one was within
-        first = night
-    return first
 
 
 def volumes_of(nights: Sequence[Any]) -> dict[str, float]:
