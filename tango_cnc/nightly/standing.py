@@ -21,7 +21,7 @@ from .ports import Past
 from .words import value
 
 LAST_NIGHT = "last night"
-BESIDE = ("alike", "compensation", "ignored", "again", "follows", "undoes", "repair")  # what some alarms have
+BESIDE = ("alike", "alike_by", "compensation", "ignored", "again", "follows", "undoes", "repair")  # what some alarms have
 TONIGHT = "tonight"  # after every moment on record
 
 
